@@ -1,0 +1,208 @@
+//! Forward-mode dual numbers, nestable, for the analytic shapes and for checks of hand-written derivatives.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use num_traits::Float;
+
+use crate::Real;
+
+/// What a formula needs of its numbers so that one text serves values, gradients and second derivatives.
+///
+/// Comparisons look at the value alone, so at a kink the derivative is that of the branch taken.
+pub trait Scalar:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+{
+    /// The precision underneath.
+    type Real: Real;
+    /// A constant: all derivatives zero.
+    fn constant(value: Self::Real) -> Self;
+    /// The value without its derivatives.
+    fn real(self) -> Self::Real;
+    /// The square root, with derivative 0 at 0, where the one-sided limit is infinite.
+    fn sqrt(self) -> Self;
+    /// The exponential.
+    fn exp(self) -> Self;
+    /// The natural logarithm.
+    fn ln(self) -> Self;
+    /// The sine.
+    fn sin(self) -> Self;
+    /// The cosine.
+    fn cos(self) -> Self;
+
+    /// The larger of two numbers; the first on a tie. NaN on either side is passed on.
+    fn max(self, other: Self) -> Self {
+        if self.real() >= other.real() || self.real().is_nan() { self } else { other }
+    }
+    /// The smaller of two numbers; the first on a tie. NaN on either side is passed on.
+    fn min(self, other: Self) -> Self {
+        if self.real() <= other.real() || self.real().is_nan() { self } else { other }
+    }
+    /// The absolute value; derivative +1 at 0.
+    fn abs(self) -> Self {
+        if self.real() < num_traits::Zero::zero() { -self } else { self }
+    }
+}
+
+macro_rules! scalar_real {
+    ($real:ty) => {
+        impl Scalar for $real {
+            type Real = $real;
+            fn constant(value: $real) -> Self {
+                value
+            }
+            fn real(self) -> $real {
+                self
+            }
+            fn sqrt(self) -> Self {
+                <$real>::sqrt(self)
+            }
+            fn exp(self) -> Self {
+                <$real>::exp(self)
+            }
+            fn ln(self) -> Self {
+                <$real>::ln(self)
+            }
+            fn sin(self) -> Self {
+                <$real>::sin(self)
+            }
+            fn cos(self) -> Self {
+                <$real>::cos(self)
+            }
+        }
+    };
+}
+
+scalar_real!(f32);
+scalar_real!(f64);
+
+/// A number with `N` first derivatives; nest it for second derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dual<S, const N: usize> {
+    /// The value.
+    pub value: S,
+    /// The derivatives in `N` directions.
+    pub d: [S; N],
+}
+
+impl<S: Scalar, const N: usize> Dual<S, N> {
+    /// An independent variable: derivative 1 in direction `index`, 0 in the others.
+    pub fn variable(value: S, index: usize) -> Self {
+        let mut dual = Self::lift(value);
+        dual.d[index] = S::constant(num_traits::One::one());
+        dual
+    }
+
+    /// A number that does not depend on this level's variables.
+    pub fn lift(value: S) -> Self {
+        Dual { value, d: [S::constant(num_traits::Zero::zero()); N] }
+    }
+
+    fn chain(self, value: S, slope: S) -> Self {
+        Dual { value, d: self.d.map(|d| d * slope) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Add for Dual<S, N> {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        Dual { value: self.value + o.value, d: std::array::from_fn(|i| self.d[i] + o.d[i]) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        Dual { value: self.value - o.value, d: std::array::from_fn(|i| self.d[i] - o.d[i]) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        Dual { value: self.value * o.value, d: std::array::from_fn(|i| self.d[i] * o.value + self.value * o.d[i]) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Div for Dual<S, N> {
+    type Output = Self;
+    fn div(self, o: Self) -> Self {
+        let value = self.value / o.value;
+        Dual { value, d: std::array::from_fn(|i| (self.d[i] - value * o.d[i]) / o.value) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Neg for Dual<S, N> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Dual { value: -self.value, d: self.d.map(|d| -d) }
+    }
+}
+
+impl<S: Scalar, const N: usize> Scalar for Dual<S, N> {
+    type Real = S::Real;
+    fn constant(value: S::Real) -> Self {
+        Dual::lift(S::constant(value))
+    }
+    fn real(self) -> S::Real {
+        self.value.real()
+    }
+    fn sqrt(self) -> Self {
+        let zero: S::Real = num_traits::Zero::zero();
+        if self.real() == zero {
+            return Dual::lift(S::constant(zero));
+        }
+        let root = self.value.sqrt();
+        self.chain(root, S::constant(S::Real::of(0.5)) / root)
+    }
+    fn exp(self) -> Self {
+        let e = self.value.exp();
+        self.chain(e, e)
+    }
+    fn ln(self) -> Self {
+        self.chain(self.value.ln(), S::constant(S::Real::of(1.0)) / self.value)
+    }
+    fn sin(self) -> Self {
+        self.chain(self.value.sin(), self.value.cos())
+    }
+    fn cos(self) -> Self {
+        self.chain(self.value.cos(), -self.value.sin())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    fn formula<S: Scalar>(x: S) -> S {
+        (x * x + S::constant(S::Real::of(1.5))).sqrt().ln() * x.sin() / (x.cos().exp() + x.abs())
+    }
+
+    proptest! {
+        #[test]
+        fn first_and_second_derivative_match_differences(x in 0.1f64..2.5) {
+            let h = 1e-4;
+            let nested = formula(Dual::<_, 1>::variable(Dual::<f64, 1>::variable(x, 0), 0));
+            let slope = (formula(x + h) - formula(x - h)) / (2.0 * h);
+            let curvature = (formula(x + h) - 2.0 * formula(x) + formula(x - h)) / (h * h);
+            assert_relative_eq!(nested.value.value, formula(x), epsilon = 1e-14);
+            assert_relative_eq!(nested.d[0].value, slope, epsilon = 1e-6, max_relative = 1e-6);
+            assert_relative_eq!(nested.value.d[0], slope, epsilon = 1e-6, max_relative = 1e-6);
+            assert_relative_eq!(nested.d[0].d[0], curvature, epsilon = 1e-5, max_relative = 1e-5);
+        }
+    }
+
+    #[test]
+    fn square_root_of_zero_has_a_finite_derivative() {
+        let root = Scalar::sqrt(Dual::<f64, 1>::variable(0.0, 0));
+        assert_eq!((root.value, root.d[0]), (0.0, 0.0));
+    }
+
+    #[test]
+    fn nan_survives_comparisons() {
+        assert!(Scalar::max(f64::NAN, 1.0).is_nan());
+        assert!(Scalar::min(f64::NAN, 1.0).is_nan());
+        assert!(Scalar::min(1.0, f64::NAN).is_nan());
+    }
+}

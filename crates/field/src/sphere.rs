@@ -1,0 +1,94 @@
+//! Balls as bounds.
+
+use crate::{Real, Vector3};
+
+/// A ball of world space, used as the bound of a field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere<R: Real> {
+    /// The centre, in world units.
+    pub center: R::Vec3,
+    /// The radius, in world units.
+    pub radius: R,
+}
+
+impl<R: Real> Sphere<R> {
+    /// The interval of t ≥ 0 in which o + t d (|d| = 1) is inside, or `None` if the ray misses.
+    pub fn clip(&self, origin: R::Vec3, direction: R::Vec3) -> Option<(R, R)> {
+        let to_center = self.center - origin;
+        let along = to_center.dot(direction);
+        // The distance from the axis squared, from a difference of vectors: |oc|² − along² cancels far away.
+        let across = to_center - direction * along;
+        let half_square = self.radius * self.radius - across.dot(across);
+        // Written so that a NaN misses.
+        if half_square >= R::zero() && along + half_square.sqrt() > R::zero() {
+            let half = half_square.sqrt();
+            Some(((along - half).max(R::zero()), along + half))
+        } else {
+            None
+        }
+    }
+
+    /// The smallest sphere that holds both.
+    pub fn union(&self, other: &Self) -> Self {
+        let between = other.center - self.center;
+        let distance = between.length();
+        if distance + other.radius <= self.radius {
+            return *self;
+        }
+        if distance + self.radius <= other.radius {
+            return *other;
+        }
+        let radius = (distance + self.radius + other.radius) * R::of(0.5);
+        Sphere { center: self.center + between * ((radius - self.radius) / distance), radius }
+    }
+
+    /// The sphere about the same centre with its radius multiplied by `factor`.
+    pub fn scaled(&self, factor: R) -> Self {
+        Sphere { center: self.center, radius: self.radius * factor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-3.0..3.0f64).prop_map(DVec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn clip_ends_lie_on_the_sphere(o in point(), d in point(), c in point(), radius in 0.1..2.0f64) {
+            prop_assume!(d.length() > 0.1);
+            let (d, sphere) = (d.normalize(), Sphere::<f64> { center: c, radius });
+            if let Some((near, far)) = sphere.clip(o, d) {
+                prop_assert!(near <= far);
+                assert_relative_eq!((o + far * d - c).length(), radius, epsilon = 1e-7);
+                if near > 0.0 {
+                    assert_relative_eq!((o + near * d - c).length(), radius, epsilon = 1e-7);
+                } else {
+                    prop_assert!((o - c).length() <= radius + 1e-9);
+                }
+            }
+        }
+
+        #[test]
+        fn union_holds_both(a in point(), ra in 0.0..2.0f64, b in point(), rb in 0.0..2.0f64) {
+            let (a, b) = (Sphere::<f64> { center: a, radius: ra }, Sphere { center: b, radius: rb });
+            let both = a.union(&b);
+            for s in [a, b] {
+                prop_assert!((s.center - both.center).length() + s.radius <= both.radius + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_poisoned_ray_misses() {
+        let sphere = Sphere::<f64> { center: DVec3::ZERO, radius: 1.0 };
+        assert_eq!(sphere.clip(DVec3::NAN, DVec3::X), None);
+        assert_eq!(sphere.clip(DVec3::splat(-5.0), DVec3::new(f64::NAN, 0.0, 0.0)), None);
+    }
+}
