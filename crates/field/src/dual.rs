@@ -116,6 +116,7 @@ impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl, reason = "the product rule is a sum")]
 impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
@@ -123,6 +124,7 @@ impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl, reason = "the quotient rule is a difference of products")]
 impl<S: Scalar, const N: usize> Div for Dual<S, N> {
     type Output = Self;
     fn div(self, o: Self) -> Self {

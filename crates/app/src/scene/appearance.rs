@@ -1,0 +1,260 @@
+//! The `appearance` part of a scene: radiance leaving a surface point, and its derivatives.
+
+use std::path::{Path, PathBuf};
+
+use field::{Dual, Real, Scalar, Vector3};
+use sdf_nn::RadianceHead;
+
+use super::Precision;
+use super::reader::Object;
+use crate::error::InputError;
+
+/// Radiance at surface points, over batches: a function of the point x, the unit normal n and the unit view
+/// direction d (from the camera to the point), with parameters of its own. Vectors of colour are linear RGB.
+pub trait Shader<R: Real>: Send + Sync {
+    /// The number of parameters.
+    fn parameter_count(&self) -> usize;
+
+    /// The radiance of every point.
+    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]);
+
+    /// VJP of (x, n, d; parameters) ↦ radiance: overwrites the adjoints of x, n and d, adds to the parameters'.
+    #[allow(clippy::too_many_arguments, reason = "three inputs, one output, and an adjoint for each")]
+    fn vjp(
+        &self,
+        x: &[R::Vec3],
+        n: &[R::Vec3],
+        d: &[R::Vec3],
+        adjoint: &[R::Vec3],
+        x_bar: &mut [R::Vec3],
+        n_bar: &mut [R::Vec3],
+        d_bar: &mut [R::Vec3],
+        parameters: &mut [R],
+    );
+}
+
+impl<R: Precision> Shader<R> for RadianceHead<R> {
+    fn parameter_count(&self) -> usize {
+        self.parameters().len()
+    }
+    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]) {
+        RadianceHead::radiance(self, x, n, d, rgb);
+    }
+    fn vjp(
+        &self,
+        x: &[R::Vec3],
+        n: &[R::Vec3],
+        d: &[R::Vec3],
+        adjoint: &[R::Vec3],
+        x_bar: &mut [R::Vec3],
+        n_bar: &mut [R::Vec3],
+        d_bar: &mut [R::Vec3],
+        parameters: &mut [R],
+    ) {
+        RadianceHead::vjp(self, x, n, d, adjoint, x_bar, n_bar, d_bar, parameters);
+    }
+}
+
+/// A light of a Lambertian scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light {
+    /// Parallel light; the direction is towards the light, of any length.
+    Directional,
+    /// A point that falls off with the square of the distance.
+    Point,
+}
+
+/// An appearance as a scene file describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Appearance {
+    /// The same radiance everywhere.
+    Constant,
+    /// albedo · (ambient + Σ light · max(0, n·l)).
+    Lambert {
+        /// The lights; their six numbers each stand behind albedo and ambient in the parameters.
+        lights: Vec<Light>,
+        /// Whether lights are blocked by the solid (rendering only).
+        shadows: bool,
+    },
+    /// n/2 + 1/2.
+    Normal,
+    /// A network, from the bytes of its file.
+    Neural {
+        /// The file.
+        path: PathBuf,
+        /// Its content.
+        bytes: Vec<u8>,
+    },
+}
+
+/// An appearance with its numbers and their JSON pointers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AppearanceModel {
+    /// What the numbers mean.
+    pub appearance: Appearance,
+    /// The numbers, in the order of the shader's parameters.
+    pub parameters: Vec<f64>,
+    /// The JSON pointer of each number.
+    pub pointers: Vec<String>,
+}
+
+type Result<T> = std::result::Result<T, InputError>;
+
+impl AppearanceModel {
+    /// Reads the object; relative paths of model files start at `folder`.
+    pub(crate) fn read(object: Object<'_>, folder: &Path) -> Result<Self> {
+        let (mut parameters, mut pointers) = (Vec::new(), Vec::new());
+        let mut take = |object: &Object<'_>, key: &'static str| -> Result<()> {
+            parameters.extend(object.numbers::<3>(key)?);
+            pointers.extend((0..3).map(|i| format!("{}/{i}", object.pointer(key))));
+            Ok(())
+        };
+        let appearance = match object.string("type")? {
+            "constant" => {
+                take(&object, "radiance")?;
+                Appearance::Constant
+            }
+            "lambert" => {
+                take(&object, "albedo")?;
+                take(&object, "ambient")?;
+                let mut lights = Vec::new();
+                for light in object.objects("lights", false)? {
+                    lights.push(match light.string("type")? {
+                        "directional" => {
+                            light.direction("direction")?;
+                            take(&light, "direction")?;
+                            take(&light, "radiance")?;
+                            Light::Directional
+                        }
+                        "point" => {
+                            take(&light, "position")?;
+                            take(&light, "intensity")?;
+                            Light::Point
+                        }
+                        _ => return Err(light.error("type", "directional or point")),
+                    });
+                    light.finish()?;
+                }
+                Appearance::Lambert { lights, shadows: object.boolean("shadows", false)? }
+            }
+            "normal" => Appearance::Normal,
+            "neural" => {
+                let path = folder.join(object.string("weights")?);
+                let bytes = std::fs::read(&path).map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
+                let appearance = Appearance::Neural { path, bytes };
+                head::<f32>(&appearance)?;
+                appearance
+            }
+            _ => return Err(object.error("type", "constant, lambert, normal or neural")),
+        };
+        object.finish()?;
+        Ok(AppearanceModel { appearance, parameters, pointers })
+    }
+
+    /// Builds the shader in a precision.
+    ///
+    /// # Errors
+    /// If a model file cannot be used.
+    pub fn build<R: Precision>(&self) -> Result<Box<dyn Shader<R>>> {
+        Ok(match head(&self.appearance)? {
+            Some(head) => Box::new(head),
+            None => Box::new(Analytic {
+                appearance: self.appearance.clone(),
+                parameters: self.parameters.iter().map(|&p| <R as Real>::of(p)).collect(),
+            }),
+        })
+    }
+}
+
+fn head<R: Precision>(appearance: &Appearance) -> Result<Option<RadianceHead<R>>> {
+    let Appearance::Neural { path, bytes } = appearance else { return Ok(None) };
+    let head = RadianceHead::from_safetensors(bytes)
+        .map_err(|e| InputError::new(path, "weights", e, "a model file of a radiance head"))?;
+    Ok(Some(head))
+}
+
+/// A shader in closed form; derivatives come from dual numbers through one formula.
+struct Analytic<R> {
+    appearance: Appearance,
+    parameters: Vec<R>,
+}
+
+type V<S> = [S; 3];
+
+fn dot<S: Scalar>(a: V<S>, b: V<S>) -> S {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Cosine and strength factor of a light at x.
+fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
+    let zero = S::constant(S::Real::of(0.0));
+    match light {
+        Light::Directional => (dot(n, p) / dot(p, p).sqrt()).max(zero),
+        Light::Point => {
+            let to_light: V<S> = std::array::from_fn(|i| p[i] - x[i]);
+            let square = dot(to_light, to_light);
+            (dot(n, to_light) / (square.sqrt() * square)).max(zero)
+        }
+    }
+}
+
+impl<R: Precision> Analytic<R> {
+    fn shade<S: Scalar<Real = R>>(&self, parameter: impl Fn(usize) -> S, x: V<S>, n: V<S>) -> V<S> {
+        let at = |i: usize| -> V<S> { std::array::from_fn(|c| parameter(i + c)) };
+        match &self.appearance {
+            Appearance::Constant | Appearance::Neural { .. } => at(0),
+            Appearance::Normal => n.map(|c| (c + S::constant(R::one())) * S::constant(<R as Real>::of(0.5))),
+            Appearance::Lambert { lights, .. } => {
+                let (albedo, mut arriving) = (at(0), at(3));
+                for (i, light) in lights.iter().enumerate() {
+                    let factor = incident(*light, at(6 + 6 * i), x, n);
+                    let strength = at(9 + 6 * i);
+                    arriving = std::array::from_fn(|c| arriving[c] + strength[c] * factor);
+                }
+                std::array::from_fn(|c| albedo[c] * arriving[c])
+            }
+        }
+    }
+}
+
+impl<R: Precision> Shader<R> for Analytic<R> {
+    fn parameter_count(&self) -> usize {
+        self.parameters.len()
+    }
+
+    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
+        for ((x, n), rgb) in x.iter().zip(n).zip(rgb) {
+            *rgb = R::Vec3::from_array(self.shade(|i| self.parameters[i], x.to_array(), n.to_array()));
+        }
+    }
+
+    fn vjp(
+        &self,
+        x: &[R::Vec3],
+        n: &[R::Vec3],
+        _: &[R::Vec3],
+        adjoint: &[R::Vec3],
+        x_bar: &mut [R::Vec3],
+        n_bar: &mut [R::Vec3],
+        d_bar: &mut [R::Vec3],
+        parameters: &mut [R],
+    ) {
+        for p in 0..x.len() {
+            let (at, normal, adjoint) = (x[p].to_array(), n[p].to_array(), adjoint[p]);
+            let seed = |v: V<R>, start: usize| std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i));
+            let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3));
+            let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
+            x_bar[p] = R::Vec3::new(along(0), along(1), along(2));
+            n_bar[p] = R::Vec3::new(along(3), along(4), along(5));
+            d_bar[p] = R::Vec3::zero();
+            for (j, out) in parameters.iter_mut().enumerate() {
+                let parameter = |i: usize| {
+                    let value = self.parameters[i];
+                    if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
+                };
+                let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift));
+                *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
+            }
+        }
+    }
+}
