@@ -1,0 +1,138 @@
+//! The frequency encoding of a block of positions, forward and backward.
+
+use field::{Real, Vector3};
+use glam::DVec3;
+
+use crate::architecture::{Encoding, Transform};
+use crate::kernel::{LANES, Row, fma};
+use crate::math::Lane;
+
+/// The transform and encoding in the precision of the computation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Encoder<R: Real> {
+    center: R::Vec3,
+    inverse_radius: R,
+    bands: usize,
+}
+
+impl<R: Lane> Encoder<R> {
+    pub(crate) fn new(encoding: Encoding, transform: &Transform) -> Self {
+        let center = <R::Vec3 as Vector3<R>>::of(transform.center);
+        Encoder { center, inverse_radius: R::of(1.0 / transform.radius), bands: encoding.bands() }
+    }
+
+    /// Writes the features of up to a block of points; lanes without a point repeat the last one.
+    #[inline(always)]
+    pub(crate) fn encode<const FMA: bool>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
+        for l in 0..LANES {
+            let y = ((x[l.min(x.len() - 1)] - self.center) * self.inverse_radius).to_array();
+            for c in 0..3 {
+                features[c].0[l] = y[c];
+            }
+        }
+        let (position, waves) = features.split_at_mut(3);
+        for band in 0..self.bands {
+            let frequency = R::of((1u64 << band) as f64);
+            for c in 0..3 {
+                let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
+                for l in 0..LANES {
+                    let (s, k) = R::sin_cos_moderate(frequency * position[c].0[l]);
+                    waves[sine].0[l] = s;
+                    waves[cosine].0[l] = k;
+                }
+            }
+        }
+    }
+
+    /// Writes the features' tangents as the points move along `p`.
+    #[inline(always)]
+    pub(crate) fn tangent<const FMA: bool>(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
+        for l in 0..LANES {
+            let y = (p[l.min(p.len() - 1)] * self.inverse_radius).to_array();
+            for c in 0..3 {
+                tangent[c].0[l] = y[c];
+            }
+        }
+        let (along, waves) = tangent.split_at_mut(3);
+        for band in 0..self.bands {
+            let frequency = R::of((1u64 << band) as f64);
+            for c in 0..3 {
+                let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
+                for l in 0..LANES {
+                    let speed = frequency * along[c].0[l];
+                    waves[sine].0[l] = speed * features[3 + cosine].0[l];
+                    waves[cosine].0[l] = -speed * features[3 + sine].0[l];
+                }
+            }
+        }
+    }
+
+    /// VJP of [`encode`](Self::encode): the adjoint of the points, times `factor`.
+    #[inline(always)]
+    pub(crate) fn pull_back<const FMA: bool>(&self, features: &[Row<R>], adjoint: &[Row<R>], factor: R) -> [Row<R>; 3] {
+        let mut out: [Row<R>; 3] = [adjoint[0], adjoint[1], adjoint[2]];
+        for band in 0..self.bands {
+            let frequency = R::of((1u64 << band) as f64);
+            for (c, out) in out.iter_mut().enumerate() {
+                let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
+                for l in 0..LANES {
+                    let slope = adjoint[sine].0[l] * features[cosine].0[l] - adjoint[cosine].0[l] * features[sine].0[l];
+                    out.0[l] = fma::<R, FMA>(frequency, slope, out.0[l]);
+                }
+            }
+        }
+        let factor = factor * self.inverse_radius;
+        for out in &mut out {
+            out.0.iter_mut().for_each(|v| *v *= factor);
+        }
+        out
+    }
+
+    /// What the change of the features' slopes along the tangent adds to the adjoint of the points: `adjoint` is that of
+    /// the features' tangents.
+    #[inline(always)]
+    pub(crate) fn pull_back_curve<const FMA: bool>(
+        &self,
+        features: &[Row<R>],
+        tangent: &[Row<R>],
+        adjoint: &[Row<R>],
+        factor: R,
+        out: &mut [Row<R>; 3],
+    ) {
+        let factor = factor * self.inverse_radius;
+        for band in 0..self.bands {
+            let square = R::of(((1u64 << band) as f64).powi(2)) * factor;
+            for (c, out) in out.iter_mut().enumerate() {
+                let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
+                for l in 0..LANES {
+                    let curve = adjoint[sine].0[l] * features[sine].0[l] + adjoint[cosine].0[l] * features[cosine].0[l];
+                    out.0[l] = fma::<R, FMA>(-square * tangent[c].0[l], curve, out.0[l]);
+                }
+            }
+        }
+    }
+
+    /// The factors on the features for a weight on every octave.
+    pub(crate) fn window(bands: &[R]) -> Vec<R> {
+        let waves = bands.iter().flat_map(|w| [*w; 6]);
+        [R::one(); 3].into_iter().chain(waves).collect()
+    }
+}
+
+/// Lane `l` of three rows as a vector.
+#[inline(always)]
+pub(crate) fn lane<R: Real>(rows: &[Row<R>; 3], l: usize) -> R::Vec3 {
+    R::Vec3::new(rows[0].0[l], rows[1].0[l], rows[2].0[l])
+}
+
+/// Points uniform in the unit ball, from a seed.
+pub(crate) fn points_in_ball(count: usize, random: &mut crate::init::Random) -> Vec<DVec3> {
+    let mut points = Vec::with_capacity(count);
+    while points.len() < count {
+        let p = DVec3::new(random.uniform(), random.uniform(), random.uniform()) * 2.0 - 1.0;
+        if p.length_squared() <= 1.0 {
+            points.push(p);
+        }
+    }
+    points
+}

@@ -1,0 +1,307 @@
+//! Model files: safetensors with `layers.{i}.weight`, `layers.{i}.bias` and the architecture in the metadata.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use crate::architecture::{Activation, Architecture, Encoding, Transform};
+use crate::head::{DIRECTIONS, RadianceHead};
+use crate::math::Lane;
+use crate::mlp::Mlp;
+use crate::network::Network;
+
+/// Why a model file cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    /// Not a safetensors file, or a damaged one.
+    #[error("no safetensors file ({0})")]
+    Container(String),
+    /// A metadata string that is missing or makes no sense.
+    #[error("metadata \"{key}\" is {found:?}, expected {expected}")]
+    Metadata {
+        /// The key.
+        key: &'static str,
+        /// The string found.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A tensor that is missing, or has another shape or type than the architecture asks for.
+    #[error("tensor \"{name}\" is {found}, expected {expected}")]
+    Tensor {
+        /// The tensor's name.
+        name: String,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+}
+
+type Result<T> = std::result::Result<T, ModelError>;
+
+/// Metadata strings of a file.
+struct Metadata(HashMap<String, String>);
+
+impl Metadata {
+    fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(|s| s.trim())
+    }
+
+    fn error(&self, key: &'static str, expected: &'static str) -> ModelError {
+        ModelError::Metadata { key, found: self.get(key).unwrap_or("").to_owned(), expected }
+    }
+
+    /// A positive number; `default` where the key is absent.
+    fn positive(&self, key: &'static str, default: Option<f64>) -> Result<f64> {
+        let number = self.get(key).map_or(default, |text| text.parse().ok());
+        number.filter(|v| *v > 0.0 && v.is_finite()).ok_or_else(|| self.error(key, "a number above 0"))
+    }
+
+    /// Numbers separated by commas, in brackets or not; none where the key is absent.
+    fn list<T: std::str::FromStr>(&self, key: &'static str, expected: &'static str) -> Result<Vec<T>> {
+        let text = self.get(key).unwrap_or("").trim_start_matches('[').trim_end_matches(']').trim();
+        if text.is_empty() {
+            return Ok(Vec::new());
+        }
+        text.split(',').map(|n| n.trim().parse().map_err(|_| self.error(key, expected))).collect()
+    }
+
+    fn encoding(&self) -> Result<Encoding> {
+        match self.get("encoding") {
+            None | Some("none" | "") => Ok(Encoding::None),
+            Some("frequency") => {
+                let bands = self.get("bands").and_then(|b| b.parse().ok()).filter(|b| (1..=16).contains(b));
+                let bands = bands.ok_or_else(|| self.error("bands", "a whole number from 1 to 16"))?;
+                Ok(Encoding::Frequency { bands })
+            }
+            Some(_) => Err(self.error("encoding", "none or frequency")),
+        }
+    }
+
+    fn activation(&self) -> Result<Activation> {
+        match self.get("activation") {
+            Some("softplus") => Ok(Activation::Softplus { beta: self.positive("beta", None)? }),
+            Some("sine") => Ok(Activation::Sine { omega: self.positive("omega", None)? }),
+            Some("relu") => Ok(Activation::Relu),
+            _ => Err(self.error("activation", "softplus, sine or relu")),
+        }
+    }
+
+    fn transform(&self) -> Result<Transform> {
+        let expected = "three finite numbers";
+        let center = match *self.list::<f64>("center", expected)? {
+            [] => DVec3::ZERO,
+            [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => DVec3::new(x, y, z),
+            _ => return Err(self.error("center", expected)),
+        };
+        Ok(Transform { center, radius: self.positive("radius", Some(1.0))? })
+    }
+
+    fn from_parts(encoding: Encoding, activation: Activation, transform: &Transform, skip: &[usize]) -> Self {
+        let mut map = HashMap::new();
+        let mut put = |key: &str, value: String| map.insert(key.to_owned(), value);
+        put("dsdf.version", env!("CARGO_PKG_VERSION").to_owned());
+        match encoding {
+            Encoding::None => put("encoding", "none".to_owned()),
+            Encoding::Frequency { bands } => {
+                put("bands", bands.to_string());
+                put("encoding", "frequency".to_owned())
+            }
+        };
+        match activation {
+            Activation::Softplus { beta } => {
+                put("beta", beta.to_string());
+                put("activation", "softplus".to_owned())
+            }
+            Activation::Sine { omega } => {
+                put("omega", omega.to_string());
+                put("activation", "sine".to_owned())
+            }
+            Activation::Relu => put("activation", "relu".to_owned()),
+        };
+        put("skip", format!("{skip:?}"));
+        let c = transform.center;
+        put("center", format!("[{}, {}, {}]", c.x, c.y, c.z));
+        put("radius", transform.radius.to_string());
+        Metadata(map)
+    }
+}
+
+/// A file's tensors and metadata.
+struct Model<'a> {
+    tensors: SafeTensors<'a>,
+    metadata: Metadata,
+}
+
+impl<'a> Model<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self> {
+        let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
+        let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
+        let metadata = Metadata(header.metadata().clone().unwrap_or_default());
+        Ok(Model { tensors, metadata })
+    }
+
+    /// The shape and the numbers of a tensor of `rank` dimensions.
+    fn tensor(&self, name: &str, rank: usize) -> Result<(Vec<usize>, Vec<f64>)> {
+        let error = |found: String, expected: &str| ModelError::Tensor {
+            name: name.to_owned(),
+            found,
+            expected: expected.to_owned(),
+        };
+        let view = self.tensors.tensor(name).map_err(|_| error("missing".to_owned(), "there"))?;
+        if view.shape().len() != rank {
+            return Err(error(format!("of shape {:?}", view.shape()), &format!("of {rank} dimensions")));
+        }
+        let numbers: Vec<f64> = match view.dtype() {
+            Dtype::F32 => {
+                bytemuck::allocation::pod_collect_to_vec::<u8, f32>(view.data()).into_iter().map(f64::from).collect()
+            }
+            Dtype::F64 => bytemuck::allocation::pod_collect_to_vec(view.data()),
+            other => return Err(error(format!("{other:?}"), "F32 or F64")),
+        };
+        match numbers.iter().position(|v| !v.is_finite()) {
+            Some(i) => Err(error(format!("{} at element {i}", numbers[i]), "finite numbers")),
+            None => Ok((view.shape().to_vec(), numbers)),
+        }
+    }
+
+    /// The widths of the hidden layers, from the weights' shapes.
+    fn hidden(&self) -> Result<Vec<usize>> {
+        let mut widths = Vec::new();
+        while self.tensors.tensor(&format!("layers.{}.weight", widths.len())).is_ok() {
+            let (shape, _) = self.tensor(&format!("layers.{}.weight", widths.len()), 2)?;
+            widths.push(shape[0]);
+        }
+        let highest = self
+            .tensors
+            .names()
+            .into_iter()
+            .filter_map(|n| n.strip_prefix("layers.")?.split('.').next()?.parse::<usize>().ok())
+            .max();
+        if widths.is_empty() || highest.is_some_and(|h| h >= widths.len()) {
+            self.tensor(&format!("layers.{}.weight", widths.len()), 2)?;
+        }
+        widths.pop();
+        Ok(widths)
+    }
+
+    /// Fills a network's parameters, checking every shape.
+    fn fill<R: Lane>(&self, mlp: &mut Mlp<R>) -> Result<()> {
+        for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
+            let parts = [
+                (format!("layers.{l}.weight"), vec![layer.outputs, layer.inputs], layer.start),
+                (format!("layers.{l}.bias"), vec![layer.outputs], layer.bias()),
+            ];
+            for (name, expected, start) in parts {
+                let (shape, numbers) = self.tensor(&name, expected.len())?;
+                if shape != expected {
+                    let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
+                    return Err(ModelError::Tensor { name, found, expected });
+                }
+                for (p, v) in mlp.parameters[start..].iter_mut().zip(numbers) {
+                    *p = R::of(v);
+                }
+            }
+        }
+        mlp.repack();
+        Ok(())
+    }
+}
+
+/// The bytes of a file with a network's tensors, in single precision unless that loses bits.
+fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
+    let single = size_of::<R>() == size_of::<f32>();
+    let dtype = if single { Dtype::F32 } else { Dtype::F64 };
+    let encode = |v: R| -> Vec<u8> {
+        let v = v.to_double();
+        if single { (v as f32).to_le_bytes().to_vec() } else { v.to_le_bytes().to_vec() }
+    };
+    let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
+    for (l, layer) in mlp.layers.iter().enumerate() {
+        let (n, window) = (layer.inputs, |c: usize| mlp.window_factor(l, c));
+        let weights = (0..layer.outputs * n).flat_map(|i| encode(mlp.parameters[layer.start + i] * window(i % n)));
+        tensors.push((format!("layers.{l}.weight"), vec![layer.outputs, n], weights.collect()));
+        let bias = mlp.parameters[layer.bias()..layer.bias() + layer.outputs].iter().flat_map(|b| encode(*b));
+        tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias.collect()));
+    }
+    let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
+    let views: std::result::Result<Vec<_>, _> =
+        tensors.iter().map(|(name, shape, data)| Ok((name, TensorView::new(dtype, shape.clone(), data)?))).collect();
+    safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)
+}
+
+impl<R: Lane> Network<R> {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// If it is no safetensors file, or its metadata and tensors do not describe a signed distance network.
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
+        let model = Model::open(bytes)?;
+        let metadata = &model.metadata;
+        let architecture = Architecture {
+            encoding: metadata.encoding()?,
+            hidden: model.hidden()?,
+            skip: metadata.list("skip", "indices of layers")?,
+            activation: metadata.activation()?,
+        };
+        if architecture.skip.iter().any(|&s| s == 0 || s > architecture.hidden.len()) {
+            return Err(metadata.error("skip", "indices of layers after the first"));
+        }
+        let scale = metadata.positive("scale", Some(1.0))?;
+        let mut network = Network::zero(architecture, metadata.transform()?, scale);
+        model.fill(&mut network.mlp)?;
+        Ok(network)
+    }
+
+    /// The bytes of a model file. Weights on octaves are folded into the tensors.
+    ///
+    /// # Errors
+    /// If the container cannot be made.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+        let a = &self.architecture;
+        let mut metadata = Metadata::from_parts(a.encoding, a.activation, &self.transform, &a.skip);
+        metadata.0.insert("scale".to_owned(), self.scale.to_string());
+        to_bytes(&self.mlp, metadata)
+    }
+}
+
+/// The metadata by which a radiance head is told from a distance.
+const HEAD_INPUTS: &str = "position normal direction";
+/// How a head's outputs become radiance.
+const HEAD_OUTPUT: &str = "sigmoid_squared";
+
+impl<R: Lane> RadianceHead<R> {
+    /// Reads a radiance head's file.
+    ///
+    /// # Errors
+    /// If it is no safetensors file, or its metadata and tensors do not describe a radiance head.
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
+        let model = Model::open(bytes)?;
+        let metadata = &model.metadata;
+        if metadata.get("inputs") != Some(HEAD_INPUTS) {
+            return Err(metadata.error("inputs", HEAD_INPUTS));
+        }
+        if metadata.get("output") != Some(HEAD_OUTPUT) {
+            return Err(metadata.error("output", HEAD_OUTPUT));
+        }
+        let hidden = model.hidden()?;
+        let mut head = RadianceHead::zero(metadata.encoding()?, &hidden, metadata.activation()?, metadata.transform()?);
+        model.fill(&mut head.mlp)?;
+        Ok(head)
+    }
+
+    /// The bytes of a radiance head's file. Weights on octaves are folded into the tensors.
+    ///
+    /// # Errors
+    /// If the container cannot be made.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+        let mut metadata = Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);
+        metadata.0.insert("inputs".to_owned(), HEAD_INPUTS.to_owned());
+        metadata.0.insert("output".to_owned(), HEAD_OUTPUT.to_owned());
+        debug_assert_eq!(self.mlp.features, self.encoding.features() + DIRECTIONS);
+        to_bytes(&self.mlp, metadata)
+    }
+}

@@ -1,0 +1,235 @@
+//! The network as a signed distance field.
+
+use field::{Field, Real, Sphere, Vector3};
+
+use crate::architecture::{Architecture, Transform};
+use crate::dispatch::{Pass, dispatch};
+use crate::encode::{Encoder, lane};
+use crate::kernel::LANES;
+use crate::math::Lane;
+use crate::mlp::{Mlp, Scratch};
+
+/// A multilayer perceptron that is read as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
+///
+/// It is defined inside the ball of its [`Transform`]; evaluation outside gives whatever the network gives there.
+#[derive(Clone, Debug)]
+pub struct Network<R: Real> {
+    pub(crate) architecture: Architecture,
+    pub(crate) transform: Transform,
+    /// What the network's output is divided by.
+    pub(crate) scale: f64,
+    pub(crate) mlp: Mlp<R>,
+    encoder: Encoder<R>,
+}
+
+impl<R: Lane> Network<R> {
+    /// A network whose weights are all zero.
+    pub(crate) fn zero(architecture: Architecture, transform: Transform, scale: f64) -> Self {
+        let features = architecture.encoding.features();
+        let mlp = Mlp::new(features, &architecture.hidden, 1, &architecture.skip, architecture.activation);
+        let encoder = Encoder::new(architecture.encoding, &transform);
+        Network { architecture, transform, scale, mlp, encoder }
+    }
+
+    /// The shape of the network.
+    pub fn architecture(&self) -> &Architecture {
+        &self.architecture
+    }
+
+    /// The map from world space to the network's own.
+    pub fn transform(&self) -> &Transform {
+        &self.transform
+    }
+
+    /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias.
+    pub fn parameters(&self) -> &[R] {
+        &self.mlp.parameters
+    }
+
+    /// Sets all parameters.
+    ///
+    /// # Panics
+    /// If their number is not that of the network.
+    pub fn set_parameters(&mut self, parameters: &[R]) {
+        self.mlp.parameters.copy_from_slice(parameters);
+        self.mlp.repack();
+    }
+
+    /// Sets a weight in [0, 1] on every octave of the encoding, for training from coarse to fine; 1 at first.
+    ///
+    /// The weights are part of the function: a saved file has them folded into its tensors.
+    ///
+    /// # Panics
+    /// If their number is not that of the encoding's octaves.
+    pub fn set_band_weights(&mut self, weights: &[R]) {
+        assert_eq!(weights.len(), self.architecture.encoding.bands(), "weights of octaves");
+        self.mlp.set_window(Encoder::window(weights));
+    }
+
+    /// World units of f per unit of the network's output.
+    fn output_factor(&self) -> R {
+        R::of(self.transform.radius / self.scale)
+    }
+
+    /// One block's value and gradient: the plain backward sweep.
+    #[inline(always)]
+    fn block_gradient<const FMA: bool>(
+        &self,
+        x: &[R::Vec3],
+        s: &mut Scratch<R>,
+        f: &mut [R],
+        gradient: &mut [R::Vec3],
+    ) {
+        let factor = self.output_factor();
+        self.encoder.encode::<FMA>(x, &mut s.features[0]);
+        self.mlp.forward::<FMA, true, false>(s);
+        for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
+            *f = y * factor;
+        }
+        s.output[0][0].0 = [R::one(); LANES];
+        self.mlp.backward::<FMA, false, false>(s);
+        let g = self.encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[0], factor);
+        for (l, gradient) in gradient.iter_mut().enumerate() {
+            *gradient = lane(&g, l);
+        }
+    }
+
+    /// One block's forward sweep with tangents along `p`, and the backward sweep of α f + p·∇f.
+    #[inline(always)]
+    fn block_tangent<const FMA: bool, const WEIGHTS: bool>(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        alpha: &[R],
+        s: &mut Scratch<R>,
+    ) {
+        let factor = self.output_factor();
+        self.encoder.encode::<FMA>(x, &mut s.features[0]);
+        let [features, tangent] = &mut s.features;
+        self.encoder.tangent::<FMA>(p, features, tangent);
+        self.mlp.forward::<FMA, true, true>(s);
+        for l in 0..LANES {
+            // Lanes without a point have no weight in the sums.
+            let on = !WEIGHTS || l < x.len();
+            s.output[0][0].0[l] = alpha.get(l).map_or(R::zero(), |a| *a * factor);
+            s.output[1][0].0[l] = if on { factor } else { R::zero() };
+        }
+        self.mlp.backward::<FMA, true, WEIGHTS>(s);
+    }
+}
+
+impl<R: Lane> Field<R> for Network<R> {
+    fn parameter_count(&self) -> usize {
+        self.mlp.parameters.len()
+    }
+
+    fn bounds(&self) -> Option<Sphere<R>> {
+        let center = <R::Vec3 as Vector3<R>>::of(self.transform.center);
+        Some(Sphere { center, radius: R::of(self.transform.radius) })
+    }
+
+    fn value(&self, x: &[R::Vec3], f: &mut [R]) {
+        dispatch(Value { network: self, x, f });
+    }
+
+    fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
+        dispatch(ValueGradient { network: self, x, f, gradient });
+    }
+
+    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+        dispatch(HessianVector { network: self, x, p, gradient, product });
+    }
+
+    fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
+        assert_eq!(adjoint.len(), self.parameter_count(), "parameters");
+        dispatch(ParameterVjp { network: self, x, alpha, c, adjoint });
+    }
+}
+
+struct Value<'a, R: Real> {
+    network: &'a Network<R>,
+    x: &'a [R::Vec3],
+    f: &'a mut [R],
+}
+
+impl<R: Lane> Pass for Value<'_, R> {
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let factor = self.network.output_factor();
+        let mut s = self.network.mlp.scratch(false);
+        for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
+            self.network.encoder.encode::<FMA>(x, &mut s.features[0]);
+            self.network.mlp.forward::<FMA, false, false>(&mut s);
+            for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
+                *f = y * factor;
+            }
+        }
+    }
+}
+
+struct ValueGradient<'a, R: Real> {
+    network: &'a Network<R>,
+    x: &'a [R::Vec3],
+    f: &'a mut [R],
+    gradient: &'a mut [R::Vec3],
+}
+
+impl<R: Lane> Pass for ValueGradient<'_, R> {
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let mut s = self.network.mlp.scratch(false);
+        let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
+        for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
+            self.network.block_gradient::<FMA>(x, &mut s, f, gradient);
+        }
+    }
+}
+
+struct HessianVector<'a, R: Real> {
+    network: &'a Network<R>,
+    x: &'a [R::Vec3],
+    p: &'a [R::Vec3],
+    gradient: &'a mut [R::Vec3],
+    product: &'a mut [R::Vec3],
+}
+
+impl<R: Lane> Pass for HessianVector<'_, R> {
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let encoder = &self.network.encoder;
+        let mut s = self.network.mlp.scratch(false);
+        let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
+        for ((x, p), (gradient, product)) in self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs) {
+            self.network.block_tangent::<FMA, false>(x, p, &[], &mut s);
+            // The outputs' adjoints already carry the factor.
+            let g = encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[1], R::one());
+            let mut h = encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[0], R::one());
+            let [features, tangent] = &s.features;
+            encoder.pull_back_curve::<FMA>(features, tangent, &s.adjoint[1], R::one(), &mut h);
+            for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
+                *gradient = lane(&g, l);
+                *product = lane(&h, l);
+            }
+        }
+    }
+}
+
+struct ParameterVjp<'a, R: Real> {
+    network: &'a Network<R>,
+    x: &'a [R::Vec3],
+    alpha: &'a [R],
+    c: &'a [R::Vec3],
+    adjoint: &'a mut [R],
+}
+
+impl<R: Lane> Pass for ParameterVjp<'_, R> {
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let mut s = self.network.mlp.scratch(true);
+        let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
+        for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
+            self.network.block_tangent::<FMA, true>(x, c, alpha, &mut s);
+        }
+        self.network.mlp.collect_gradient(&s, self.adjoint);
+    }
+}

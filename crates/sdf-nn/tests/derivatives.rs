@@ -1,0 +1,297 @@
+//! The hand-written sweeps against a plain perceptron on nested dual numbers, and against differences.
+
+use approx::assert_relative_eq;
+use field::{Dual, Field, Scalar};
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
+
+/// σ in any arithmetic.
+fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
+    let constant = S::constant;
+    match activation {
+        Activation::Softplus { beta } => {
+            let e = (-(z * constant(beta)).abs()).exp();
+            z.max(constant(0.0)) + (constant(1.0) + e).ln() * constant(1.0 / beta)
+        }
+        Activation::Sine { omega } => (z * constant(omega)).sin(),
+        Activation::Relu => z.max(constant(0.0)),
+    }
+}
+
+/// The perceptron written straight from the model file's definition.
+fn reference<S: Scalar<Real = f64>>(a: &Architecture, t: &Transform, parameters: &[S], x: [S; 3]) -> S {
+    let center = t.center.to_array();
+    let y: [S; 3] = std::array::from_fn(|c| (x[c] - S::constant(center[c])) * S::constant(1.0 / t.radius));
+    let mut features = y.to_vec();
+    for band in 0..a.encoding.bands() {
+        let wave = y.map(|c| c * S::constant(f64::powi(2.0, band as i32)));
+        features.extend(wave.map(S::sin));
+        features.extend(wave.map(S::cos));
+    }
+    let (mut h, mut at) = (features.clone(), 0);
+    for l in 0..=a.hidden.len() {
+        if a.skip.contains(&l) {
+            h.extend(&features);
+            h.iter_mut().for_each(|v| *v = *v * S::constant(0.5f64.sqrt()));
+        }
+        let outputs = a.hidden.get(l).copied().unwrap_or(1);
+        let bias = at + outputs * h.len();
+        let z: Vec<S> = (0..outputs)
+            .map(|r| {
+                h.iter()
+                    .enumerate()
+                    .fold(parameters[bias + r], |sum, (c, v)| sum + parameters[at + r * h.len() + c] * *v)
+            })
+            .collect();
+        at = bias + outputs;
+        h = if l < a.hidden.len() { z.into_iter().map(|z| activate(a.activation, z)).collect() } else { z };
+    }
+    h[0] * S::constant(t.radius)
+}
+
+fn architecture() -> impl Strategy<Value = Architecture> {
+    let activation = prop_oneof![
+        (1.0..30.0f64).prop_map(|beta| Activation::Softplus { beta }),
+        (0.5..4.0f64).prop_map(|omega| Activation::Sine { omega }),
+        Just(Activation::Relu),
+    ];
+    let hidden = prop::collection::vec(1usize..21, 1..4);
+    (hidden, activation, 0usize..4, any::<bool>()).prop_map(|(hidden, activation, bands, skip)| Architecture {
+        encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
+        skip: if skip && hidden.len() > 1 { vec![hidden.len() - 1] } else { vec![] },
+        hidden,
+        activation,
+    })
+}
+
+const TRANSFORM: Transform = Transform { center: DVec3::new(0.2, -0.1, 0.3), radius: 1.7 };
+
+/// A network with random weights everywhere, the last layer and the biases included.
+fn network(a: &Architecture, seed: u64) -> Network<f64> {
+    let mut network = Network::<f64>::geometric(a.clone(), TRANSFORM, 0.5, seed);
+    let shaken: Vec<f64> = network
+        .parameters()
+        .iter()
+        .enumerate()
+        .map(|(i, p)| p * 0.5 + 0.3 * (i as f64 * 1.7 + seed as f64).sin())
+        .collect();
+    network.set_parameters(&shaken);
+    network
+}
+
+fn points(n: usize) -> Vec<DVec3> {
+    (0..n).map(|i| DVec3::new((i as f64).sin(), (2.3 * i as f64).cos(), (0.7 * i as f64 + 1.0).sin()) * 0.9).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn sweeps_match_dual_numbers(a in architecture(), seed in 0u64..1000, p in prop::array::uniform3(-1.0..1.0f64), n in 1usize..20) {
+        let network = network(&a, seed);
+        let (x, p) = (points(n), DVec3::from(p));
+        let (mut value, mut f, mut g) = (vec![0.0; n], vec![0.0; n], vec![DVec3::ZERO; n]);
+        let (mut g2, mut hp) = (vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]);
+        network.value(&x, &mut value);
+        network.value_gradient(&x, &mut f, &mut g);
+        network.hessian_vector(&x, &vec![p; n], &mut g2, &mut hp);
+        for i in 0..n {
+            let at: [_; 3] = std::array::from_fn(|c| {
+                Dual::<Dual<f64, 1>, 3>::variable(Dual { value: x[i][c], d: [p[c]] }, c)
+            });
+            let parameters: Vec<_> = network.parameters().iter().map(|v| Dual::constant(*v)).collect();
+            let y = reference(&a, &TRANSFORM, &parameters, at);
+            let close = |got: f64, want: f64| (got - want).abs() <= 1e-10 * (1.0 + want.abs());
+            prop_assert!(close(value[i], y.value.value), "{} against {}", value[i], y.value.value);
+            prop_assert!(close(f[i], y.value.value));
+            for c in 0..3 {
+                prop_assert!(close(g[i][c], y.d[c].value), "{a:?}: gradient {} against {}", g[i][c], y.d[c].value);
+                prop_assert!(close(g2[i][c], y.d[c].value));
+                prop_assert!(close(hp[i][c], y.d[c].d[0]), "{a:?}: Hp {} against {}", hp[i][c], y.d[c].d[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn parameter_vjp_matches_dual_numbers(a in architecture(), seed in 0u64..1000, n in 1usize..20) {
+        let network = network(&a, seed);
+        let x = points(n);
+        let alpha: Vec<f64> = (0..n).map(|i| (i as f64 + 0.5).cos()).collect();
+        let c: Vec<DVec3> = points(n + 3)[3..].to_vec();
+        let mut adjoint = vec![0.0; network.parameter_count()];
+        network.parameter_vjp(&x, &alpha, &c, &mut adjoint);
+        for j in (0..adjoint.len()).step_by(1 + adjoint.len() / 40) {
+            let mut want = 0.0;
+            for i in 0..n {
+                let at = std::array::from_fn(|k| Dual::<Dual<f64, 1>, 1>::lift(Dual { value: x[i][k], d: [c[i][k]] }));
+                let parameters: Vec<_> = network.parameters().iter().enumerate()
+                    .map(|(k, v)| Dual { value: Dual::lift(*v), d: [Dual::lift(f64::from(u8::from(k == j)))] }).collect();
+                let y = reference(&a, &TRANSFORM, &parameters, at).d[0];
+                want += alpha[i] * y.value + y.d[0];
+            }
+            prop_assert!((adjoint[j] - want).abs() <= 1e-9 * (1.0 + want.abs()), "{a:?}: parameter {j}: {} against {want}", adjoint[j]);
+        }
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_batch(a in architecture(), seed in 0u64..1000) {
+        let network = network(&a, seed);
+        let x = points(37);
+        let (mut f, mut g) = (vec![0.0; 37], vec![DVec3::ZERO; 37]);
+        network.value_gradient(&x, &mut f, &mut g);
+        for i in 0..37 {
+            let (mut one, mut gradient) = ([0.0], [DVec3::ZERO]);
+            network.value_gradient(&x[i..=i], &mut one, &mut gradient);
+            prop_assert_eq!(one[0].to_bits(), f[i].to_bits());
+            prop_assert_eq!(gradient[0], g[i]);
+        }
+    }
+
+    #[test]
+    fn octave_weights_and_files_mean_the_same_function(a in architecture(), seed in 0u64..1000, w in 0.0..1.0f64) {
+        let mut network = network(&a, seed);
+        let bands = a.encoding.bands();
+        network.set_band_weights(&vec![w; bands]);
+        let again = Network::<f64>::from_safetensors(&network.to_safetensors().unwrap()).unwrap();
+        let x = points(5);
+        let (mut f, mut g) = ([0.0; 5], [0.0; 5]);
+        network.value(&x, &mut f);
+        again.value(&x, &mut g);
+        for i in 0..5 {
+            assert_relative_eq!(f[i], g[i], epsilon = 1e-12, max_relative = 1e-12);
+        }
+        // The parameters' gradient knows of the window.
+        let mut adjoint = vec![0.0; network.parameter_count()];
+        network.parameter_vjp(&x[..1], &[1.0], &[DVec3::ZERO], &mut adjoint);
+        let (j, h) = (3 + adjoint.len() / 7, 1e-6);
+        let moved = |h: f64| {
+            let (mut n, mut p, mut f) = (network.clone(), network.parameters().to_vec(), [0.0]);
+            p[j] += h;
+            n.set_parameters(&p);
+            n.value(&x[..1], &mut f);
+            f[0]
+        };
+        let difference = (moved(h) - moved(-h)) / (2.0 * h);
+        prop_assert!((adjoint[j] - difference).abs() < 1e-5 * (1.0 + difference.abs()), "{} against {difference}", adjoint[j]);
+    }
+
+    #[test]
+    fn damaged_files_are_refused_without_panic(at in 0usize..4000, byte in any::<u8>(), cut in 0usize..4000) {
+        let a = Architecture { encoding: Encoding::Frequency { bands: 2 }, hidden: vec![8, 8], skip: vec![], activation: Activation::Relu };
+        let bytes = network(&a, 1).to_safetensors().unwrap();
+        let mut damaged = bytes.clone();
+        let at = at % bytes.len();
+        damaged[at] = byte;
+        let _ = Network::<f32>::from_safetensors(&damaged);
+        prop_assert!(Network::<f32>::from_safetensors(&bytes[..cut % bytes.len()]).is_err());
+    }
+
+    #[test]
+    fn poison_comes_through(poison in prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY]), i in 0usize..3) {
+        for activation in [Activation::Softplus { beta: 100.0 }, Activation::Sine { omega: 30.0 }, Activation::Relu] {
+            let a = Architecture { encoding: Encoding::Frequency { bands: 2 }, hidden: vec![8, 8], skip: vec![], activation };
+            let network = Network::<f32>::geometric(a, Transform::default(), 0.5, 3);
+            let mut x = Vec3::new(0.1, 0.2, 0.3);
+            x[i] = poison;
+            let (mut f, mut g, mut h) = ([0.0], [Vec3::ZERO], [Vec3::ZERO]);
+            network.value(&[x], &mut f);
+            prop_assert!(f[0].is_nan(), "{activation:?}: {}", f[0]);
+            network.hessian_vector(&[x], &[Vec3::X], &mut g, &mut h);
+            network.parameter_vjp(&[x], &[1.0], &[Vec3::X], &mut vec![0.0; network.parameters().len()]);
+        }
+    }
+}
+
+#[test]
+fn the_initial_network_is_a_sphere() {
+    for (width, bands, beta) in [(64, 6, 100.0), (32, 0, 100.0), (128, 4, 30.0)] {
+        let a = Architecture {
+            encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
+            hidden: vec![width; 3],
+            skip: vec![],
+            activation: Activation::Softplus { beta },
+        };
+        let network = Network::<f64>::geometric(a, Transform { center: DVec3::ONE, radius: 2.0 }, 0.5, 11);
+        let x: Vec<DVec3> = points(200).into_iter().filter(|p| p.length() < 1.0 && p.length() > 0.2).collect();
+        let world: Vec<DVec3> = x.iter().map(|p| *p * 2.0 + DVec3::ONE).collect();
+        let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
+        network.value_gradient(&world, &mut f, &mut g);
+        for i in 0..x.len() {
+            let want = 2.0 * (x[i].length() - 0.5);
+            assert!((f[i] - want).abs() < 0.15, "width {width}: f = {} for {want}", f[i]);
+        }
+        let mean = g.iter().map(|g| (g.length() - 1.0).abs()).sum::<f64>() / g.len() as f64;
+        assert!(mean < 0.1, "width {width}: |∇f| strays by {mean} on average");
+    }
+}
+
+#[test]
+fn single_precision_follows_double() {
+    let a = Architecture {
+        encoding: Encoding::Frequency { bands: 6 },
+        hidden: vec![64; 3],
+        skip: vec![2],
+        activation: Activation::Softplus { beta: 100.0 },
+    };
+    let double = network(&a, 5);
+    let mut single = Network::<f32>::geometric(a, TRANSFORM, 0.5, 5);
+    single.set_parameters(&double.parameters().iter().map(|p| *p as f32).collect::<Vec<_>>());
+    let x = points(50);
+    let y: Vec<Vec3> = x.iter().map(|p| p.as_vec3()).collect();
+    let (mut f, mut g) = (vec![0.0; 50], vec![DVec3::ZERO; 50]);
+    let (mut f32s, mut g32s) = (vec![0.0; 50], vec![Vec3::ZERO; 50]);
+    double.value_gradient(&x, &mut f, &mut g);
+    single.value_gradient(&y, &mut f32s, &mut g32s);
+    for i in 0..50 {
+        assert_relative_eq!(f64::from(f32s[i]), f[i], epsilon = 2e-4, max_relative = 2e-4);
+        assert!((g32s[i].as_dvec3() - g[i]).length() < 5e-3 * (1.0 + g[i].length()), "{} against {}", g32s[i], g[i]);
+    }
+}
+
+#[test]
+fn the_heads_adjoints_match_differences() {
+    let encoding = Encoding::Frequency { bands: 3 };
+    for activation in [Activation::Softplus { beta: 5.0 }, Activation::Relu] {
+        let head = RadianceHead::<f64>::new(encoding, vec![13, 9], activation, TRANSFORM, 3);
+        let mut head = head;
+        let shaken: Vec<f64> = head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
+        head.set_parameters(&shaken);
+        let n = 18;
+        let (x, normal, d) = (points(n), points(n + 1)[1..].to_vec(), points(n + 2)[2..].to_vec());
+        let adjoint = points(n + 5)[5..].to_vec();
+        let total = |head: &RadianceHead<f64>, x: &[DVec3], normal: &[DVec3], d: &[DVec3]| {
+            let mut rgb = vec![DVec3::ZERO; n];
+            head.radiance(x, normal, d, &mut rgb);
+            assert!(rgb.iter().all(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0));
+            rgb.iter().zip(&adjoint).map(|(c, a)| c.dot(*a)).sum::<f64>()
+        };
+        let zero = || vec![DVec3::ZERO; n];
+        let (mut bars, mut theta) = ([zero(), zero(), zero()], vec![0.0; head.parameters().len()]);
+        let [xb, nb, db] = &mut bars;
+        head.vjp(&x, &normal, &d, &adjoint, xb, nb, db, &mut theta);
+        let h = 1e-6;
+        for (input, bar) in bars.iter().enumerate() {
+            for c in 0..3 {
+                let moved = |h: f64| {
+                    let mut inputs = [x.clone(), normal.clone(), d.clone()];
+                    inputs[input][7][c] += h;
+                    total(&head, &inputs[0], &inputs[1], &inputs[2])
+                };
+                assert_relative_eq!(bar[7][c], (moved(h) - moved(-h)) / (2.0 * h), epsilon = 1e-7, max_relative = 1e-5);
+            }
+        }
+        for j in (0..theta.len()).step_by(7) {
+            let moved = |h: f64| {
+                let (mut head, mut p) = (head.clone(), head.parameters().to_vec());
+                p[j] += h;
+                head.set_parameters(&p);
+                total(&head, &x, &normal, &d)
+            };
+            assert_relative_eq!(theta[j], (moved(h) - moved(-h)) / (2.0 * h), epsilon = 1e-7, max_relative = 1e-5);
+        }
+        let again = RadianceHead::<f64>::from_safetensors(&head.to_safetensors().unwrap()).unwrap();
+        assert_eq!(again.parameters(), head.parameters());
+        assert!(Network::<f64>::from_safetensors(&head.to_safetensors().unwrap()).is_err());
+    }
+}
