@@ -1,0 +1,267 @@
+//! Closed forms, grazing rays, fields that are no distances, poison, and derivatives against differences.
+
+use approx::assert_relative_eq;
+use field::{Counted, Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use trace::{
+    HitAdjoint, Intersection, Options, Outcome, Ray, entry_derivative, hit_film_derivative, hit_vjp, intersect, visit,
+};
+
+const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 2.0 };
+
+fn find(field: &dyn Field<f64>, origin: DVec3, direction: DVec3) -> Intersection<f64> {
+    find_relaxed(field, origin, direction, 1.0)
+}
+
+fn find_relaxed(field: &dyn Field<f64>, origin: DVec3, direction: DVec3, relaxation: f64) -> Intersection<f64> {
+    let ray = Ray::enter(origin, direction, &BOUNDS).expect("the ray meets the ball");
+    let mut out = Vec::new();
+    intersect(field, &[ray], &Options { relaxation, ..Options::default() }, &mut out);
+    out[0]
+}
+
+fn value(field: &dyn Field<f64>, x: DVec3) -> f64 {
+    let mut f = [0.0];
+    field.value(&[x], &mut f);
+    f[0]
+}
+
+fn solids() -> Vec<Box<dyn Field<f64>>> {
+    let torus = || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25]));
+    let capsule = || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2]));
+    let cube = || Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.4]));
+    vec![
+        Box::new(Shape::sphere([0.1, 0.0, -0.2], 0.7)),
+        torus(),
+        capsule(),
+        cube(),
+        Box::new(Csg::new(Operation::Union, vec![torus(), capsule()])),
+        Box::new(Csg::new(Operation::Subtraction, vec![cube(), capsule()])),
+        Box::new(Csg::smooth_union(0.3, vec![torus(), capsule()])),
+    ]
+}
+
+/// A field times a factor: no distance any more.
+struct Scaled(Box<dyn Field<f64>>, f64);
+
+impl Field<f64> for Scaled {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+    fn bounds(&self) -> Option<Sphere<f64>> {
+        self.0.bounds()
+    }
+    fn value(&self, x: &[DVec3], f: &mut [f64]) {
+        self.0.value(x, f);
+        f.iter_mut().for_each(|f| *f *= self.1);
+    }
+    fn value_gradient(&self, x: &[DVec3], f: &mut [f64], g: &mut [DVec3]) {
+        self.0.value_gradient(x, f, g);
+        f.iter_mut().for_each(|f| *f *= self.1);
+        g.iter_mut().for_each(|g| *g *= self.1);
+    }
+    fn hessian_vector(&self, x: &[DVec3], p: &[DVec3], g: &mut [DVec3], h: &mut [DVec3]) {
+        self.0.hessian_vector(x, p, g, h);
+    }
+    fn parameter_vjp(&self, _: &[DVec3], _: &[f64], _: &[DVec3], _: &mut [f64]) {}
+}
+
+fn unit() -> impl Strategy<Value = DVec3> {
+    prop::array::uniform3(-1.0..1.0f64)
+        .prop_map(DVec3::from)
+        .prop_filter("a direction", |v| v.length() > 0.1)
+        .prop_map(DVec3::normalize)
+}
+
+proptest! {
+    #[test]
+    fn hits_are_first_crossings(from in unit(), aim in prop::array::uniform3(-0.8..0.8f64), factor in prop::sample::select(vec![0.3, 1.0, 1.8])) {
+        for solid in solids() {
+            let field = Scaled(solid, factor);
+            let (origin, target) = (from * 4.0, DVec3::from(aim));
+            let direction = (target - origin).normalize();
+            let found = find_relaxed(&field, origin, direction, f64::min(1.0, 1.0 / factor));
+            let sample = |t: f64| value(&field, origin + t * direction);
+            let first = (0..8000).map(|i| 2.0 + 4.0 * f64::from(i) / 8000.0).find(|t| sample(*t) < -1e-3);
+            match found.outcome {
+                Outcome::Hit => {
+                    prop_assert!(sample(found.t).abs() < 1e-9);
+                    // Nothing solid was passed by.
+                    prop_assert!(first.is_none_or(|t| found.t <= t + 1e-9), "hit at {} behind {first:?}", found.t);
+                }
+                Outcome::Miss => prop_assert!(first.is_none(), "missed the solid at {first:?}"),
+                other => prop_assert!(false, "{other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn grazing_rays_are_decided_by_their_closest_approach(offset in -7.0..-1.0f64, inside in any::<bool>(), angle in 0.0..std::f64::consts::TAU) {
+        let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+        let distance = 0.7 + if inside { -1.0 } else { 1.0 } * f64::powf(10.0, offset);
+        let (s, c) = angle.sin_cos();
+        let found = find(&ball, DVec3::new(distance * c, distance * s, 4.0), -DVec3::Z);
+        prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{} steps", found.steps);
+        prop_assert!(found.steps < 120, "{} steps", found.steps);
+        if !inside {
+            prop_assert!((found.f - (distance - 0.7)).abs() < 1e-4 + 0.02 * (distance - 0.7), "closest approach {} for {}", found.f, distance - 0.7);
+        }
+    }
+
+    #[test]
+    fn clearance_is_the_angle_of_a_near_miss(gap in 0.0005..0.3f64) {
+        let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+        let found = find(&ball, DVec3::new(0.7 + gap, 0.0, 4.0), -DVec3::Z);
+        prop_assert_eq!(found.outcome, Outcome::Miss);
+        prop_assert!((found.clearance * 4.0 / gap - 1.0).abs() < 0.2, "clearance {} for a gap of {gap}", found.clearance);
+    }
+
+    #[test]
+    fn film_and_entry_derivatives_match_differences(aim in prop::array::uniform3(-0.5..0.5f64), dot in unit()) {
+        for solid in solids() {
+            let origin = DVec3::new(0.3, 0.5, 4.0);
+            let direction = (DVec3::from(aim) - origin).normalize();
+            let dot = dot.reject_from_normalized(direction);
+            let moved = |h: f64| {
+                let d = (direction + h * dot).normalize();
+                let ray = Ray::enter(origin, d, &BOUNDS).unwrap();
+                (ray, find(&*solid, origin, d))
+            };
+            let (ray, here) = moved(0.0);
+            let h = 1e-5;
+            let ((plus, p), (minus, m)) = (moved(h), moved(-h));
+            let entry = entry_derivative(&ray, &BOUNDS, dot);
+            assert_relative_eq!(entry, (plus.near - minus.near) / (2.0 * h), epsilon = 1e-6);
+            if here.outcome == Outcome::Hit && p.outcome == Outcome::Hit && m.outcome == Outcome::Hit {
+                let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
+                solid.value_gradient(&[ray.at(here.t)], &mut f, &mut g);
+                let difference = (plus.at(p.t) - minus.at(m.t)) / (2.0 * h);
+                let second = (plus.at(p.t) + minus.at(m.t) - 2.0 * ray.at(here.t)).length() / h;
+                if g[0].dot(direction) < -0.2 && second < 1e-2 {
+                    let dx = hit_film_derivative(g[0], direction, here.t, dot);
+                    prop_assert!((dx - difference).length() < 1e-3 * (1.0 + difference.length()), "{dx} against {difference}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn hit_vjp_matches_retracing(aim in prop::array::uniform2(-0.35..0.35f64), x_bar in unit(), n_bar in unit(), j in 0usize..16) {
+        let parameters = [0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25, -0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2, 0.4];
+        let build = |p: &[f64; 16]| {
+            let torus = Box::new(Shape::<f64>::new(Kind::Torus, &p[..8]));
+            Csg::smooth_union(p[15], vec![torus, Box::new(Shape::<f64>::new(Kind::Capsule, &p[8..15]))])
+        };
+        let origin = DVec3::new(0.3, 3.5, 1.0);
+        let direction = (DVec3::new(aim[0], 0.0, aim[1]) - origin).normalize();
+        let total = |p: &[f64; 16]| {
+            let field = build(p);
+            let found = find(&field, origin, direction);
+            let x = origin + found.t * direction;
+            let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
+            field.value_gradient(&[x], &mut f, &mut g);
+            (found.outcome, x, g[0], x.dot(x_bar) + g[0].normalize().dot(n_bar))
+        };
+        let (outcome, x, g, _) = total(&parameters);
+        let moved = |h: f64| {
+            let mut p = parameters;
+            p[j] += h;
+            total(&p).3
+        };
+        prop_assume!(outcome == Outcome::Hit && g.normalize().dot(direction) < -0.3);
+        let (coarse, fine) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, (moved(5e-5) - moved(-5e-5)) / 1e-4);
+        prop_assume!((coarse - fine).abs() < 1e-4);
+        let field = build(&parameters);
+        let m = HitAdjoint::<f64>::normal_coefficient(g, n_bar);
+        let (mut ignored, mut hm) = ([DVec3::ZERO], [DVec3::ZERO]);
+        field.hessian_vector(&[x], &[m], &mut ignored, &mut hm);
+        let adjoint = hit_vjp::<f64>(g, direction, x_bar + hm[0], m);
+        let mut theta = vec![0.0; 16];
+        field.parameter_vjp(&[x], &[adjoint.alpha], &[adjoint.c], &mut theta);
+        prop_assert!((theta[j] - fine).abs() < 2e-3 * (1.0 + fine.abs()), "parameter {j}: {} against {fine}", theta[j]);
+    }
+
+    #[test]
+    fn poison_ends_and_says_so(poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-310]), i in 0usize..3) {
+        let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+        let mut origin = DVec3::new(0.1, 0.2, 4.0);
+        origin[i] = poison;
+        if let Some(ray) = Ray::enter(origin, -DVec3::Z, &BOUNDS) {
+            let mut out = Vec::new();
+            intersect(&ball, &[ray], &Options::default(), &mut out);
+            prop_assert!(out[0].steps <= 512);
+        }
+    }
+}
+
+#[test]
+fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
+    let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+    for (factor, outcome) in [(f64::NAN, Outcome::Invalid), (0.0, Outcome::Inside), (1e-9, Outcome::Hit)] {
+        let found = find(&Scaled(Box::new(ball.clone()), factor), DVec3::new(0.1, 0.2, 4.0), -DVec3::Z);
+        assert_eq!(found.outcome, outcome, "factor {factor}");
+    }
+    let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 1.0, 0.0, -1.0]);
+    let along = find(&plane, DVec3::new(0.0, 0.0, 4.0), -DVec3::Z);
+    assert_eq!(along.outcome, Outcome::Miss);
+    assert_relative_eq!(along.f, 1.0);
+}
+
+#[test]
+fn single_precision_decides_like_double() {
+    let (single, double) = (Shape::<f32>::sphere([0.0; 3], 0.7), Shape::<f64>::sphere([0.0; 3], 0.7));
+    let bounds = Sphere::<f32> { center: Vec3::ZERO, radius: 2.0 };
+    let mut wrong = 0;
+    for i in 0..1000 {
+        let x = 0.69 + 0.02 * f64::from(i) / 1000.0;
+        let origin = DVec3::new(x, 0.01, 4.0);
+        let ray = Ray::enter(Vec3::of(origin), -Vec3::Z, &bounds).unwrap();
+        let mut out = Vec::new();
+        intersect(&single, &[ray], &Options::default(), &mut out);
+        wrong += usize::from(out[0].outcome != find(&double, origin, -DVec3::Z).outcome);
+    }
+    assert!(wrong <= 1, "{wrong} of 1000 decisions differ within 0.01 of the silhouette");
+}
+
+#[test]
+fn a_view_costs_few_evaluations() {
+    for solid in solids() {
+        let field = Counted::new(solid);
+        let mut rays = Vec::new();
+        for i in 0..64 * 64 {
+            let origin = DVec3::new(0.4, 0.3, 5.0);
+            let target = DVec3::new(f64::from(i % 64) / 32.0 - 1.0, f64::from(i / 64) / 32.0 - 1.0, 0.0) * 1.3;
+            rays.extend(Ray::enter(origin, (target - origin).normalize(), &BOUNDS));
+        }
+        let mut out = Vec::new();
+        intersect(&field, &rays, &Options::default(), &mut out);
+        let mean = field.evaluations().value as f64 / rays.len() as f64;
+        println!("{mean:.2} values a ray");
+        assert!(mean < 16.0, "{mean} values a ray");
+    }
+}
+
+#[test]
+fn visits_follow_the_recursion_and_end_with_the_interval() {
+    let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+    let rays: Vec<_> =
+        [0.0, 0.69, 0.71, 1.5].map(|x| Ray::enter(DVec3::new(x, 0.0, 4.0), -DVec3::Z, &BOUNDS).unwrap()).to_vec();
+    let visits = visit(&ball, &rays, 22, 1.0);
+    for (i, ray) in rays.iter().enumerate() {
+        let v = visits.ray(i);
+        assert_eq!(v.t[0], ray.near);
+        for p in 0..v.t.len() {
+            assert_relative_eq!(v.f[p], value(&ball, ray.at(v.t[p])), epsilon = 1e-14);
+            if p + 1 < v.t.len() {
+                assert_relative_eq!(v.t[p + 1], v.t[p] + v.f[p], epsilon = 1e-14);
+                assert_eq!(v.step[p], v.f[p]);
+            }
+        }
+        if v.clamped {
+            assert_relative_eq!(v.t[v.t.len() - 1] + v.step[v.t.len() - 1], ray.far, epsilon = 1e-12);
+        }
+    }
+    assert!(visits.ray(3).clamped && visits.ray(3).t.len() < 22);
+    assert_eq!(visits.ray(1).t.len(), 22);
+}
