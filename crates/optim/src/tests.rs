@@ -1,0 +1,112 @@
+use super::*;
+use approx::assert_relative_eq;
+use proptest::prelude::*;
+
+fn adam(n: usize) -> Adam<f64> {
+    Adam::new(n, vec![Group::new("all", 0..n)])
+}
+
+#[test]
+fn the_first_step_has_the_length_of_the_rate() {
+    let mut p = [1.0, 2.0, 3.0];
+    adam(3).step(&mut p, &[0.3, -4.0, 0.0], 0.1).unwrap();
+    assert_relative_eq!(p[0], 0.9, epsilon = 1e-7);
+    assert_relative_eq!(p[1], 2.1, epsilon = 1e-7);
+    assert_relative_eq!(p[2], 3.0);
+}
+
+#[test]
+fn rosenbrock_is_minimised() {
+    let (mut adam, mut p) = (adam(2), [-1.2, 1.0]);
+    for i in 0..20_000 {
+        let [x, y] = p;
+        let gradient = [-2.0 * (1.0 - x) - 400.0 * x * (y - x * x), 200.0 * (y - x * x)];
+        adam.step(&mut p, &gradient, 0.01 * 0.9997f64.powi(i)).unwrap();
+    }
+    assert!((p[0] - 1.0).abs() < 1e-2 && (p[1] - 1.0).abs() < 2e-2, "{p:?}");
+}
+
+#[test]
+fn groups_have_their_own_rates_and_others_stay() {
+    let mut fast = Group::new("fast", 0..1);
+    fast.rate = 10.0;
+    let mut adam = Adam::<f64>::new(3, vec![fast, Group::new("slow", 1..2)]);
+    let mut p = [0.0; 3];
+    adam.step(&mut p, &[1.0; 3], 0.01).unwrap();
+    assert_relative_eq!(p[0], -0.1, epsilon = 1e-6);
+    assert_relative_eq!(p[1], -0.01, epsilon = 1e-7);
+    assert_eq!(p[2], 0.0);
+}
+
+proptest! {
+    /// Algorithm 1 of the paper written straight, without groups.
+    #[test]
+    fn many_steps_match_the_papers_algorithm(gradients in prop::collection::vec(-10.0..10.0f64, 1..60), rate in 1e-4..1.0f64) {
+        let (mut adam, mut p) = (adam(1), [0.5]);
+        let (mut m, mut v, mut q) = (0.0, 0.0, 0.5);
+        for (t, g) in gradients.iter().enumerate() {
+            adam.step(&mut p, &[*g], rate).unwrap();
+            m = 0.9 * m + 0.1 * g;
+            v = 0.999 * v + 0.001 * g * g;
+            let (m_hat, v_hat) = (m / (1.0 - 0.9f64.powf(t as f64 + 1.0)), v / (1.0 - 0.999f64.powf(t as f64 + 1.0)));
+            q -= rate * m_hat / (v_hat.sqrt() + 1e-8);
+        }
+        assert_relative_eq!(p[0], q, epsilon = 1e-9, max_relative = 1e-9);
+    }
+
+    #[test]
+    fn a_restored_state_goes_on_bit_for_bit(gradients in prop::collection::vec(-1.0..1.0f32, 2..30), cut in 1usize..20) {
+        let cut = cut.min(gradients.len() - 1);
+        let fresh = || Adam::<f32>::new(1, vec![Group::new("all", 0..1)]);
+        let (mut one, mut p) = (fresh(), [0.1f32]);
+        gradients.iter().for_each(|g| one.step(&mut p, &[*g], 0.01).unwrap());
+        let (mut two, mut q) = (fresh(), [0.1f32]);
+        gradients[..cut].iter().for_each(|g| two.step(&mut q, &[*g], 0.01).unwrap());
+        let mut three = fresh();
+        let (first, second, steps) = two.state();
+        three.restore(first, second, steps).unwrap();
+        gradients[cut..].iter().for_each(|g| three.step(&mut q, &[*g], 0.01).unwrap());
+        prop_assert_eq!(p[0].to_bits(), q[0].to_bits());
+    }
+
+    #[test]
+    fn poison_is_named_and_changes_nothing(poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]), at in 0usize..3) {
+        let (mut adam, mut p) = (adam(3), [1.0, 2.0, 3.0]);
+        adam.step(&mut p, &[0.1; 3], 0.1).unwrap();
+        let before = (adam.clone(), p);
+        let mut gradient = [1.0, 1e30, 1e-310];
+        gradient[at] = poison;
+        match adam.step(&mut p, &gradient, 0.1) {
+            Err(OptimError::NotFinite { index, .. }) => prop_assert_eq!(index, at),
+            other => prop_assert!(false, "{other:?}"),
+        }
+        prop_assert_eq!((adam, p), before);
+    }
+
+    #[test]
+    fn clipping_keeps_the_direction(g in prop::collection::vec(-1e3..1e3f64, 1..20), most in 1e-3..10.0f64) {
+        let mut clipped = g.clone();
+        let length = clip_norm(&mut clipped, most);
+        assert_relative_eq!(length, g.iter().map(|v| v * v).sum::<f64>().sqrt(), max_relative = 1e-12);
+        prop_assert!(norm(&clipped) <= most * (1.0 + 1e-12) || length <= most);
+        for (a, b) in g.iter().zip(&clipped) {
+            assert_relative_eq!(a * norm(&clipped), b * length, epsilon = 1e-6, max_relative = 1e-9);
+        }
+    }
+}
+
+#[test]
+fn norms_survive_extremes() {
+    assert_relative_eq!(norm(&[3e30f32, 4e30]), 5e30, max_relative = 1e-6);
+    assert_relative_eq!(norm(&[3e-30f32, 4e-30]), 5e-30, max_relative = 1e-6);
+    assert_eq!(norm::<f32>(&[]), 0.0);
+    assert!(norm(&[1.0, f32::NAN]).is_nan());
+    assert_eq!(first_non_finite(&[0.0, f32::INFINITY]), Some((1, f32::INFINITY)));
+}
+
+#[test]
+fn wrong_lengths_are_errors() {
+    let mut p = [0.0; 2];
+    assert!(matches!(adam(3).step(&mut p, &[0.0; 3], 0.1), Err(OptimError::Length { what: "parameters", .. })));
+    assert!(matches!(adam(3).restore(&[0.0; 2], &[0.0; 3], 1), Err(OptimError::Length { .. })));
+}
