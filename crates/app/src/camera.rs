@@ -122,7 +122,7 @@ impl<R: Real> warp::Projection<R> for Camera {
         let r = x - R::Vec3::of(self.eye);
         let forward = R::Vec3::of(self.forward);
         let (depth, depth_dot) = (r.dot(forward), forward.dot(dx));
-        let jacobian: [R::Vec3; 2] = self.jacobian(x);
+        let jacobian = warp::Projection::<R>::jacobian(self, x);
         jacobian.map(|row| (forward * row.dot(dx) + row * depth_dot) * (-R::one() / depth))
     }
 }

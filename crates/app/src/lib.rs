@@ -1,5 +1,10 @@
 //! The application layer of dsdf.
 pub mod camera;
+pub mod cli;
 pub mod data;
 pub mod error;
+pub mod estimate;
 pub mod film;
+pub mod io;
+pub mod sampler;
+pub mod scene;

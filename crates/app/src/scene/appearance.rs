@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use field::{Dual, Real, Scalar, Vector3};
+use field::{Dual, Field, Real, Scalar, Sphere, Vector3};
 use sdf_nn::RadianceHead;
 
 use super::Precision;
@@ -135,6 +135,9 @@ impl AppearanceModel {
                     });
                     light.finish()?;
                 }
+                if lights.len() > MAX_LIGHTS {
+                    return Err(object.error("lights", "at most 64 lights"));
+                }
                 Appearance::Lambert { lights, shadows: object.boolean("shadows", false)? }
             }
             "normal" => Appearance::Normal,
@@ -155,13 +158,21 @@ impl AppearanceModel {
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub fn build<R: Precision>(&self) -> Result<Box<dyn Shader<R>>> {
-        Ok(match head(&self.appearance)? {
-            Some(head) => Box::new(head),
-            None => Box::new(Analytic {
-                appearance: self.appearance.clone(),
-                parameters: self.parameters.iter().map(|&p| <R as Real>::of(p)).collect(),
-            }),
+    ///
+    /// With shadows, `occluders` blocks light within `bounds`.
+    pub(crate) fn build<'a, R: Precision>(
+        &self,
+        occluders: &'a dyn Field<R>,
+        bounds: Sphere<R>,
+    ) -> Result<Box<dyn Shader<R> + 'a>> {
+        if let Some(head) = head(&self.appearance)? {
+            return Ok(Box::new(head));
+        }
+        let parameters = self.parameters.iter().map(|&p| <R as Real>::of(p)).collect();
+        let analytic = Analytic { appearance: self.appearance.clone(), parameters };
+        Ok(match self.appearance {
+            Appearance::Lambert { shadows: true, .. } => Box::new(Shadowed { analytic, occluders, bounds }),
+            _ => Box::new(analytic),
         })
     }
 }
@@ -172,6 +183,12 @@ fn head<R: Precision>(appearance: &Appearance) -> Result<Option<RadianceHead<R>>
         .map_err(|e| InputError::new(path, "weights", e, "a model file of a radiance head"))?;
     Ok(Some(head))
 }
+
+/// The most lights a scene may have: one bit each.
+const MAX_LIGHTS: usize = 64;
+
+/// No light is blocked.
+const ALL_LIT: u64 = u64::MAX;
 
 /// A shader in closed form; derivatives come from dual numbers through one formula.
 struct Analytic<R> {
@@ -199,14 +216,15 @@ fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
 }
 
 impl<R: Precision> Analytic<R> {
-    fn shade<S: Scalar<Real = R>>(&self, parameter: impl Fn(usize) -> S, x: V<S>, n: V<S>) -> V<S> {
+    /// Radiance in any arithmetic; bit i of `lit` says whether light i reaches the point.
+    fn shade<S: Scalar<Real = R>>(&self, parameter: impl Fn(usize) -> S, x: V<S>, n: V<S>, lit: u64) -> V<S> {
         let at = |i: usize| -> V<S> { std::array::from_fn(|c| parameter(i + c)) };
         match &self.appearance {
             Appearance::Constant | Appearance::Neural { .. } => at(0),
             Appearance::Normal => n.map(|c| (c + S::constant(R::one())) * S::constant(<R as Real>::of(0.5))),
             Appearance::Lambert { lights, .. } => {
                 let (albedo, mut arriving) = (at(0), at(3));
-                for (i, light) in lights.iter().enumerate() {
+                for (i, light) in lights.iter().enumerate().filter(|(i, _)| lit >> i & 1 == 1) {
                     let factor = incident(*light, at(6 + 6 * i), x, n);
                     let strength = at(9 + 6 * i);
                     arriving = std::array::from_fn(|c| arriving[c] + strength[c] * factor);
@@ -224,7 +242,7 @@ impl<R: Precision> Shader<R> for Analytic<R> {
 
     fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
         for ((x, n), rgb) in x.iter().zip(n).zip(rgb) {
-            *rgb = R::Vec3::from_array(self.shade(|i| self.parameters[i], x.to_array(), n.to_array()));
+            *rgb = R::Vec3::from_array(self.shade(|i| self.parameters[i], x.to_array(), n.to_array(), ALL_LIT));
         }
     }
 
@@ -242,7 +260,7 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         for p in 0..x.len() {
             let (at, normal, adjoint) = (x[p].to_array(), n[p].to_array(), adjoint[p]);
             let seed = |v: V<R>, start: usize| std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i));
-            let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3));
+            let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3), ALL_LIT);
             let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
             x_bar[p] = R::Vec3::new(along(0), along(1), along(2));
             n_bar[p] = R::Vec3::new(along(3), along(4), along(5));
@@ -252,9 +270,84 @@ impl<R: Precision> Shader<R> for Analytic<R> {
                     let value = self.parameters[i];
                     if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
                 };
-                let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift));
+                let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift), ALL_LIT);
                 *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
             }
         }
+    }
+}
+
+/// A Lambertian shader whose lights the solid itself blocks. Its derivatives hold visibility fixed.
+struct Shadowed<'a, R: Real> {
+    analytic: Analytic<R>,
+    occluders: &'a dyn Field<R>,
+    bounds: Sphere<R>,
+}
+
+/// How far above its surface a shadow ray starts, as a fraction of the bounding radius: above the hit's error in single
+/// precision, below what a picture shows.
+const SHADOW_OFFSET: f64 = 1e-3;
+
+impl<R: Precision> Shadowed<'_, R> {
+    /// Which lights reach each point, one bit a light.
+    fn lit(&self, x: &[R::Vec3], n: &[R::Vec3]) -> Vec<u64> {
+        let Appearance::Lambert { lights, .. } = &self.analytic.appearance else { return vec![ALL_LIT; x.len()] };
+        let mut lit = vec![0; x.len()];
+        let offset = self.bounds.radius * <R as Real>::of(SHADOW_OFFSET);
+        for (l, light) in lights.iter().enumerate() {
+            let p = &self.analytic.parameters[6 + 6 * l..];
+            let p = R::Vec3::new(p[0], p[1], p[2]);
+            let (mut rays, mut owners, mut found) = (Vec::new(), Vec::new(), Vec::new());
+            for (i, (x, n)) in x.iter().zip(n).enumerate() {
+                let origin = *x + *n * offset;
+                let to_light = if *light == Light::Point { p - origin } else { p };
+                let direction = to_light * (R::one() / to_light.length());
+                lit[i] |= 1 << l;
+                if n.dot(direction) > R::zero()
+                    && let Some(mut ray) = trace::Ray::enter(origin, direction, &self.bounds)
+                {
+                    if *light == Light::Point {
+                        ray.far = Scalar::min(ray.far, to_light.length());
+                    }
+                    rays.push(ray);
+                    owners.push(i);
+                }
+            }
+            trace::intersect(self.occluders, &rays, &trace::Options::default(), &mut found);
+            for (i, found) in owners.into_iter().zip(found) {
+                if found.outcome != trace::Outcome::Miss {
+                    lit[i] &= !(1 << l);
+                }
+            }
+        }
+        lit
+    }
+}
+
+impl<R: Precision> Shader<R> for Shadowed<'_, R> {
+    fn parameter_count(&self) -> usize {
+        self.analytic.parameter_count()
+    }
+
+    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
+        let parameters = &self.analytic.parameters;
+        for (i, lit) in self.lit(x, n).into_iter().enumerate() {
+            let shaded = self.analytic.shade(|p| parameters[p], x[i].to_array(), n[i].to_array(), lit);
+            rgb[i] = R::Vec3::from_array(shaded);
+        }
+    }
+
+    fn vjp(
+        &self,
+        x: &[R::Vec3],
+        n: &[R::Vec3],
+        d: &[R::Vec3],
+        adjoint: &[R::Vec3],
+        x_bar: &mut [R::Vec3],
+        n_bar: &mut [R::Vec3],
+        d_bar: &mut [R::Vec3],
+        parameters: &mut [R],
+    ) {
+        self.analytic.vjp(x, n, d, adjoint, x_bar, n_bar, d_bar, parameters);
     }
 }

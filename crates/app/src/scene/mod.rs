@@ -6,7 +6,7 @@ mod sdf;
 
 use std::path::Path;
 
-use field::Sphere;
+use field::{Field, Real, Sphere, Vector3};
 use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 
@@ -47,7 +47,8 @@ impl Scene {
     /// # Errors
     /// If the file, or a model file it names, is missing or wrong: with the place and what was expected.
     pub fn load(path: &Path) -> Result<Scene> {
-        let text = std::fs::read_to_string(path).map_err(|e| InputError::new(path, "scene", e, "a readable scene file"))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|e| InputError::new(path, "scene", e, "a readable scene file"))?;
         let value = serde_json::from_str(&text)
             .map_err(|e| InputError::new(path, format!("line {}", e.line()), e, "a JSON object"))?;
         Self::from_value(path, &value)
@@ -67,6 +68,18 @@ impl Scene {
         root.finish()?;
         let bounds = bounds(&sdf, &camera)?;
         Ok(Scene { camera, sdf, appearance, background, bounds })
+    }
+
+    /// Builds the appearance's shader; `occluders` is the scene's field, which blocks light where shadows are asked for.
+    ///
+    /// # Errors
+    /// If a model file cannot be used.
+    pub fn shader<'a, R: Precision>(&self, occluders: &'a dyn Field<R>) -> Result<Box<dyn Shader<R> + 'a>> {
+        let bounds = Sphere {
+            center: <R::Vec3 as Vector3<R>>::of(self.bounds.center),
+            radius: <R as Real>::of(self.bounds.radius),
+        };
+        self.appearance.build(occluders, bounds)
     }
 }
 

@@ -36,7 +36,9 @@ impl Sdf {
     /// Reads the object; relative paths of model files start at `folder`.
     pub(crate) fn read(object: Object<'_>, folder: &Path) -> Result<Self> {
         let sdf = match object.string("type")? {
-            "sphere" => Sdf::Shape(Kind::Sphere, join([&object.numbers::<3>("center")?, &[object.positive("radius")?]])),
+            "sphere" => {
+                Sdf::Shape(Kind::Sphere, join([&object.numbers::<3>("center")?, &[object.positive("radius")?]]))
+            }
             "box" => {
                 let (center, half_size) = (object.numbers::<3>("center")?, object.numbers::<3>("half_size")?);
                 if half_size.iter().any(|h| *h <= 0.0) {
@@ -132,7 +134,8 @@ impl Sdf {
 
 /// A network from a model file's bytes.
 pub(crate) fn network<R: Precision>(path: &Path, bytes: &[u8]) -> Result<Network<R>> {
-    Network::from_safetensors(bytes).map_err(|e| InputError::new(path, "weights", e, "a model file of a signed distance"))
+    Network::from_safetensors(bytes)
+        .map_err(|e| InputError::new(path, "weights", e, "a model file of a signed distance"))
 }
 
 fn check_model(path: &Path, bytes: &[u8]) -> Result<()> {

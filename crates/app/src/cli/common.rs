@@ -1,0 +1,98 @@
+//! Flags and output shared by the commands.
+
+use std::path::Path;
+
+use clap::{Args, ValueEnum};
+use field::{Evaluations, Real, Vector3};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use crate::error::InputError;
+
+/// Flags of every command.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Global {
+    /// Print the result as one JSON object
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Threads to use [default: all]
+    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// No progress on standard error
+    #[arg(long, global = true)]
+    pub(crate) quiet: bool,
+}
+
+impl Global {
+    /// Prints a result: as JSON, or as the lines of `text`.
+    pub(crate) fn report(&self, json: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+        if self.json {
+            println!("{}", serde_json::to_string(json)?);
+        } else {
+            println!("{}", text());
+        }
+        Ok(())
+    }
+
+    /// A progress bar over fractions, on standard error.
+    pub(crate) fn progress(&self, what: &str) -> ProgressBar {
+        if self.quiet {
+            return ProgressBar::hidden();
+        }
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left");
+        let bar = ProgressBar::new(1000).with_message(what.to_owned());
+        match style {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        }
+    }
+}
+
+/// A callback that moves `bar` to a fraction.
+pub(crate) fn mover(bar: &ProgressBar) -> impl Fn(f64) + Sync + '_ {
+    |fraction| bar.set_position((fraction.min(1.0) * 1000.0) as u64)
+}
+
+/// Floating-point precision of a computation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PrecisionArg {
+    /// Single precision
+    F32,
+    /// Double precision
+    F64,
+}
+
+/// Field evaluations as the reports show them.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct EvaluationReport {
+    value: u64,
+    gradient: u64,
+    hessian_vector: u64,
+    parameter: u64,
+}
+
+impl From<Evaluations> for EvaluationReport {
+    fn from(e: Evaluations) -> Self {
+        EvaluationReport {
+            value: e.value,
+            gradient: e.gradient,
+            hessian_vector: e.hessian_vector,
+            parameter: e.parameter,
+        }
+    }
+}
+
+/// A colour of a scene in the precision of the computation.
+pub(crate) fn color<R: Real>(rgb: [f64; 3]) -> R::Vec3 {
+    R::Vec3::of(rgb.into())
+}
+
+/// Refuses an output whose extension is not among `extensions`.
+pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
+    let found = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    if extensions.contains(&found.as_str()) {
+        return Ok(());
+    }
+    let expected: Vec<String> = extensions.iter().map(|e| format!(".{e}")).collect();
+    Err(InputError::new(path, "output", format!("extension \"{found}\""), expected.join(", ")))
+}

@@ -1,0 +1,205 @@
+//! `dsdf fit`.
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+
+use super::common::Global;
+use crate::data::{self, Dataset, LoadOptions};
+use crate::error::{InputError, Interrupted};
+use crate::fit::{Event, Fit as Fitting, FitOptions, Metrics, RunFile, write_preview};
+
+/// Reconstruct a shape from posed photographs.
+#[derive(Args, Debug)]
+pub(crate) struct Fit {
+    /// The data set: a folder in NeRF/Blender, NeuS/IDR, Middlebury or COLMAP form
+    #[arg(required_unless_present = "resume")]
+    dataset: Option<PathBuf>,
+    /// The run folder to write
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Go on from the checkpoint in the run folder, with the options it was started with
+    #[arg(long)]
+    resume: bool,
+    #[command(flatten)]
+    options: FitOptions,
+}
+
+#[derive(Serialize)]
+pub(super) struct Report {
+    run: PathBuf,
+    iterations: u64,
+    seconds: f64,
+    loss: Option<f64>,
+    psnr: Option<f64>,
+}
+
+impl Fit {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        let (dataset, file) = if self.resume { self.resumed()? } else { self.started()? };
+        let report = fit(dataset, file, &self.output, self.resume, global)?;
+        global.report(&report, || {
+            let psnr = report.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
+            format!("{} iterations, {:.0} s{psnr}: {}", report.iterations, report.seconds, report.run.display())
+        })
+    }
+
+    fn started(&self) -> anyhow::Result<(Dataset, RunFile)> {
+        self.options.validate(Path::new("arguments"))?;
+        let Some(path) = &self.dataset else {
+            return Err(InputError::new("arguments", "DATASET", "nothing", "a data set's folder").into());
+        };
+        start(path, &self.options)
+    }
+
+    fn resumed(&self) -> anyhow::Result<(Dataset, RunFile)> {
+        let mut file = RunFile::load(&self.output)?;
+        // A longer budget is the one thing a resumed run may ask anew.
+        if self.options.time.is_some() || self.options.iterations.is_some() {
+            (file.options.time, file.options.iterations) = (self.options.time, self.options.iterations);
+        }
+        let toml = self.output.join("fit.toml");
+        file.options.validate(&toml)?;
+        if let Some(path) = self.dataset.as_ref().filter(|p| **p != file.dataset) {
+            let expected = format!("{}, as the run was started with", file.dataset.display());
+            return Err(InputError::new(toml, "dataset", path.display(), expected).into());
+        }
+        let dataset = data::load(&file.dataset, &LoadOptions { downscale: file.options.downscale })?;
+        Ok((dataset, file))
+    }
+}
+
+/// Loads a data set and settles its bounding sphere and background.
+pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Dataset, RunFile)> {
+    let dataset = data::load(path, &LoadOptions { downscale: options.downscale })?;
+    let (bounds, background) = data::surroundings(&dataset, options.bounds());
+    data::check_cameras(&dataset, &bounds)?;
+    let center = bounds.center;
+    let file = RunFile {
+        dataset: path.to_owned(),
+        bounds: [center.x, center.y, center.z, bounds.radius],
+        background: background.color,
+        background_spread: background.spread,
+        background_confidence: background.confidence,
+        options: options.clone(),
+    };
+    Ok((dataset, file))
+}
+
+/// Makes the run's folders and its `fit.toml`.
+fn prepare(run: &Path, file: &RunFile, resume: bool) -> anyhow::Result<()> {
+    for folder in [run.to_owned(), run.join("checkpoint"), run.join("preview")] {
+        std::fs::create_dir_all(&folder).map_err(|e| InputError::new(&folder, "run", e, "a folder that can be written"))?;
+    }
+    if !resume && run.join("checkpoint/state.safetensors").exists() {
+        let expected = "an empty folder, or --resume to go on";
+        return Err(InputError::new(run, "run", "a run with a checkpoint", expected).into());
+    }
+    file.save(run)
+}
+
+/// Fits a data set in a run folder, with progress, metrics, previews and checkpoints.
+pub(super) fn fit(dataset: Dataset, file: RunFile, run: &Path, resume: bool, global: &Global) -> anyhow::Result<Report> {
+    prepare(run, &file, resume)?;
+    let mut fitting = Fitting::new(run, dataset, file, resume)?;
+    let stop = on_interrupt()?;
+    let mut metrics = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
+    let bar = progress_bar(global);
+    let mut last: Option<Metrics> = None;
+    fitting.run(&|| stop.load(Ordering::Relaxed), &mut |event| {
+        match event {
+            Event::Step(step) => {
+                metrics.write(step)?;
+                show(&bar, step);
+                last = Some(step.clone());
+            }
+            Event::Preview(fit) => preview(fit, run)?,
+        }
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    if stop.load(Ordering::Relaxed) {
+        eprintln!("stopped after {} iterations; --resume goes on", fitting.iteration);
+        return Err(Interrupted.into());
+    }
+    preview(&fitting, run)?;
+    let psnr = fitting.look()?;
+    Ok(Report {
+        run: run.to_owned(),
+        iterations: fitting.iteration,
+        seconds: fitting.seconds(),
+        loss: last.map(|m| m.loss),
+        psnr,
+    })
+}
+
+/// Writes the picture of the view that stands for the others: a held-out one if there is one.
+fn preview(fit: &Fitting, run: &Path) -> anyhow::Result<()> {
+    let Some(view) = fit.dataset.test.first().or(fit.dataset.train.first()) else { return Ok(()) };
+    let cameras = [view.camera];
+    let path = run.join("preview").join(format!("{:06}.png", fit.iteration));
+    write_preview(&path, &fit.setup(&cameras), 0, &view.image).map(|_| ())
+}
+
+/// A flag that the first Ctrl-C raises; the second ends the program at once.
+fn on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(stop)
+}
+
+/// `metrics.jsonl`, a line an iteration.
+struct MetricsFile {
+    file: std::io::BufWriter<std::fs::File>,
+}
+
+impl MetricsFile {
+    /// Opens the file for appending, without the lines after `iteration` that a killed run left.
+    fn open(path: &Path, iteration: u64) -> anyhow::Result<Self> {
+        let kept: String = std::fs::read_to_string(path)
+            .unwrap_or_default()
+            .lines()
+            .filter(|line| {
+                let value: Option<serde_json::Value> = serde_json::from_str(line).ok();
+                value.and_then(|v| v["iteration"].as_u64()).is_some_and(|i| i <= iteration)
+            })
+            .flat_map(|line| [line, "\n"])
+            .collect();
+        crate::io::atomic_write(path, |out| Ok(out.write_all(kept.as_bytes())?))?;
+        Ok(MetricsFile { file: std::io::BufWriter::new(OpenOptions::new().append(true).open(path)?) })
+    }
+
+    fn write(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
+        serde_json::to_writer(&mut self.file, metrics)?;
+        self.file.write_all(b"\n")?;
+        Ok(self.file.flush()?)
+    }
+}
+
+fn progress_bar(global: &Global) -> ProgressBar {
+    if global.quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(10_000);
+    match ProgressStyle::with_template("{wide_bar} {percent:>3} % {eta} left  {msg}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn show(bar: &ProgressBar, m: &Metrics) {
+    bar.set_position((m.progress.min(1.0) * 10_000.0) as u64);
+    let psnr = m.psnr.map_or_else(|| format!("train {:.1} dB", m.train_psnr), |p| format!("held-out {p:.1} dB"));
+    bar.set_message(format!("loss {:.4}  {psnr}  {:.0} k rays/s", m.loss, m.rays_per_second / 1e3));
+}

@@ -1,0 +1,233 @@
+//! `dsdf gradient`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use field::Counted;
+use serde::Serialize;
+
+use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use crate::error::InputError;
+use crate::estimate::{Derivative, Direction, Estimator, Sampling, Setup, differentiate, target_gradient};
+use crate::io::{read_image, write_image};
+use crate::scene::{Appearance, Precision, Scene, Sdf};
+
+/// Differentiate a scene's image by one of its numbers, or the loss ½ Σ (I − target)² by a network's weights.
+#[derive(Args, Debug)]
+pub(crate) struct Gradient {
+    /// The scene file
+    scene: PathBuf,
+    /// JSON pointer of a number in the scene, for example /sdf/radius; may repeat
+    #[arg(long, required_unless_present = "target", conflicts_with = "target")]
+    wrt: Vec<String>,
+    /// Target image of the loss, for the gradient by all weights of a neural scene
+    #[arg(long)]
+    target: Option<PathBuf>,
+    /// Where to write: .npy or .exr for --wrt, .safetensors for --target
+    #[arg(short, long)]
+    output: PathBuf,
+    /// The silhouette estimator: paper, or interior for none
+    #[arg(long, default_value = "paper")]
+    estimator: String,
+    /// Samples a pixel
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    spp: u32,
+    /// Samples on each edge between pixels [default: half of --spp]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    edge_samples: Option<u32>,
+    /// N: points of the quadrature along a ray
+    #[arg(long, default_value_t = 22, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    steps: u32,
+    /// k: points that keep a weight
+    #[arg(long, default_value_t = 14)]
+    top_k: usize,
+    /// γ: exponent of the weights
+    #[arg(long, default_value_t = 3.0)]
+    gamma: f64,
+    /// λ_d: weight of |∇f·d| beside |f|
+    #[arg(long, default_value_t = 1.0)]
+    lambda_d: f64,
+    /// ε: guard inside the weights, in world units
+    #[arg(long, default_value_t = 1e-6)]
+    epsilon: f64,
+    /// Pixel filter
+    #[arg(long, default_value = "box")]
+    filter: String,
+    /// Seed of the samples
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Precision of the computation
+    #[arg(long, value_enum, default_value = "f64")]
+    precision: PrecisionArg,
+}
+
+#[derive(Serialize)]
+struct Report {
+    seconds: f64,
+    evaluations: EvaluationReport,
+    /// Relative L2, estimated from independent replicates; of the worst of several derivatives.
+    standard_error: Option<f64>,
+    outputs: Vec<PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loss: Option<f64>,
+}
+
+/// What the messages about flags name as their file.
+const ARGUMENTS: &str = "arguments";
+
+impl Gradient {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        match self.precision {
+            PrecisionArg::F32 => self.run_in::<f32>(global),
+            PrecisionArg::F64 => self.run_in::<f64>(global),
+        }
+    }
+
+    fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
+        let sampling = self.sampling()?;
+        match &self.target {
+            Some(target) => check_extension(&self.output, &["safetensors"]).map(|()| Some(target))?,
+            None => check_extension(&self.output, &["npy", "exr"]).map(|()| None)?,
+        };
+        let scene = Scene::load(&self.scene)?;
+        if let Appearance::Lambert { shadows: true, .. } = scene.appearance.appearance {
+            let expected = "false: the edges of shadows are not differentiated";
+            return Err(InputError::new(&self.scene, "/appearance/shadows", "true", expected).into());
+        }
+        let field = Counted::new(scene.sdf.build::<R>()?);
+        let shader = scene.shader::<R>(&field)?;
+        let cameras = [scene.camera];
+        let mut setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
+        setup.steps = self.steps as usize;
+        setup.warp = self.warp_options()?;
+        let bar = global.progress("gradient");
+        let start = Instant::now();
+        let invalid = |e| InputError::new(&self.scene, "/sdf", e, "a finite field");
+        let mut report = if let Some(path) = &self.target {
+            self.with_target(&scene, &setup, path, sampling, &mover(&bar))?
+        } else {
+            let directions = self.directions(&scene)?;
+            let derivatives = differentiate(&setup, &directions, sampling, &mover(&bar)).map_err(invalid)?;
+            self.write_images(&derivatives, start.elapsed().as_secs_f64())?
+        };
+        report.evaluations = field.evaluations().into();
+        bar.finish_and_clear();
+        global.report(&report, || {
+            let error = report.standard_error.map_or("unknown".to_owned(), |e| format!("{:.3} %", 100.0 * e));
+            format!("{:.3} s, standard error {error} (relative L2)", report.seconds)
+        })
+    }
+
+    fn sampling(&self) -> Result<Sampling, InputError> {
+        let estimator = match self.estimator.as_str() {
+            "paper" => Estimator::Paper,
+            "interior" => Estimator::Interior,
+            other => return Err(InputError::new(ARGUMENTS, "--estimator", other, "paper or interior")),
+        };
+        if self.filter != "box" {
+            return Err(InputError::new(ARGUMENTS, "--filter", &self.filter, "box"));
+        }
+        let edge_samples = self.edge_samples.unwrap_or_else(|| self.spp.div_ceil(2));
+        Ok(Sampling { estimator, spp: self.spp, edge_samples, seed: self.seed })
+    }
+
+    fn warp_options<R: Precision>(&self) -> Result<warp::Options<R>, InputError> {
+        let constant = <R as field::Real>::of;
+        let options = warp::Options {
+            k: self.top_k,
+            gamma: constant(self.gamma),
+            lambda_d: constant(self.lambda_d),
+            epsilon: constant(self.epsilon),
+            ..warp::Options::default()
+        };
+        options.validate().map_err(|e| InputError::new(ARGUMENTS, "warp", e, "values that leave a weight"))?;
+        Ok(options)
+    }
+
+    /// The parameter that each --wrt names.
+    fn directions(&self, scene: &Scene) -> Result<Vec<Direction>, InputError> {
+        let (field, shader) = (scene.sdf.pointers(), &scene.appearance.pointers);
+        let named = |wrt: &String| {
+            if let Some(index) = field.iter().position(|p| p.as_deref() == Some(wrt)) {
+                return Ok(Direction::Field(index));
+            }
+            if let Some(index) = shader.iter().position(|p| p == wrt) {
+                return Ok(Direction::Shader(index));
+            }
+            match wrt.strip_prefix("/background/").and_then(|c| c.parse().ok()) {
+                Some(channel @ 0..3) => Ok(Direction::Background(channel)),
+                _ => Err(InputError::new(
+                    &self.scene,
+                    wrt,
+                    "no such number",
+                    "a JSON pointer to a number under /sdf, /appearance or /background",
+                )),
+            }
+        };
+        self.wrt.iter().map(named).collect()
+    }
+
+    fn write_images(&self, derivatives: &[Derivative], seconds: f64) -> anyhow::Result<Report> {
+        let mut outputs = Vec::new();
+        for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
+            let path = if self.wrt.len() == 1 { self.output.clone() } else { suffixed(&self.output, wrt) };
+            write_image(&path, &derivative.film)?;
+            outputs.push(path);
+        }
+        let standard_error =
+            derivatives.iter().map(|d| d.standard_error).try_fold(0.0, |worst, e| e.map(|e| e.max(worst)));
+        Ok(Report { seconds, evaluations: field::Evaluations::default().into(), standard_error, outputs, loss: None })
+    }
+
+    fn with_target<R: Precision>(
+        &self,
+        scene: &Scene,
+        setup: &Setup<'_, R>,
+        path: &Path,
+        sampling: Sampling,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> anyhow::Result<Report> {
+        let Sdf::Neural { path: model, bytes } = &scene.sdf else {
+            return Err(InputError::new(&self.scene, "/sdf/type", "an analytic shape", "neural, for --target").into());
+        };
+        let (target, _) = read_image(path)?;
+        let size = (scene.camera.width, scene.camera.height);
+        if (target.width, target.height) != size {
+            let found = format!("{} x {} pixels", target.width, target.height);
+            return Err(InputError::new(path, "size", found, format!("{} x {}, as the camera", size.0, size.1)).into());
+        }
+        let start = Instant::now();
+        let gradient = target_gradient(setup, &target, sampling, progress)
+            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let mut network = crate::scene::network::<R>(model, bytes)?;
+        network.set_parameters(&gradient.parameters);
+        let bytes = network.to_safetensors()?;
+        crate::io::atomic_write(&self.output, |out| Ok(out.write_all(&bytes)?))?;
+        Ok(Report {
+            seconds,
+            evaluations: field::Evaluations::default().into(),
+            standard_error: gradient.standard_error,
+            outputs: vec![self.output.clone()],
+            loss: Some(gradient.loss),
+        })
+    }
+}
+
+/// `g.npy` for `/sdf/center/0`: `g.sdf_center_0.npy`.
+fn suffixed(output: &Path, pointer: &str) -> PathBuf {
+    let suffix = pointer.trim_start_matches('/').replace('/', "_");
+    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    output.with_extension(format!("{suffix}.{extension}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn output_names_take_the_pointer() {
+        assert_eq!(suffixed(Path::new("a/g.npy"), "/sdf/center/0"), PathBuf::from("a/g.sdf_center_0.npy"));
+    }
+}

@@ -1,0 +1,64 @@
+//! The command line: arguments in, exit status out.
+
+mod common;
+mod gradient;
+mod render;
+
+use std::ffi::OsString;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::exit_status;
+
+/// Differentiable rendering of neural signed distance fields: posed photographs in, a shape out.
+#[derive(Parser)]
+#[command(name = "dsdf", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    global: common::Global,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene to an image (.png, .exr or .npy)
+    Render(render::Render),
+    /// Differentiate a scene's image by one of its numbers, or a loss by a network's weights
+    Gradient(gradient::Gradient),
+}
+
+/// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or input, 130 after
+/// Ctrl-C, 1 for anything else.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            let text = error.to_string();
+            let line: Vec<&str> = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
+            eprintln!("{}", line.join(" "));
+            return 2;
+        }
+        Err(help) => {
+            print!("{help}");
+            return 0;
+        }
+    };
+    match execute(cli) {
+        Ok(()) => 0,
+        Err(error) => {
+            let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
+            eprintln!("error: {}", chain.join(": "));
+            exit_status(&error)
+        }
+    }
+}
+
+fn execute(cli: Cli) -> anyhow::Result<()> {
+    let global = cli.global;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.map_or(0, usize::from)).build()?;
+    pool.install(|| match cli.command {
+        Command::Render(command) => command.run(&global),
+        Command::Gradient(command) => command.run(&global),
+    })
+}

@@ -1,0 +1,71 @@
+//! `dsdf render`.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use field::Counted;
+use serde::Serialize;
+
+use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use crate::error::InputError;
+use crate::estimate::{Setup, render};
+use crate::io::write_image;
+use crate::scene::{Precision, Scene};
+
+/// Render a scene to an image.
+#[derive(Args, Debug)]
+pub(crate) struct Render {
+    /// The scene file
+    scene: PathBuf,
+    /// The image to write: .png (sRGB), .exr or .npy (linear)
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Samples a pixel
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+    /// Seed of the samples
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Precision of the computation
+    #[arg(long, value_enum, default_value = "f32")]
+    precision: PrecisionArg,
+}
+
+#[derive(Serialize)]
+struct Report {
+    width: u32,
+    height: u32,
+    spp: u32,
+    seconds: f64,
+    evaluations: EvaluationReport,
+}
+
+impl Render {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        match self.precision {
+            PrecisionArg::F32 => self.run_in::<f32>(global),
+            PrecisionArg::F64 => self.run_in::<f64>(global),
+        }
+    }
+
+    fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
+        check_extension(&self.output, &["png", "exr", "npy"])?;
+        let scene = Scene::load(&self.scene)?;
+        let field = Counted::new(scene.sdf.build::<R>()?);
+        let shader = scene.shader::<R>(&field)?;
+        let cameras = [scene.camera];
+        let setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
+        let bar = global.progress("render");
+        let start = Instant::now();
+        let image = render(&setup, 0, self.spp, self.seed, &mover(&bar))
+            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
+        let seconds = start.elapsed().as_secs_f64();
+        bar.finish_and_clear();
+        write_image(&self.output, &image.film)?;
+        let (width, height) = (image.film.width, image.film.height);
+        let evaluations = field.evaluations().into();
+        let report = Report { width, height, spp: self.spp, seconds, evaluations };
+        global.report(&report, || format!("{width} x {height} pixels, {} samples each, {seconds:.3} s", self.spp))
+    }
+}

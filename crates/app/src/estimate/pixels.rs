@@ -1,0 +1,99 @@
+//! Images: box-filtered radiance, sample by sample.
+
+use field::{Real, Vector3};
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::{Sample, Setup};
+use crate::error::InvalidField;
+use crate::film::Film;
+use crate::sampler::{mix, sobol};
+
+/// Pixels a chunk: enough samples to fill the field's blocks, few enough to balance threads.
+pub(crate) const CHUNK: usize = 64;
+
+/// A rendered view.
+#[derive(Clone, Debug)]
+pub struct Render {
+    /// Linear radiance.
+    pub film: Film,
+    /// The fraction of every pixel's samples that hit, row-major.
+    pub coverage: Vec<f32>,
+}
+
+/// The samples of one pixel: a Sobol point set in its unit square, scrambled by `stream` and the pixel.
+pub(crate) fn pixel_samples(camera: usize, x: u32, y: u32, count: u32, stream: u64) -> impl Iterator<Item = Sample> {
+    let stream = mix(stream, u64::from(y) << 32 | u64::from(x));
+    (0..count).map(move |i| {
+        let [a, b] = sobol(i, stream);
+        Sample { camera, u: DVec2::new(f64::from(x) + a, f64::from(y) + b) }
+    })
+}
+
+/// The error for a NaN met at one of `samples`, if there was one.
+pub(crate) fn check_valid<R: Real>(
+    setup: &Setup<'_, R>,
+    samples: &[Sample],
+    invalid: Option<usize>,
+) -> Result<(), InvalidField> {
+    match invalid {
+        None => Ok(()),
+        Some(i) => {
+            let Sample { camera, u } = samples[i];
+            let (eye, direction) = (setup.cameras[camera].eye, setup.cameras[camera].direction(u));
+            Err(InvalidField { camera, u, eye, direction })
+        }
+    }
+}
+
+/// Renders camera `camera` of the setup with `spp` samples a pixel. `progress` is told the fraction done.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity.
+pub fn render<R: Real>(
+    setup: &Setup<'_, R>,
+    camera: usize,
+    spp: u32,
+    seed: u64,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Render, InvalidField> {
+    let (width, height) = (setup.cameras[camera].width, setup.cameras[camera].height);
+    let count = width as usize * height as usize;
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    let chunks: Vec<Vec<([f32; 3], f32)>> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let pixels = chunk * CHUNK..((chunk + 1) * CHUNK).min(count);
+            let result = render_pixels(setup, camera, pixels, spp, seed);
+            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+            progress((done * CHUNK) as f64 / count as f64);
+            result
+        })
+        .collect::<Result<_, _>>()?;
+    let (pixels, coverage) = chunks.into_iter().flatten().unzip();
+    Ok(Render { film: Film { width, height, pixels }, coverage })
+}
+
+fn render_pixels<R: Real>(
+    setup: &Setup<'_, R>,
+    camera: usize,
+    pixels: std::ops::Range<usize>,
+    spp: u32,
+    seed: u64,
+) -> Result<Vec<([f32; 3], f32)>, InvalidField> {
+    let width = setup.cameras[camera].width as usize;
+    let samples: Vec<Sample> =
+        pixels.flat_map(|p| pixel_samples(camera, (p % width) as u32, (p / width) as u32, spp, seed)).collect();
+    let primary = setup.primary(&samples);
+    check_valid(setup, &samples, primary.invalid)?;
+    let mut hit = vec![0.0f32; samples.len()];
+    primary.hits.iter().for_each(|&i| hit[i] = 1.0);
+    let per_pixel = primary.radiance.chunks(spp as usize).zip(hit.chunks(spp as usize));
+    Ok(per_pixel
+        .map(|(radiance, hit)| {
+            let sum = radiance.iter().fold(R::Vec3::zero(), |sum, l| sum + *l);
+            let mean = sum.to_array().map(|c| c.to_double() / f64::from(spp));
+            (mean.map(|c| c as f32), hit.iter().sum::<f32>() / spp as f32)
+        })
+        .collect())
+}

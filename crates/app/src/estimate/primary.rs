@@ -1,0 +1,149 @@
+//! Camera rays: where they hit, and the radiance they bring back.
+
+use field::{Field, Real, Sphere, Vector3};
+use glam::DVec2;
+use trace::{Intersection, Outcome, Ray};
+
+use crate::camera::Camera;
+use crate::scene::Shader;
+
+/// N of the published estimator.
+const PUBLISHED_STEPS: usize = 22;
+
+/// What every estimator needs to know.
+#[derive(Clone, Copy)]
+pub struct Setup<'a, R: Real> {
+    /// The signed distance.
+    pub field: &'a dyn Field<R>,
+    /// Radiance at its surface.
+    pub shader: &'a dyn Shader<R>,
+    /// The cameras that samples refer to.
+    pub cameras: &'a [Camera],
+    /// Where tracing starts and ends.
+    pub bounds: Sphere<R>,
+    /// Radiance of rays that hit nothing, linear RGB.
+    pub background: R::Vec3,
+    /// How rays are traced.
+    pub trace: trace::Options<R>,
+    /// The warp's exponents and guards.
+    pub warp: warp::Options<R>,
+    /// N: the points of T(u).
+    pub steps: usize,
+}
+
+/// A position on the film of one camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// The index of the camera.
+    pub camera: usize,
+    /// The film position, in pixels.
+    pub u: DVec2,
+}
+
+/// The first hits of a batch of samples.
+#[derive(Clone, Debug)]
+pub struct Primary<R: Real> {
+    /// The ray of every sample, unless it misses the bounding sphere.
+    pub rays: Vec<Option<Ray<R>>>,
+    /// What the tracer found of every sample; `None` where there is no ray.
+    pub found: Vec<Option<Intersection<R>>>,
+    /// The radiance of every sample.
+    pub radiance: Vec<R::Vec3>,
+    /// The samples that hit, in order.
+    pub hits: Vec<usize>,
+    /// The hit points.
+    pub x: Vec<R::Vec3>,
+    /// ∇f at the hit points.
+    pub gradient: Vec<R::Vec3>,
+    /// The unit normals there.
+    pub normal: Vec<R::Vec3>,
+    /// The unit view directions of the hits.
+    pub direction: Vec<R::Vec3>,
+    /// The distances of the hits.
+    pub t: Vec<R>,
+    /// Samples on which a NaN or an infinity was met: the first such sample.
+    pub invalid: Option<usize>,
+}
+
+/// A camera inside the bounding ball starts half-way to the nearest surface: the chart is singular at the eye.
+fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
+    let mut f = [R::zero()];
+    field.value(&[eye], &mut f);
+    f[0].max(R::zero()) * R::of(0.5)
+}
+
+impl<'a, R: Real> Setup<'a, R> {
+    /// A setup with the default tracer and the published warp.
+    pub fn new(
+        field: &'a dyn Field<R>,
+        shader: &'a dyn Shader<R>,
+        cameras: &'a [Camera],
+        bounds: &Sphere<f64>,
+        background: R::Vec3,
+    ) -> Self {
+        let bounds = Sphere { center: R::Vec3::of(bounds.center), radius: R::of(bounds.radius) };
+        let (trace, warp) = (trace::Options::default(), warp::Options::default());
+        Setup { field, shader, cameras, bounds, background, trace, warp, steps: PUBLISHED_STEPS }
+    }
+}
+
+impl<R: Real> Setup<'_, R> {
+    /// The ray of every sample that meets the bounding sphere.
+    pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
+        let mut start: Option<(usize, R)> = None;
+        samples
+            .iter()
+            .map(|sample| {
+                let camera = &self.cameras[sample.camera];
+                let eye = R::Vec3::of(camera.eye);
+                let mut ray = Ray::enter(eye, R::Vec3::of(camera.direction(sample.u)), &self.bounds)?;
+                if ray.near == R::zero() {
+                    let clear = match start {
+                        Some((index, clear)) if index == sample.camera => clear,
+                        _ => clear_of_the_eye(self.field, eye),
+                    };
+                    start = Some((sample.camera, clear));
+                    ray.near = clear.min(ray.far);
+                }
+                Some(ray)
+            })
+            .collect()
+    }
+
+    /// Traces and shades a batch.
+    pub fn primary(&self, samples: &[Sample]) -> Primary<R> {
+        let rays = self.rays(samples);
+        let traced: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
+        let mut intersections = Vec::with_capacity(traced.len());
+        trace::intersect(self.field, &traced, &self.trace, &mut intersections);
+        let mut next = intersections.into_iter();
+        let found: Vec<_> = rays.iter().map(|ray| ray.and_then(|_| next.next())).collect();
+
+        let (mut hits, mut x, mut direction, mut t) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut invalid = None;
+        for (i, (ray, found)) in rays.iter().zip(&found).enumerate() {
+            let (Some(ray), Some(found)) = (ray, found) else { continue };
+            match found.outcome {
+                Outcome::Hit => {
+                    hits.push(i);
+                    x.push(ray.origin + ray.direction * found.t);
+                    direction.push(ray.direction);
+                    t.push(found.t);
+                }
+                Outcome::Invalid => invalid = invalid.or(Some(i)),
+                Outcome::Miss | Outcome::Inside => {}
+            }
+        }
+        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+        self.field.value_gradient(&x, &mut f, &mut gradient);
+        let normal: Vec<_> =
+            gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect();
+        let mut rgb = vec![R::Vec3::zero(); x.len()];
+        self.shader.radiance(&x, &normal, &direction, &mut rgb);
+        let mut radiance = vec![self.background; samples.len()];
+        for (hit, rgb) in hits.iter().zip(rgb) {
+            radiance[*hit] = rgb;
+        }
+        Primary { rays, found, radiance, hits, x, gradient, normal, direction, t, invalid }
+    }
+}

@@ -1,0 +1,54 @@
+//! Which pixels a silhouette may cross, from one ray each.
+
+use field::{Real, Vector3};
+
+use crate::estimate::{Primary, Sample, Setup};
+
+/// How many pixels' distance from its sample a silhouette may have and still count: the sample may sit in one corner and
+/// the silhouette pass through the opposite one, √2 away; the rest is room for what first order misses.
+const REACH: f32 = 1.6;
+
+/// Hits steeper than this cosine are never near a silhouette of radius 8 px or more: cos² = 2 s/r at distance s.
+const STEEP: f32 = 0.65;
+
+/// For every sample, whether a silhouette may cross its pixel.
+///
+/// Two tests to first order: a ray that passes a closest approach of f outside (before its hit, if it has one) has a
+/// silhouette about f/(t·pixel angle) pixels away; a ray that hits at cosine c = −n·d has one where c² falls to zero,
+/// c/(2|∂c/∂u|) pixels away.
+pub(crate) fn silhouette_pixels(setup: &Setup<'_, f32>, samples: &[Sample], primary: &Primary<f32>) -> Vec<bool> {
+    let mut near: Vec<bool> = samples
+        .iter()
+        .zip(&primary.found)
+        .map(|(sample, found)| {
+            let cone = setup.cameras[sample.camera].pixel_angle() as f32;
+            found.is_some_and(|found| found.closest_ratio < REACH * cone)
+        })
+        .collect();
+    let grazing: Vec<usize> =
+        (0..primary.hits.len()).filter(|&h| -primary.normal[h].dot(primary.direction[h]) < STEEP).collect();
+    let pick = |from: &[glam::Vec3]| grazing.iter().map(|&h| from[h]).collect::<Vec<_>>();
+    let (x, gradient, normal, direction) =
+        (pick(&primary.x), pick(&primary.gradient), pick(&primary.normal), pick(&primary.direction));
+    let across: Vec<_> = (0..x.len())
+        .map(|i| (direction[i] - normal[i] * normal[i].dot(direction[i])) / gradient[i].length())
+        .collect();
+    let mut ignored = across.clone();
+    let mut turn = across.clone();
+    setup.field.hessian_vector(&x, &across, &mut ignored, &mut turn);
+    for (i, &h) in grazing.iter().enumerate() {
+        let sample = &samples[primary.hits[h]];
+        let (g, d, t) = (gradient[i], direction[i], primary.t[h]);
+        let (_, du) = setup.cameras[sample.camera].direction_du(sample.u);
+        let slope = du.map(|du| {
+            let du = glam::Vec3::of(du);
+            let dx = du * t - d * (t * g.dot(du) / g.dot(d));
+            turn[i].dot(dx) + normal[i].dot(du)
+        });
+        let distance = -normal[i].dot(d) / (2.0 * slope[0].hypot(slope[1]));
+        if !(distance > REACH) {
+            near[primary.hits[h]] = true;
+        }
+    }
+    near
+}

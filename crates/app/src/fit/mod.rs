@@ -1,0 +1,17 @@
+//! Reconstruction: from posed photographs to a signed distance network and a radiance head.
+
+mod checkpoint;
+mod edges;
+mod loss;
+mod model;
+mod options;
+mod preview;
+mod pyramid;
+mod run;
+mod schedule;
+mod step;
+
+pub use model::{Model, RunFile};
+pub use options::{DEFAULT_ITERATIONS, FitOptions};
+pub use preview::{contact_sheet, difference, normal_map, write_preview};
+pub use run::{Event, Fit, Metrics, setup};

@@ -1,0 +1,284 @@
+//! The optimisation loop.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use field::Field;
+use glam::Vec3;
+use optim::Adam;
+use serde::Serialize;
+
+use super::checkpoint::State;
+use super::model::{Model, RunFile};
+use super::pyramid::{Level, Pixel, pyramid};
+use super::step::{Batch, Tally, gradient};
+use super::{DEFAULT_ITERATIONS, schedule};
+use crate::camera::Camera;
+use crate::data::Dataset;
+use crate::estimate::{Setup, render};
+use crate::metrics::psnr;
+use crate::sampler::mix;
+
+/// The most the pyramid is coarsened: 1/8 of the size.
+const LEVELS: usize = 4;
+
+/// The norm to which an iteration's gradient is clipped, as a multiple of its running mean.
+const CLIP: f32 = 3.0;
+
+/// The share of an iteration in the running mean of the gradient's norm.
+const NORM_SHARE: f32 = 0.05;
+
+/// One line of `metrics.jsonl`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Metrics {
+    /// Iterations done.
+    pub iteration: u64,
+    /// Seconds spent in all.
+    pub seconds: f64,
+    /// The fraction of the budget spent.
+    pub progress: f64,
+    /// Mean photometric loss a pixel.
+    pub loss: f64,
+    /// Mean of (|∇f| − 1)².
+    pub eikonal: f64,
+    /// PSNR over the iteration's own pixels, dB.
+    pub train_psnr: f64,
+    /// PSNR of the held-out view last rendered, dB; absent without one.
+    pub psnr: Option<f64>,
+    /// Rays traced a second.
+    pub rays_per_second: f64,
+    /// Fraction of the pixels that a silhouette may have crossed.
+    pub edge_fraction: f64,
+    /// The pyramid's level: images at 1/2^level.
+    pub level: usize,
+    /// The norm of the gradient before clipping.
+    pub gradient_norm: f64,
+}
+
+/// What the loop tells its caller.
+pub enum Event<'a> {
+    /// An iteration has ended.
+    Step(&'a Metrics),
+    /// It is time for a preview; the model as it is.
+    Preview(&'a Fit),
+}
+
+/// A fit: a model, its optimiser, and the photographs.
+pub struct Fit {
+    /// What the run was given.
+    pub file: RunFile,
+    /// The model.
+    pub model: Model,
+    /// The data set.
+    pub dataset: Dataset,
+    /// Iterations done.
+    pub iteration: u64,
+    folder: PathBuf,
+    levels: Vec<Level>,
+    adam: Adam<f32>,
+    parameters: Vec<f32>,
+    seconds: f64,
+    /// The running mean of the gradient's norm; 0 before the first step.
+    usual_norm: f32,
+    held_out_psnr: Option<f64>,
+}
+
+impl Fit {
+    /// Starts a fit in `folder`, or goes on from the checkpoint there if `resume`.
+    ///
+    /// # Errors
+    /// If the checkpoint cannot be used.
+    pub fn new(folder: &Path, dataset: Dataset, file: RunFile, resume: bool) -> anyhow::Result<Self> {
+        let bounds = file.sphere();
+        let model = Model::initial(&file.options, &bounds);
+        let parameters = model.parameters();
+        let fields = Field::<f32>::parameter_count(&model.field);
+        let adam = super::optimiser(fields, parameters.len());
+        let levels = pyramid(&dataset.train, &bounds, LEVELS);
+        let mut fit = Fit {
+            file,
+            model,
+            dataset,
+            iteration: 0,
+            folder: folder.to_owned(),
+            levels,
+            adam,
+            parameters,
+            seconds: 0.0,
+            usual_norm: 0.0,
+            held_out_psnr: None,
+        };
+        if resume {
+            fit.restore()?;
+        }
+        Ok(fit)
+    }
+
+    fn checkpoint_path(&self) -> PathBuf {
+        self.folder.join("checkpoint").join("state.safetensors")
+    }
+
+    fn restore(&mut self) -> anyhow::Result<()> {
+        let state = State::load(&self.checkpoint_path(), self.parameters.len())?;
+        self.adam.restore(&state.first, &state.second, state.steps)?;
+        self.model.set_parameters(&state.parameters);
+        self.parameters = state.parameters;
+        self.iteration = state.iteration;
+        self.seconds = state.seconds;
+        self.usual_norm = state.usual_norm;
+        Ok(())
+    }
+
+    /// Writes the checkpoint and the model files.
+    ///
+    /// # Errors
+    /// If a file cannot be written; the files before stay whole.
+    pub fn save(&self) -> anyhow::Result<()> {
+        let (first, second, steps) = self.adam.state();
+        let state = State {
+            iteration: self.iteration,
+            seconds: self.seconds,
+            usual_norm: self.usual_norm,
+            parameters: self.parameters.clone(),
+            first: first.to_vec(),
+            second: second.to_vec(),
+            steps,
+        };
+        state.save(&self.checkpoint_path())?;
+        self.model.save(&self.folder)
+    }
+
+    /// Seconds spent in all.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// The fraction of the budget that is spent.
+    pub fn progress(&self) -> f64 {
+        match (self.file.options.time, self.file.options.iterations) {
+            (Some(time), _) => self.seconds / time.as_secs_f64(),
+            (None, iterations) => self.iteration as f64 / iterations.unwrap_or(DEFAULT_ITERATIONS) as f64,
+        }
+    }
+
+    /// Runs until the budget is spent, or `stop` says so, and saves. Time spent in `tell` counts as spent.
+    ///
+    /// # Errors
+    /// If the field or a gradient stops being finite, or a file cannot be written.
+    pub fn run(
+        &mut self,
+        stop: &dyn Fn() -> bool,
+        tell: &mut dyn FnMut(Event<'_>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let (begin, before) = (Instant::now(), self.seconds);
+        while self.progress() < 1.0 && !stop() {
+            let mut metrics = self.step()?;
+            let taken = begin.elapsed().as_secs_f64() + before - self.seconds;
+            metrics.rays_per_second /= taken.max(1e-9);
+            self.seconds = before + begin.elapsed().as_secs_f64();
+            metrics.seconds = self.seconds;
+            metrics.progress = self.progress();
+            tell(Event::Step(&metrics))?;
+            if self.iteration % self.file.options.preview_every == 0 {
+                tell(Event::Preview(self))?;
+            }
+            if self.iteration % self.file.options.checkpoint_every == 0 {
+                self.save()?;
+            }
+            self.seconds = before + begin.elapsed().as_secs_f64();
+        }
+        self.save()
+    }
+}
+
+impl Fit {
+    /// One iteration. The metrics' `rays_per_second` holds the number of rays; the caller knows the time.
+    fn step(&mut self) -> anyhow::Result<Metrics> {
+        let options = &self.file.options;
+        let progress = self.progress();
+        let window = schedule::band_window(progress, options.bands);
+        self.model.field.set_band_weights(&window);
+        let level = schedule::level(progress, self.levels.len());
+        let seed = mix(options.seed, self.iteration);
+        let (pixels, weights) = (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
+        let background = self.file.background();
+        let batch = Batch {
+            setup: self.setup(&self.levels[level].cameras),
+            level: &self.levels[level],
+            pixels: &pixels,
+            background: &background,
+            use_masks: options.use_masks,
+            weights,
+            edge_rays: options.edge_rays,
+            edge_samples: options.edge_samples,
+            seed,
+        };
+        let (mut gradient, tally) = gradient(&batch)?;
+        let norm = optim::clip_norm(&mut gradient, if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { f32::MAX });
+        let kept = norm.min(if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { norm });
+        let share = if self.usual_norm > 0.0 { NORM_SHARE } else { 1.0 };
+        self.usual_norm += share * (kept - self.usual_norm);
+        let rate = options.learning_rate * schedule::learning_rate(progress);
+        self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
+        self.model.set_parameters(&self.parameters);
+        self.iteration += 1;
+        Ok(self.metrics(&tally, pixels.len(), level, norm))
+    }
+
+    /// The pixels of this iteration.
+    fn draw(&self, level: usize) -> Vec<Pixel> {
+        let (level_pixels, batch) = (&self.levels[level], self.file.options.batch as u64);
+        let seed = mix(self.file.options.seed, level as u64);
+        (0..batch).map(|i| level_pixels.draw(self.iteration * batch + i, seed)).collect()
+    }
+
+    fn metrics(&self, tally: &Tally, pixels: usize, level: usize, norm: f32) -> Metrics {
+        let n = pixels as f64;
+        Metrics {
+            iteration: self.iteration,
+            seconds: self.seconds,
+            progress: 0.0,
+            loss: tally.photometric / n,
+            eikonal: tally.eikonal / tally.eikonal_points.max(1) as f64,
+            train_psnr: -10.0 * (tally.squared_error / n).max(1e-10).log10(),
+            psnr: self.held_out_psnr,
+            rays_per_second: tally.rays as f64,
+            edge_fraction: tally.edge_pixels as f64 / n,
+            level,
+            gradient_norm: norm.into(),
+        }
+    }
+
+    /// The setup for cameras of this data set.
+    pub fn setup<'a>(&'a self, cameras: &'a [Camera]) -> Setup<'a, f32> {
+        setup(&self.model, &self.file, cameras)
+    }
+
+    /// Renders the held-out view that stands for the others, and remembers its PSNR for the metrics.
+    ///
+    /// # Errors
+    /// If the field gives a NaN or an infinity.
+    pub fn look(&mut self) -> anyhow::Result<Option<f64>> {
+        if let Some(view) = self.dataset.test.first() {
+            let cameras = [view.camera];
+            let image = render(&self.setup(&cameras), 0, 1, self.file.options.seed, &|_| {})?;
+            self.held_out_psnr = Some(psnr(&image.film, &view.image));
+        }
+        Ok(self.held_out_psnr)
+    }
+}
+
+/// What the estimators need to render a run's model.
+pub fn setup<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Setup<'a, f32> {
+    let (options, sphere) = (&file.options, file.sphere());
+    let mut setup = Setup::new(&model.field, &model.head, cameras, &sphere, Vec3::from(file.background));
+    setup.steps = options.steps;
+    setup.warp = warp::Options {
+        k: options.top_k,
+        gamma: options.gamma as f32,
+        lambda_d: options.lambda_d as f32,
+        epsilon: (options.epsilon * sphere.radius) as f32,
+        ..warp::Options::default()
+    };
+    setup
+}

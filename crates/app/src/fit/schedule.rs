@@ -1,0 +1,66 @@
+//! What changes as a fit goes on, as functions of the fraction of the budget spent.
+
+use super::FitOptions;
+use super::step::Weights;
+
+/// Progress at which each finer level of the pyramid takes over, finest last.
+const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
+
+/// Fraction of the budget after which all octaves of the encoding are on.
+const BANDS_ON: f64 = 0.5;
+
+/// Octaves that are on from the start.
+const FIRST_BANDS: f64 = 2.0;
+
+/// The learning rate at the end, as a fraction of its peak.
+const FINAL_RATE: f64 = 0.03;
+
+/// Fraction of the budget over which the learning rate rises.
+const WARM_UP: f64 = 0.01;
+
+/// The level of a pyramid of `levels` at this point: coarse at first, 0 at last.
+pub(crate) fn level(progress: f64, levels: usize) -> usize {
+    let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
+    remaining.min(levels - 1)
+}
+
+/// The multiplier of the learning rate: a short rise, then half a cosine down.
+pub(crate) fn learning_rate(progress: f64) -> f64 {
+    let rise = (progress / WARM_UP).min(1.0);
+    let fall = 0.5 * (1.0 + (std::f64::consts::PI * progress.min(1.0)).cos());
+    rise * (FINAL_RATE + (1.0 - FINAL_RATE) * fall)
+}
+
+/// The window over `bands` octaves: each fades in with half a cosine, coarse ones first.
+pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
+    let on = FIRST_BANDS + (bands as f64 - FIRST_BANDS).max(0.0) * (progress / BANDS_ON).min(1.0);
+    (0..bands)
+        .map(|b| {
+            let part = (on - b as f64).clamp(0.0, 1.0);
+            (0.5 * (1.0 - (std::f64::consts::PI * part).cos())) as f32
+        })
+        .collect()
+}
+
+/// The weights of the loss's terms.
+pub(crate) fn weights(progress: f64, options: &FitOptions, confidence: f64) -> Weights {
+    // The guess at the background finds the object; where its edge is exactly is for the photographs to say.
+    let fade = if options.use_masks { 1.0 } else { confidence * (1.0 - progress / LEVEL_ENDS[2]).max(0.02) };
+    Weights { eikonal: options.eikonal as f32, background: (options.background_weight * fade) as f32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn schedules_end_where_they_should() {
+        assert_eq!((level(0.0, 4), level(0.3, 4), level(1.0, 4)), (3, 1, 0));
+        assert_eq!(level(0.0, 1), 0);
+        assert!(learning_rate(0.0) < 1e-9 && (learning_rate(1.0) - FINAL_RATE).abs() < 1e-9);
+        assert_eq!(band_window(0.0, 4), vec![1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(band_window(1.0, 4), vec![1.0; 4]);
+        assert_eq!(band_window(0.0, 1), vec![1.0]);
+        assert!(band_window(0.7, 0).is_empty());
+    }
+}

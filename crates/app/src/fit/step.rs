@@ -1,0 +1,321 @@
+//! One iteration's gradient: photometric, silhouette, eikonal and background terms over a batch of pixels.
+
+use boundary::Edges;
+use field::{Real, Vector3};
+use glam::{DVec2, DVec3, Vec3};
+
+use super::edges::silhouette_pixels;
+use super::loss::{photometric, squared_error};
+use super::pyramid::{Level, Pixel};
+use crate::data::Background;
+use crate::error::InvalidField;
+use crate::estimate::{Adjoints, Primary, Sample, Setup, check_valid, ordered_sum};
+use crate::sampler::{mix, sobol, unit};
+
+/// Pixels a chunk of an iteration.
+const CHUNK: usize = 256;
+
+/// The weights of the loss's terms at this point of the schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// Eikonal term.
+    pub(crate) eikonal: f32,
+    /// Background term.
+    pub(crate) background: f32,
+}
+
+/// What an iteration looks at.
+pub(crate) struct Batch<'a> {
+    /// Field, shader, cameras of the level, estimator settings.
+    pub(crate) setup: Setup<'a, f32>,
+    /// The images.
+    pub(crate) level: &'a Level,
+    /// The pixels.
+    pub(crate) pixels: &'a [Pixel],
+    /// How background pixels look.
+    pub(crate) background: &'a Background,
+    /// Whether masks replace the guess at the background.
+    pub(crate) use_masks: bool,
+    /// Weights of the terms.
+    pub(crate) weights: Weights,
+    /// Samples of a pixel that a silhouette may cross.
+    pub(crate) edge_rays: u32,
+    /// Samples on each border edge of such a pixel.
+    pub(crate) edge_samples: u32,
+    /// Seed of this iteration.
+    pub(crate) seed: u64,
+}
+
+/// Sums over a batch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Tally {
+    /// Photometric loss.
+    pub(crate) photometric: f64,
+    /// (|∇f| − 1)².
+    pub(crate) eikonal: f64,
+    /// Points of the eikonal term.
+    pub(crate) eikonal_points: u64,
+    /// Squared error in display space.
+    pub(crate) squared_error: f64,
+    /// Pixels that a silhouette may cross.
+    pub(crate) edge_pixels: u64,
+    /// Rays traced.
+    pub(crate) rays: u64,
+}
+
+impl Tally {
+    fn add(&mut self, o: &Tally) {
+        self.photometric += o.photometric;
+        self.eikonal += o.eikonal;
+        self.eikonal_points += o.eikonal_points;
+        self.squared_error += o.squared_error;
+        self.edge_pixels += o.edge_pixels;
+        self.rays += o.rays;
+    }
+}
+
+/// The gradient of the batch's mean loss: the field's parameters first, then the radiance head's.
+pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, Tally), InvalidField> {
+    let field = batch.setup.field.parameter_count();
+    let length = field + batch.setup.shader.parameter_count();
+    let chunks = batch.pixels.len().div_ceil(CHUNK);
+    let (sum, tallies) = ordered_sum(chunks, length, |chunk, sum: &mut [f32]| {
+        let pixels = chunk * CHUNK..((chunk + 1) * CHUNK).min(batch.pixels.len());
+        let (field_sum, shader_sum) = sum.split_at_mut(field);
+        let mut work = Chunk::new(batch, &batch.pixels[pixels], mix(batch.seed, chunk as u64));
+        work.run(shader_sum)?;
+        work.adjoints.backward(batch.setup.field, field_sum);
+        Ok(work.tally)
+    })?;
+    let mut tally = Tally::default();
+    tallies.iter().for_each(|t| tally.add(t));
+    Ok((sum, tally))
+}
+
+/// A chunk of a batch at work.
+struct Chunk<'a> {
+    batch: &'a Batch<'a>,
+    pixels: &'a [Pixel],
+    seed: u64,
+    /// 1 / the number of pixels in the batch.
+    share: f32,
+    adjoints: Adjoints<f32>,
+    tally: Tally,
+}
+
+impl<'a> Chunk<'a> {
+    fn new(batch: &'a Batch<'a>, pixels: &'a [Pixel], seed: u64) -> Self {
+        let share = 1.0 / batch.pixels.len() as f32;
+        Chunk { batch, pixels, seed, share, adjoints: Adjoints::default(), tally: Tally::default() }
+    }
+
+    fn run(&mut self, shader: &mut [f32]) -> Result<(), InvalidField> {
+        let samples = self.look();
+        let setup = &self.batch.setup;
+        let first = setup.primary(&samples);
+        check_valid(setup, &samples, first.invalid)?;
+        self.tally.rays += samples.len() as u64;
+        let crossed = silhouette_pixels(setup, &samples, &first);
+        self.inside(&samples, &first, &crossed, shader);
+        self.clear_background(&samples, &first);
+        self.eikonal(&first);
+        let edge: Vec<Pixel> = self.pixels.iter().zip(&crossed).filter(|(_, c)| **c).map(|(p, _)| *p).collect();
+        self.silhouettes(&edge, shader)
+    }
+
+    /// One sample somewhere in every pixel.
+    fn look(&self) -> Vec<Sample> {
+        let place = |(i, p): (usize, &Pixel)| {
+            let [a, b] = [0, 1].map(|d| unit(mix(self.seed, 2 * i as u64 + d)));
+            Sample { camera: p.view as usize, u: DVec2::new(f64::from(p.x) + a, f64::from(p.y) + b) }
+        };
+        self.pixels.iter().enumerate().map(place).collect()
+    }
+
+    fn target(&self, p: Pixel) -> [f32; 3] {
+        self.batch.level.images[p.view as usize].at(p.x.into(), p.y.into())
+    }
+
+    /// Loss of one pixel's radiance; returns the adjoint of the radiance.
+    fn score(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
+        let target = self.target(p);
+        let (loss, adjoint) = photometric(radiance, target);
+        self.tally.photometric += f64::from(loss);
+        self.tally.squared_error += f64::from(squared_error(radiance, target));
+        Vec3::from(adjoint) * self.share
+    }
+
+    /// Pixels without silhouettes: the derivative through the hit point is all there is.
+    fn inside(&mut self, samples: &[Sample], first: &Primary<f32>, crossed: &[bool], shader: &mut [f32]) {
+        let mut delta = vec![Vec3::ZERO; samples.len()];
+        for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
+            delta[i] = self.score(first.radiance[i].into(), *pixel);
+        }
+        self.surface(samples, first, &delta, shader);
+    }
+
+    /// Reverse mode of the hits of a batch, and δ·∂L/∂u for every sample.
+    fn surface(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], shader: &mut [f32]) -> Vec<[f32; 2]> {
+        let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
+        let surface = self.batch.setup.surface_vjp(samples, primary, &adjoint, shader);
+        let mut film = vec![[0.0; 2]; samples.len()];
+        for (hit, &i) in primary.hits.iter().enumerate() {
+            film[i] = surface.film[hit];
+            if delta[i] != Vec3::ZERO {
+                self.adjoints.push(primary.x[hit], surface.alpha[hit], surface.c[hit]);
+            }
+        }
+        film
+    }
+
+    /// Probability that a pixel shows the background, and how far to trust it.
+    fn background_probability(&self, p: Pixel) -> f32 {
+        if self.batch.use_masks
+            && let Some(mask) = &self.batch.level.masks[p.view as usize]
+        {
+            return 1.0 - mask.at(p.x.into(), p.y.into())[0];
+        }
+        self.batch.background.probability(self.target(p))
+    }
+
+    /// Pushes the surface away where a ray hits although its pixel looks like the background, and towards a ray that
+    /// misses although its pixel does not. A constant force on f: a prior, not a derivative of the image.
+    fn clear_background(&mut self, samples: &[Sample], first: &Primary<f32>) {
+        let weight = self.batch.weights.background * self.share / self.batch.setup.bounds.radius;
+        if weight == 0.0 {
+            return;
+        }
+        let mut hit = vec![None; samples.len()];
+        first.hits.iter().enumerate().for_each(|(h, &i)| hit[i] = Some(h));
+        for (i, pixel) in self.pixels.iter().enumerate() {
+            let probability = self.background_probability(*pixel);
+            if let Some(h) = hit[i] {
+                self.adjoints.push(first.x[h], -weight * probability, Vec3::ZERO);
+            } else if let (Some(ray), Some(found)) = (first.rays[i], first.found[i]) {
+                let nearest = ray.origin + ray.direction * found.t;
+                self.adjoints.push(nearest, weight * (1.0 - probability), Vec3::ZERO);
+            }
+        }
+    }
+
+    /// (|∇f| − 1)² at one point a pixel: near the surface for pixels that hit, anywhere in the ball for the others.
+    fn eikonal(&mut self, first: &Primary<f32>) {
+        let bounds = &self.batch.setup.bounds;
+        let mut points: Vec<Vec3> = first.x.iter().enumerate().map(|(i, x)| *x + self.jitter(i as u64) * (NEAR * bounds.radius)).collect();
+        let free = self.pixels.len() / 2;
+        points.extend((0..free).map(|i| bounds.center + in_ball(mix(self.seed, 0xba11 + i as u64)) * bounds.radius));
+        let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
+        self.batch.setup.field.value_gradient(&points, &mut f, &mut g);
+        self.tally.eikonal_points += points.len() as u64;
+        let weight = self.batch.weights.eikonal * self.share;
+        for (x, g) in points.into_iter().zip(g) {
+            let length = g.length();
+            let excess = length - 1.0;
+            self.tally.eikonal += f64::from(excess * excess);
+            self.adjoints.push(x, 0.0, g * (2.0 * weight * excess / length.max(f32::MIN_POSITIVE)));
+        }
+    }
+
+    /// A displacement with components about as large as a unit normal's, for hit `i`.
+    fn jitter(&self, i: u64) -> Vec3 {
+        (in_ball(mix(self.seed, 0x3a1 + 2 * i)) + in_ball(mix(self.seed, 0x3a2 + 2 * i))).normalize_or_zero()
+            * unit(mix(self.seed, 0x77 + i)) as f32
+    }
+
+    /// Pixels that a silhouette may cross: several samples, the warp inside, the flux through the border.
+    fn silhouettes(&mut self, pixels: &[Pixel], shader: &mut [f32]) -> Result<(), InvalidField> {
+        let (setup, count) = (&self.batch.setup, self.batch.edge_rays as usize);
+        self.tally.edge_pixels += pixels.len() as u64;
+        let mut samples = Vec::with_capacity(pixels.len() * count);
+        for (i, p) in pixels.iter().enumerate() {
+            let stream = mix(self.seed, 0x51 + i as u64);
+            samples.extend((0..self.batch.edge_rays).map(|s| {
+                let [a, b] = sobol(s, stream);
+                Sample { camera: p.view as usize, u: DVec2::new(f64::from(p.x) + a, f64::from(p.y) + b) }
+            }));
+        }
+        let primary = setup.primary(&samples);
+        check_valid(setup, &samples, primary.invalid)?;
+        self.tally.rays += samples.len() as u64;
+        let mut pixel_delta = Vec::with_capacity(pixels.len());
+        for (p, radiance) in pixels.iter().zip(primary.radiance.chunks(count)) {
+            let mean = radiance.iter().sum::<Vec3>() / count as f32;
+            pixel_delta.push(self.score(mean.into(), *p));
+        }
+        let delta: Vec<Vec3> = (0..samples.len()).map(|i| pixel_delta[i / count] / count as f32).collect();
+        let film = self.surface(&samples, &primary, &delta, shader);
+        // The control variate c_p: any constant that no sample of the pixel had a part in; the photograph's own value is
+        // near the pixel's mean and costs nothing.
+        let scalar: Vec<f32> = (0..samples.len())
+            .map(|i| delta[i].dot(primary.radiance[i] - Vec3::from(self.target(pixels[i / count]))))
+            .collect();
+        setup.warp(&samples, &primary.rays, true).area_vjp(&scalar, &film, &mut self.adjoints);
+        self.borders(pixels, &pixel_delta)
+    }
+
+    /// The flux through the borders of pixels with adjoints `delta`.
+    fn borders(&mut self, pixels: &[Pixel], delta: &[Vec3]) -> Result<(), InvalidField> {
+        let setup = &self.batch.setup;
+        let (mut samples, mut sides, mut axis) = (Vec::new(), Vec::new(), Vec::new());
+        for view in 0..self.batch.level.cameras.len() {
+            let of_view: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i].view as usize == view).collect();
+            if of_view.is_empty() {
+                continue;
+            }
+            let camera = &self.batch.level.cameras[view];
+            let places: Vec<(u32, u32)> = of_view.iter().map(|&i| (pixels[i].x.into(), pixels[i].y.into())).collect();
+            for (e, edge) in Edges::of(&places, camera.width, camera.height).as_slice().iter().enumerate() {
+                let stream = mix(mix(self.seed, 0xed6e + view as u64), e as u64);
+                for s in 0..self.batch.edge_samples {
+                    let [along] = sobol(s, stream);
+                    samples.push(Sample { camera: view, u: edge.point(along).into() });
+                    sides.push([edge.inside(), edge.outside()].map(|side| side.map(|p| of_view[p])));
+                    axis.push(edge.axis());
+                }
+            }
+        }
+        let primary = setup.primary(&samples);
+        check_valid(setup, &samples, primary.invalid)?;
+        self.tally.rays += samples.len() as u64;
+        let weight = 1.0 / self.batch.edge_samples as f32;
+        let flux: Vec<f32> = sides
+            .iter()
+            .zip(&primary.radiance)
+            .map(|([inside, outside], radiance)| {
+                let carried = |side: &Option<usize>| {
+                    side.map_or(0.0, |p| delta[p].dot(*radiance - Vec3::from(self.target(pixels[p]))))
+                };
+                (carried(inside) - carried(outside)) * weight
+            })
+            .collect();
+        setup.warp(&samples, &primary.rays, false).flux_vjp(&flux, &axis, &mut self.adjoints);
+        Ok(())
+    }
+}
+
+/// How far from the surface the eikonal term looks closely, as a fraction of the bounding radius.
+const NEAR: f32 = 0.1;
+
+/// A point uniform in the unit ball.
+fn in_ball(bits: u64) -> Vec3 {
+    let [a, b, c] = [1, 2, 3].map(|i| unit(mix(bits, i)));
+    let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f64::consts::PI * b);
+    let across = (1.0 - z * z).sqrt();
+    let point = DVec3::new(across * angle.cos(), across * angle.sin(), z) * c.cbrt();
+    <Vec3 as Vector3<f32>>::of(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_fill_the_ball_evenly() {
+        let n = 20_000;
+        let points: Vec<Vec3> = (0..n).map(in_ball).collect();
+        assert!(points.iter().all(|p| p.length() <= 1.0));
+        let inner = points.iter().filter(|p| p.length() < 0.5).count() as f64 / n as f64;
+        assert!((inner - 0.125).abs() < 0.01, "{inner} within half the radius");
+        assert!(points.iter().sum::<Vec3>().length() / (n as f32) < 0.02);
+    }
+}
