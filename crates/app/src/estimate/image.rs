@@ -169,7 +169,7 @@ fn area<R: Real>(
             if let (Some(warped), Direction::Field(index)) = (&warped, direction) {
                 let (velocity, divergence) = warped.forward(setup, *index, samples.len());
                 for (i, change) in change.iter_mut().enumerate() {
-                    let carried = primary.radiance[i].to_array().map(|l| (l * divergence[i]).to_double());
+                    let carried = setup.excess(primary.radiance[i]).to_array().map(|l| (l * divergence[i]).to_double());
                     *change = std::array::from_fn(|c| change[c] + carried[c]);
                 }
                 for (hit, &i) in primary.hits.iter().enumerate() {
@@ -322,7 +322,7 @@ fn boundary<R: Real>(
                 let mut sum = [0.0; 3];
                 for i in e * count..(e + 1) * count {
                     let crossing = velocity[i][edges[e].axis()];
-                    let carried = primary.radiance[i].to_array();
+                    let carried = setup.excess(primary.radiance[i]).to_array();
                     sum = std::array::from_fn(|c| sum[c] + (carried[c] * crossing).to_double() / count as f64);
                 }
                 sum

@@ -88,6 +88,12 @@ impl<'a, R: Real> Setup<'a, R> {
 }
 
 impl<R: Real> Setup<'_, R> {
+    /// L − c for the warp's terms, c the background. Any constant c gives the same derivative where V is continuous; this
+    /// one is right at the bounding sphere's outline too, where V ends and there is nothing but background to carry.
+    pub fn excess(&self, radiance: R::Vec3) -> R::Vec3 {
+        radiance - self.background
+    }
+
     /// The ray of every sample that meets the bounding sphere.
     pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
         let mut start: Option<(usize, R)> = None;

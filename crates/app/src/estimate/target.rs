@@ -126,7 +126,7 @@ fn area_vjp<R: Real>(
         out.push(primary.x[hit], surface.alpha[hit], surface.c[hit]);
     }
     if sampling.estimator == Estimator::Paper {
-        let scalar: Vec<R> = (0..samples.len()).map(|i| delta(i).dot(primary.radiance[i])).collect();
+        let scalar: Vec<R> = (0..samples.len()).map(|i| delta(i).dot(setup.excess(primary.radiance[i]))).collect();
         let mut film = vec![[R::zero(); 2]; samples.len()];
         primary.hits.iter().zip(surface.film).for_each(|(&i, f)| film[i] = f);
         setup.warp(&samples, &primary.rays, true).area_vjp(&scalar, &film, &mut out);
@@ -150,8 +150,8 @@ fn boundary_vjp<R: Real>(
     let (flux, axis): (Vec<R>, Vec<usize>) = (0..samples.len())
         .map(|i| {
             let edge = &edges[i / count];
-            let side = |pixel: Option<usize>| pixel.map_or(R::zero(), |p| adjoint[p].dot(primary.radiance[i]));
-            ((side(edge.inside()) - side(edge.outside())) * weight, edge.axis())
+            let excess = setup.excess(primary.radiance[i]);
+            (edge.gather(|p| adjoint[p].dot(excess)) * weight, edge.axis())
         })
         .unzip();
     let mut out = Adjoints::default();
