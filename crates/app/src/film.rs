@@ -24,14 +24,19 @@ impl Film {
 
     /// The image at half the size, each pixel the mean of the 2 × 2 (at an odd border, fewer) that it covers.
     pub fn halved(&self) -> Film {
-        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        self.downscaled(2)
+    }
+
+    /// The image at 1/`n` of the size, each pixel the mean of the n × n (at a border, fewer) that it covers.
+    pub fn downscaled(&self, n: u32) -> Film {
+        let (width, height) = (self.width.div_ceil(n), self.height.div_ceil(n));
         let mut out = Film::new(width, height);
         for y in 0..height {
             for x in 0..width {
                 let mut sum = [0.0; 3];
                 let mut count = 0.0;
-                for v in (2 * y)..(2 * y + 2).min(self.height) {
-                    for u in (2 * x)..(2 * x + 2).min(self.width) {
+                for v in (n * y)..(n * y + n).min(self.height) {
+                    for u in (n * x)..(n * x + n).min(self.width) {
                         let p = self.at(u, v);
                         sum = std::array::from_fn(|c| sum[c] + p[c]);
                         count += 1.0;

@@ -5,6 +5,8 @@ pub mod data;
 pub mod error;
 pub mod estimate;
 pub mod film;
+pub mod fit;
 pub mod io;
+pub mod metrics;
 pub mod sampler;
 pub mod scene;

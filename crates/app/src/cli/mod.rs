@@ -1,7 +1,9 @@
 //! The command line: arguments in, exit status out.
 
 mod common;
+mod fit;
 mod gradient;
+mod query;
 mod render;
 
 use std::ffi::OsString;
@@ -26,6 +28,10 @@ enum Command {
     Render(render::Render),
     /// Differentiate a scene's image by one of its numbers, or a loss by a network's weights
     Gradient(gradient::Gradient),
+    /// Reconstruct a shape from posed photographs
+    Fit(fit::Fit),
+    /// Evaluate a model file at points
+    Query(query::Query),
 }
 
 /// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or input, 130 after
@@ -60,5 +66,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
     pool.install(|| match cli.command {
         Command::Render(command) => command.run(&global),
         Command::Gradient(command) => command.run(&global),
+        Command::Fit(command) => command.run(&global),
+        Command::Query(command) => command.run(&global),
     })
 }

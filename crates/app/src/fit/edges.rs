@@ -22,7 +22,7 @@ pub(crate) fn silhouette_pixels(setup: &Setup<'_, f32>, samples: &[Sample], prim
         .zip(&primary.found)
         .map(|(sample, found)| {
             let cone = setup.cameras[sample.camera].pixel_angle() as f32;
-            found.is_some_and(|found| found.closest_ratio < REACH * cone)
+            found.is_some_and(|found| found.clearance < REACH * cone)
         })
         .collect();
     let grazing: Vec<usize> =
@@ -30,9 +30,8 @@ pub(crate) fn silhouette_pixels(setup: &Setup<'_, f32>, samples: &[Sample], prim
     let pick = |from: &[glam::Vec3]| grazing.iter().map(|&h| from[h]).collect::<Vec<_>>();
     let (x, gradient, normal, direction) =
         (pick(&primary.x), pick(&primary.gradient), pick(&primary.normal), pick(&primary.direction));
-    let across: Vec<_> = (0..x.len())
-        .map(|i| (direction[i] - normal[i] * normal[i].dot(direction[i])) / gradient[i].length())
-        .collect();
+    let across: Vec<_> =
+        (0..x.len()).map(|i| (direction[i] - normal[i] * normal[i].dot(direction[i])) / gradient[i].length()).collect();
     let mut ignored = across.clone();
     let mut turn = across.clone();
     setup.field.hessian_vector(&x, &across, &mut ignored, &mut turn);

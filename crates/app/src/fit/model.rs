@@ -64,7 +64,8 @@ impl RunFile {
     /// If the folder is not a run, or the file is wrong.
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let path = run.join("fit.toml");
-        let text = std::fs::read_to_string(&path).map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
+        let text =
+            std::fs::read_to_string(&path).map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
         toml::from_str(&text).map_err(|e| InputError::new(&path, "fit.toml", e.message(), "the options of a fit"))
     }
 
@@ -127,9 +128,10 @@ impl Model {
             std::fs::read(&path).map_err(|e| InputError::new(&path, "model", e, "a model file of a run"))
         };
         let wrong = |name: &str, e: sdf_nn::ModelError| InputError::new(run.join(name), "weights", e, "a model file");
-        let field = Network::from_safetensors(&read("model.safetensors")?).map_err(|e| wrong("model.safetensors", e))?;
-        let head =
-            RadianceHead::from_safetensors(&read("radiance.safetensors")?).map_err(|e| wrong("radiance.safetensors", e))?;
+        let field =
+            Network::from_safetensors(&read("model.safetensors")?).map_err(|e| wrong("model.safetensors", e))?;
+        let head = RadianceHead::from_safetensors(&read("radiance.safetensors")?)
+            .map_err(|e| wrong("radiance.safetensors", e))?;
         Ok(Model { field, head })
     }
 }

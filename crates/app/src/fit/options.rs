@@ -113,7 +113,9 @@ impl FitOptions {
     /// # Errors
     /// On the first value that cannot work.
     pub fn validate(&self, source: &Path) -> Result<(), InputError> {
-        let positive = |name, value: f64| -> Check { (name, value.to_string(), value > 0.0 && value.is_finite(), "a number above 0") };
+        let positive = |name, value: f64| -> Check {
+            (name, value.to_string(), value > 0.0 && value.is_finite(), "a number above 0")
+        };
         let at_least_one = |name, value: u64| -> Check { (name, value.to_string(), value >= 1, "1 or more") };
         let not_negative =
             |name, value: f64| -> Check { (name, value.to_string(), value >= 0.0 && value.is_finite(), "0 or more") };

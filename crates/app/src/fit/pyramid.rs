@@ -134,6 +134,9 @@ mod tests {
             seen.sort_unstable();
             assert_eq!(seen, (0..n).collect::<Vec<_>>());
         }
-        assert_ne!((0..50).map(|i| permute(i, 50, 1)).collect::<Vec<_>>(), (0..50).map(|i| permute(i, 50, 2)).collect::<Vec<_>>());
+        assert_ne!(
+            (0..50).map(|i| permute(i, 50, 1)).collect::<Vec<_>>(),
+            (0..50).map(|i| permute(i, 50, 2)).collect::<Vec<_>>()
+        );
     }
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use field::Field;
 use glam::Vec3;
-use optim::Adam;
+use optim::{Adam, Group};
 use serde::Serialize;
 
 use super::checkpoint::State;
@@ -93,7 +93,10 @@ impl Fit {
         let model = Model::initial(&file.options, &bounds);
         let parameters = model.parameters();
         let fields = Field::<f32>::parameter_count(&model.field);
-        let adam = super::optimiser(fields, parameters.len());
+        let adam = Adam::new(
+            parameters.len(),
+            vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
+        );
         let levels = pyramid(&dataset.train, &bounds, LEVELS);
         let mut fit = Fit {
             file,
@@ -200,7 +203,8 @@ impl Fit {
         self.model.field.set_band_weights(&window);
         let level = schedule::level(progress, self.levels.len());
         let seed = mix(options.seed, self.iteration);
-        let (pixels, weights) = (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
+        let (pixels, weights) =
+            (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
         let background = self.file.background();
         let batch = Batch {
             setup: self.setup(&self.levels[level].cameras),
@@ -214,7 +218,8 @@ impl Fit {
             seed,
         };
         let (mut gradient, tally) = gradient(&batch)?;
-        let norm = optim::clip_norm(&mut gradient, if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { f32::MAX });
+        let norm =
+            optim::clip_norm(&mut gradient, if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { f32::MAX });
         let kept = norm.min(if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { norm });
         let share = if self.usual_norm > 0.0 { NORM_SHARE } else { 1.0 };
         self.usual_norm += share * (kept - self.usual_norm);

@@ -155,7 +155,13 @@ impl<'a> Chunk<'a> {
     }
 
     /// Reverse mode of the hits of a batch, and δ·∂L/∂u for every sample.
-    fn surface(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], shader: &mut [f32]) -> Vec<[f32; 2]> {
+    fn surface(
+        &mut self,
+        samples: &[Sample],
+        primary: &Primary<f32>,
+        delta: &[Vec3],
+        shader: &mut [f32],
+    ) -> Vec<[f32; 2]> {
         let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
         let surface = self.batch.setup.surface_vjp(samples, primary, &adjoint, shader);
         let mut film = vec![[0.0; 2]; samples.len()];
@@ -201,7 +207,8 @@ impl<'a> Chunk<'a> {
     /// (|∇f| − 1)² at one point a pixel: near the surface for pixels that hit, anywhere in the ball for the others.
     fn eikonal(&mut self, first: &Primary<f32>) {
         let bounds = &self.batch.setup.bounds;
-        let mut points: Vec<Vec3> = first.x.iter().enumerate().map(|(i, x)| *x + self.jitter(i as u64) * (NEAR * bounds.radius)).collect();
+        let mut points: Vec<Vec3> =
+            first.x.iter().enumerate().map(|(i, x)| *x + self.jitter(i as u64) * (NEAR * bounds.radius)).collect();
         let free = self.pixels.len() / 2;
         points.extend((0..free).map(|i| bounds.center + in_ball(mix(self.seed, 0xba11 + i as u64)) * bounds.radius));
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
@@ -246,22 +253,27 @@ impl<'a> Chunk<'a> {
         let film = self.surface(&samples, &primary, &delta, shader);
         // The control variate c_p: any constant that no sample of the pixel had a part in; the photograph's own value is
         // near the pixel's mean and costs nothing.
-        let scalar: Vec<f32> = (0..samples.len())
-            .map(|i| delta[i].dot(primary.radiance[i] - Vec3::from(self.target(pixels[i / count]))))
+        let constant: Vec<Vec3> = (0..pixels.len())
+            .map(|p| {
+                // At the bounding sphere's outline the warp ends: nothing but background may be carried there.
+                let leaves = primary.rays[p * count..(p + 1) * count].iter().any(Option::is_none);
+                if leaves { setup.background } else { Vec3::from(self.target(pixels[p])) }
+            })
             .collect();
+        let scalar: Vec<f32> =
+            (0..samples.len()).map(|i| delta[i].dot(primary.radiance[i] - constant[i / count])).collect();
         setup.warp(&samples, &primary.rays, true).area_vjp(&scalar, &film, &mut self.adjoints);
-        self.borders(pixels, &pixel_delta)
+        self.borders(pixels, &pixel_delta, &constant)
     }
 
-    /// The flux through the borders of pixels with adjoints `delta`.
-    fn borders(&mut self, pixels: &[Pixel], delta: &[Vec3]) -> Result<(), InvalidField> {
+    /// The flux through the borders of pixels with adjoints `delta` and control variates `constant`.
+    fn borders(&mut self, pixels: &[Pixel], delta: &[Vec3], constant: &[Vec3]) -> Result<(), InvalidField> {
         let setup = &self.batch.setup;
-        let (mut samples, mut sides, mut axis) = (Vec::new(), Vec::new(), Vec::new());
-        for view in 0..self.batch.level.cameras.len() {
-            let of_view: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i].view as usize == view).collect();
-            if of_view.is_empty() {
-                continue;
-            }
+        let (mut samples, mut owners, mut axis) = (Vec::new(), Vec::new(), Vec::new());
+        let views = self.batch.level.cameras.len();
+        let by_view: Vec<Vec<usize>> =
+            (0..views).map(|view| (0..pixels.len()).filter(|&i| pixels[i].view as usize == view).collect()).collect();
+        for (view, of_view) in by_view.iter().enumerate().filter(|(_, of_view)| !of_view.is_empty()) {
             let camera = &self.batch.level.cameras[view];
             let places: Vec<(u32, u32)> = of_view.iter().map(|&i| (pixels[i].x.into(), pixels[i].y.into())).collect();
             for (e, edge) in Edges::of(&places, camera.width, camera.height).as_slice().iter().enumerate() {
@@ -269,7 +281,7 @@ impl<'a> Chunk<'a> {
                 for s in 0..self.batch.edge_samples {
                     let [along] = sobol(s, stream);
                     samples.push(Sample { camera: view, u: edge.point(along).into() });
-                    sides.push([edge.inside(), edge.outside()].map(|side| side.map(|p| of_view[p])));
+                    owners.push((*edge, view));
                     axis.push(edge.axis());
                 }
             }
@@ -278,14 +290,12 @@ impl<'a> Chunk<'a> {
         check_valid(setup, &samples, primary.invalid)?;
         self.tally.rays += samples.len() as u64;
         let weight = 1.0 / self.batch.edge_samples as f32;
-        let flux: Vec<f32> = sides
+        let flux: Vec<f32> = owners
             .iter()
             .zip(&primary.radiance)
-            .map(|([inside, outside], radiance)| {
-                let carried = |side: &Option<usize>| {
-                    side.map_or(0.0, |p| delta[p].dot(*radiance - Vec3::from(self.target(pixels[p]))))
-                };
-                (carried(inside) - carried(outside)) * weight
+            .map(|((edge, view), radiance)| {
+                let carried = |p: usize| delta[by_view[*view][p]].dot(*radiance - constant[by_view[*view][p]]);
+                edge.gather(carried) * weight
             })
             .collect();
         setup.warp(&samples, &primary.rays, false).flux_vjp(&flux, &axis, &mut self.adjoints);

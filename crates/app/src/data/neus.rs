@@ -1,0 +1,140 @@
+//! NeuS/IDR data sets: `cameras_sphere.npz` with `image/` and `mask/`.
+
+use std::path::{Path, PathBuf};
+
+use field::Sphere;
+use glam::{DMat3, DMat4, DVec2, DVec3};
+use npyz::npz::NpzArchive;
+
+use super::{Found, Pending};
+use crate::camera::Camera;
+use crate::error::InputError;
+use crate::io::image_size;
+
+type Result<T> = std::result::Result<T, InputError>;
+
+/// Reads the cameras and pairs them with the images in the order of their names.
+pub(super) fn read(folder: &Path) -> Result<Found> {
+    let file = folder.join("cameras_sphere.npz");
+    let mut archive = NpzArchive::open(&file).map_err(|e| InputError::new(&file, "archive", e, "a .npz archive"))?;
+    let images = images(&folder.join("image"))?;
+    let masks = images_of(&folder.join("mask")).unwrap_or_default();
+    let mut train = Vec::new();
+    let mut bounds = None;
+    for (i, path) in images.into_iter().enumerate() {
+        let world = matrix(&file, &mut archive, &format!("world_mat_{i}"))?;
+        let scale = matrix(&file, &mut archive, &format!("scale_mat_{i}"))?;
+        bounds.get_or_insert(sphere(&file, scale, i)?);
+        let (width, height) = image_size(&path)?;
+        let camera = decompose(world, width, height).ok_or_else(|| {
+            InputError::new(
+                &file,
+                format!("world_mat_{i}"),
+                "a singular or non-finite matrix",
+                "K [R t] with a regular K",
+            )
+        })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mask = masks.iter().find(|m| m.file_stem() == path.file_stem()).or(masks.get(i)).cloned();
+        train.push(Pending { name, path, mask, camera, size_from: "the image".to_owned() });
+    }
+    let format = "NeuS/IDR cameras_sphere.npz: P = world_mat, OpenCV axes, integer pixel centres".to_owned();
+    Ok(Found { format, train, test: None, bounds })
+}
+
+fn images(folder: &Path) -> Result<Vec<PathBuf>> {
+    let images = images_of(folder).map_err(|e| InputError::new(folder, "images", e, "a folder with images"))?;
+    if images.is_empty() {
+        return Err(InputError::new(folder, "images", "none", "PNG or JPEG files"));
+    }
+    Ok(images)
+}
+
+fn images_of(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)?.flatten().map(|e| e.path()).collect();
+    paths.retain(|p| {
+        p.extension().is_some_and(|e| ["png", "jpg", "jpeg"].contains(&e.to_string_lossy().to_lowercase().as_str()))
+    });
+    paths.sort();
+    Ok(paths)
+}
+
+fn matrix(file: &Path, archive: &mut NpzArchive<std::io::BufReader<std::fs::File>>, name: &str) -> Result<DMat4> {
+    let error = |found: String| InputError::new(file, name, found, "a 4 x 4 matrix of finite floats");
+    let npy = archive.by_name(name).map_err(|e| error(e.to_string()))?.ok_or_else(|| error("nothing".to_owned()))?;
+    let shape = npy.shape().to_vec();
+    let wide = npy.dtype().descr().contains("f8");
+    let numbers: std::io::Result<Vec<f64>> =
+        if wide { npy.into_vec() } else { npy.into_vec::<f32>().map(|v| v.into_iter().map(f64::from).collect()) };
+    let numbers = numbers.map_err(|e| error(e.to_string()))?;
+    match <[f64; 16]>::try_from(numbers) {
+        Ok(m) if shape == [4, 4] && m.iter().all(|v| v.is_finite()) => Ok(DMat4::from_cols_array(&m).transpose()),
+        Ok(_) => Err(error(format!("shape {shape:?} or a number that is not finite"))),
+        Err(_) => Err(error(format!("shape {shape:?}"))),
+    }
+}
+
+/// The unit sphere of the scaled frame, in world units.
+fn sphere(file: &Path, scale: DMat4, i: usize) -> Result<Sphere<f64>> {
+    let radius = scale.x_axis.truncate().length();
+    if radius > 0.0 {
+        Ok(Sphere { center: scale.w_axis.truncate(), radius })
+    } else {
+        Err(InputError::new(file, format!("scale_mat_{i}"), "a scale of 0", "a scale above 0"))
+    }
+}
+
+/// The camera of P = K [R t] (rows of a 4 × 4), or `None` if K is singular.
+///
+/// With M = K R, K is upper triangular and R a rotation: the rows of M, from the last to the first, orthonormalised are
+/// those of R (an RQ decomposition).
+pub(super) fn decompose(p: DMat4, width: u32, height: u32) -> Option<Camera> {
+    let m = DMat3::from_mat4(p);
+    let rows = m.transpose();
+    let (a, b, c) = (rows.x_axis, rows.y_axis, rows.z_axis);
+    let z = c.try_normalize()?;
+    let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let scale = c.length();
+    let y = b.reject_from_normalized(z).try_normalize()?;
+    let x = (a.reject_from_normalized(z)).reject_from_normalized(y).try_normalize()?;
+    let focal = DVec2::new(a.dot(x), b.dot(y)) / scale;
+    let skew = a.dot(y) / scale;
+    // Integer pixel centres: our pixel 0 covers [0, 1).
+    let principal = DVec2::new(a.dot(z), b.dot(z)) / scale + 0.5;
+    let eye = -(m.inverse() * p.w_axis.truncate());
+    let regular = focal.min_element() > 0.0 && focal.is_finite() && eye.is_finite() && skew.abs() < 1e-3 * focal.x;
+    // The axes are x right, y down, z forward, up to the sign of P.
+    let pose = camera_to_world(x * sign, y * sign, z * sign, eye);
+    if regular { Camera::from_pose(width, height, focal, principal, pose) } else { None }
+}
+
+/// The pose of a camera with axes x right, y down, z forward in world space.
+pub(super) fn camera_to_world(x: DVec3, y: DVec3, z: DVec3, eye: DVec3) -> DMat4 {
+    DMat4::from_cols(x.extend(0.0), (-y).extend(0.0), (-z).extend(0.0), eye.extend(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn a_projection_comes_apart_into_its_camera() {
+        let (focal, principal) = (DVec2::new(300.0, 310.0), DVec2::new(101.5, 77.5));
+        let camera =
+            Camera::look_at(200, 150, focal, principal, DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::Y).unwrap();
+        let k = DMat3::from_cols(DVec3::X * 300.0, DVec3::Y * 310.0, DVec3::new(101.0, 77.0, 1.0));
+        let r = DMat3::from_cols(camera.right, -camera.up, camera.forward).transpose();
+        for sign in [2.0, -0.5] {
+            let (m, t) = (k * r * sign, k * (r * -camera.eye) * sign);
+            let p = DMat4::from_cols(m.x_axis.extend(0.0), m.y_axis.extend(0.0), m.z_axis.extend(0.0), t.extend(1.0));
+            let found = decompose(p, 200, 150).unwrap();
+            assert_relative_eq!(found.focal, focal, epsilon = 1e-9);
+            assert_relative_eq!(found.principal, principal, epsilon = 1e-9);
+            assert_relative_eq!(found.eye, camera.eye, epsilon = 1e-9);
+            assert_relative_eq!(found.forward, camera.forward, epsilon = 1e-9);
+            assert_relative_eq!(found.up, camera.up, epsilon = 1e-9);
+        }
+        assert!(decompose(DMat4::ZERO, 200, 150).is_none());
+    }
+}
