@@ -36,7 +36,7 @@ impl<R: Lane> Encoder<R> {
             for c in 0..3 {
                 let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
                 for l in 0..LANES {
-                    let (s, k) = R::sin_cos_moderate(frequency * position[c].0[l]);
+                    let (s, k) = R::sin_cos_moderate::<FMA>(frequency * position[c].0[l]);
                     waves[sine].0[l] = s;
                     waves[cosine].0[l] = k;
                 }

@@ -110,8 +110,8 @@ impl<R: Lane> RadianceHead<R> {
 
 /// sigmoid(y)² and its slope.
 #[inline(always)]
-fn squash<R: Lane>(y: R) -> (R, R) {
-    let e = R::exp_negative(y.abs());
+fn squash<R: Lane, const FMA: bool>(y: R) -> (R, R) {
+    let e = R::exp_negative::<FMA>(y.abs());
     let high = R::one() / (R::one() + e);
     let s = if y > R::zero() { high } else { e * high } + y * R::zero();
     let complement = if y > R::zero() { e * high } else { high };
@@ -135,7 +135,7 @@ impl<R: Lane> Pass for Radiance<'_, R> {
             self.head.inputs::<FMA>(x, n, d, &mut s.features[0]);
             self.head.mlp.forward::<FMA, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
-                *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash(s.output[0][c].0[l]).0));
+                *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash::<R, FMA>(s.output[0][c].0[l]).0));
             }
         }
     }
@@ -163,7 +163,7 @@ impl<R: Lane> Pass for Vjp<'_, R> {
             for l in 0..LANES {
                 let adjoint = self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
                 for c in 0..3 {
-                    s.output[0][c].0[l] = adjoint[c] * squash(s.output[0][c].0[l]).1;
+                    s.output[0][c].0[l] = adjoint[c] * squash::<R, FMA>(s.output[0][c].0[l]).1;
                 }
             }
             mlp.backward::<FMA, false, true>(&mut s);

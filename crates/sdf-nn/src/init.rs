@@ -1,9 +1,8 @@
 //! Initial weights.
 
-use glam::DVec3;
-
 use crate::architecture::{Activation, Architecture, Transform};
 use crate::encode::points_in_ball;
+use crate::kernel::LANES;
 use crate::math::Lane;
 use crate::mlp::Mlp;
 use crate::network::Network;
@@ -105,14 +104,18 @@ impl Network<f64> {
         let n = last.inputs + 1;
         let (mut normal, mut right) = (vec![0.0; n * n], vec![0.0; n]);
         self.mlp.repack();
-        for x in points_in_ball(FIT_POINTS, random) {
-            let mut row = self.last_inputs(x);
-            row.push(1.0);
-            let target = x.length() - radius;
-            for i in 0..n {
-                right[i] += row[i] * target;
-                for j in 0..n {
-                    normal[i * n + j] += row[i] * row[j];
+        let mut scratch = self.mlp.scratch(false);
+        for block in points_in_ball(FIT_POINTS, random).chunks(LANES) {
+            self.forward_block(block, &mut scratch);
+            for (lane, x) in block.iter().enumerate() {
+                let mut row = self.mlp.last_input(&scratch, lane);
+                row.push(1.0);
+                let target = x.length() - radius;
+                for i in 0..n {
+                    right[i] += row[i] * target;
+                    for j in 0..n {
+                        normal[i * n + j] += row[i] * row[j];
+                    }
                 }
             }
         }
@@ -121,17 +124,6 @@ impl Network<f64> {
         let solution = solve(&mut normal, right);
         self.mlp.parameters[last.start..].copy_from_slice(&solution);
         self.mlp.repack();
-    }
-
-    /// What the last layer sees at a point of the unit ball: the features that the fit combines.
-    fn last_inputs(&self, x: DVec3) -> Vec<f64> {
-        use field::Field;
-        let last = self.mlp.layers.len() - 1;
-        let layer = self.mlp.layers[last];
-        // ∂f/∂(last weights) is the last layer's input.
-        let mut gradient = vec![0.0; self.parameter_count()];
-        self.parameter_vjp(&[x], &[1.0], &[DVec3::ZERO], &mut gradient);
-        gradient[layer.start..layer.bias()].to_vec()
     }
 }
 

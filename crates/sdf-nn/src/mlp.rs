@@ -284,6 +284,12 @@ impl<R: Lane> Mlp<R> {
         }
     }
 
+    /// What the last layer saw of a lane, after a forward sweep.
+    pub(crate) fn last_input(&self, s: &Scratch<R>, lane: usize) -> Vec<R> {
+        let last = self.layers.len() - 1;
+        s.layers[last].input[0][..self.layers[last].inputs].iter().map(|row| row.0[lane]).collect()
+    }
+
     /// Adds the scratch's gradient to the flat `adjoint`.
     pub(crate) fn collect_gradient(&self, s: &Scratch<R>, adjoint: &mut [R]) {
         for (l, layer) in self.layers.iter().enumerate() {
@@ -322,10 +328,10 @@ fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
             let (beta, inverse) = (R::of(beta), R::of(1.0 / beta));
             for i in 0..LANES {
                 let z = z.0[i];
-                let e = R::exp_negative(beta * z.abs());
+                let e = R::exp_negative::<FMA>(beta * z.abs());
                 let above = if z > R::zero() { z } else { R::zero() };
                 // exp(−NaN) comes out as a number: 0 z is 0, or the NaN that has to come through.
-                value.0[i] = fma::<R, FMA>(R::ln_one_plus(e), inverse, above) + z * R::zero();
+                value.0[i] = fma::<R, FMA>(R::ln_one_plus::<FMA>(e), inverse, above) + z * R::zero();
                 if STORE {
                     let high = one / (one + e);
                     let low = e * high;
@@ -339,7 +345,7 @@ fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
         Activation::Sine { omega } => {
             let omega = R::of(omega);
             for i in 0..LANES {
-                let (sine, cosine) = R::sin_cos_moderate(omega * z.0[i]);
+                let (sine, cosine) = R::sin_cos_moderate::<FMA>(omega * z.0[i]);
                 value.0[i] = sine;
                 if STORE {
                     slope.0[i] = omega * cosine;

@@ -71,6 +71,12 @@ impl<R: Lane> Network<R> {
         R::of(self.transform.radius / self.scale)
     }
 
+    /// One block's forward sweep, without the widest instructions: for initialisation.
+    pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
+        self.encoder.encode::<false>(x, &mut s.features[0]);
+        self.mlp.forward::<false, false, false>(s);
+    }
+
     /// One block's value and gradient: the plain backward sweep.
     #[inline(always)]
     fn block_gradient<const FMA: bool>(

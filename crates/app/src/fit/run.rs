@@ -232,7 +232,9 @@ impl Fit {
 
     /// The pixels of this iteration.
     fn draw(&self, level: usize) -> Vec<Pixel> {
-        let (level_pixels, batch) = (&self.levels[level], self.file.options.batch as u64);
+        // Coarse images have few pixels: a quarter of the batch goes twice as far.
+        let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
+        let level_pixels = &self.levels[level];
         let seed = mix(self.file.options.seed, level as u64);
         (0..batch).map(|i| level_pixels.draw(self.iteration * batch + i, seed)).collect()
     }
