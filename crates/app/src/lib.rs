@@ -7,6 +7,7 @@ pub mod estimate;
 pub mod film;
 pub mod fit;
 pub mod io;
+pub mod mesh;
 pub mod metrics;
 pub mod sampler;
 pub mod scene;

@@ -54,7 +54,7 @@ impl Eval {
         let bar = global.progress("eval");
         let mut report = views(&model, &file, &dataset.test, self.spp, &mover(&bar))?;
         if let Some(truth) = truth {
-            let mesh = extract::<f32>(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
+            let mesh = extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();
@@ -79,7 +79,13 @@ pub(super) fn views(
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.mask.as_ref().map(|mask| mask_iou(&image.coverage, mask)));
     }
-    Ok(Report { psnr: mean(&psnrs), ssim: mean(&ssims), mask_iou: mean(&ious), views: views.len(), ..Report::default() })
+    Ok(Report {
+        psnr: mean(&psnrs),
+        ssim: mean(&ssims),
+        mask_iou: mean(&ious),
+        views: views.len(),
+        ..Report::default()
+    })
 }
 
 fn mean(values: &[f64]) -> Option<f64> {

@@ -95,7 +95,8 @@ pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Datase
 /// Makes the run's folders and its `fit.toml`.
 fn prepare(run: &Path, file: &RunFile, resume: bool) -> anyhow::Result<()> {
     for folder in [run.to_owned(), run.join("checkpoint"), run.join("preview")] {
-        std::fs::create_dir_all(&folder).map_err(|e| InputError::new(&folder, "run", e, "a folder that can be written"))?;
+        std::fs::create_dir_all(&folder)
+            .map_err(|e| InputError::new(&folder, "run", e, "a folder that can be written"))?;
     }
     if !resume && run.join("checkpoint/state.safetensors").exists() {
         let expected = "an empty folder, or --resume to go on";
@@ -105,7 +106,13 @@ fn prepare(run: &Path, file: &RunFile, resume: bool) -> anyhow::Result<()> {
 }
 
 /// Fits a data set in a run folder, with progress, metrics, previews and checkpoints.
-pub(super) fn fit(dataset: Dataset, file: RunFile, run: &Path, resume: bool, global: &Global) -> anyhow::Result<Report> {
+pub(super) fn fit(
+    dataset: Dataset,
+    file: RunFile,
+    run: &Path,
+    resume: bool,
+    global: &Global,
+) -> anyhow::Result<Report> {
     prepare(run, &file, resume)?;
     let mut fitting = Fitting::new(run, dataset, file, resume)?;
     let stop = on_interrupt()?;

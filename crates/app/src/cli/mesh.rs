@@ -39,7 +39,7 @@ impl Mesh {
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run)?;
         let bar = global.progress("mesh");
-        let mesh = extract::<f32>(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
+        let mesh = extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
             let path = self.run.join("model.safetensors");

@@ -1,8 +1,10 @@
 //! The command line: arguments in, exit status out.
 
 mod common;
+mod eval;
 mod fit;
 mod gradient;
+mod mesh;
 mod query;
 mod render;
 
@@ -30,6 +32,10 @@ enum Command {
     Gradient(gradient::Gradient),
     /// Reconstruct a shape from posed photographs
     Fit(fit::Fit),
+    /// Extract a run's surface as a mesh
+    Mesh(mesh::Mesh),
+    /// Measure a run on held-out views, and against a mesh
+    Eval(eval::Eval),
     /// Evaluate a model file at points
     Query(query::Query),
 }
@@ -67,6 +73,8 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Render(command) => command.run(&global),
         Command::Gradient(command) => command.run(&global),
         Command::Fit(command) => command.run(&global),
+        Command::Mesh(command) => command.run(&global),
+        Command::Eval(command) => command.run(&global),
         Command::Query(command) => command.run(&global),
     })
 }

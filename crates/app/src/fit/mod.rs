@@ -11,6 +11,7 @@ mod run;
 mod schedule;
 mod step;
 
+pub(crate) use model::single;
 pub use model::{Model, RunFile};
 pub use options::{DEFAULT_ITERATIONS, FitOptions};
 pub use preview::{contact_sheet, difference, normal_map, write_preview};

@@ -26,7 +26,7 @@ const HEAD_WIDTH: usize = 64;
 /// Number of the radiance head's hidden layers.
 const HEAD_LAYERS: usize = 3;
 /// Octaves of the radiance head's encoding of the position.
-const HEAD_BANDS: usize = 6;
+pub(crate) const HEAD_BANDS: usize = 6;
 
 /// `fit.toml`: all that a run was given, so that it can go on and be evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

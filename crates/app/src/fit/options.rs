@@ -53,7 +53,7 @@ pub struct FitOptions {
     #[arg(long, default_value_t = 1e-3)]
     pub learning_rate: f64,
     /// Pixels an iteration
-    #[arg(long, default_value_t = 4096)]
+    #[arg(long, default_value_t = 1024)]
     pub batch: usize,
     /// Samples of a pixel that a silhouette may cross
     #[arg(long, default_value_t = 4)]
@@ -77,10 +77,10 @@ pub struct FitOptions {
     #[arg(long, default_value_t = 1e-6)]
     pub epsilon: f64,
     /// Weight of the eikonal term (|∇f| − 1)²
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = 1.0)]
     pub eikonal: f64,
     /// Weight of the term that clears what looks like the background, at the start
-    #[arg(long, default_value_t = 0.3)]
+    #[arg(long, default_value_t = 1.0)]
     pub background_weight: f64,
     /// Iterations between checkpoints
     #[arg(long, default_value_t = 200)]

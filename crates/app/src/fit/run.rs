@@ -9,7 +9,7 @@ use optim::{Adam, Group};
 use serde::Serialize;
 
 use super::checkpoint::State;
-use super::model::{Model, RunFile};
+use super::model::{HEAD_BANDS, Model, RunFile};
 use super::pyramid::{Level, Pixel, pyramid};
 use super::step::{Batch, Tally, gradient};
 use super::{DEFAULT_ITERATIONS, schedule};
@@ -201,6 +201,7 @@ impl Fit {
         let progress = self.progress();
         let window = schedule::band_window(progress, options.bands);
         self.model.field.set_band_weights(&window);
+        self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
         let level = schedule::level(progress, self.levels.len());
         let seed = mix(options.seed, self.iteration);
         let (pixels, weights) =

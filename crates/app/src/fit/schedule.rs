@@ -42,11 +42,22 @@ pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
         .collect()
 }
 
+/// Progress up to which the guess at the background counts fully, and from which on hardly any more.
+const TRUST: [f64; 2] = [0.3, 0.7];
+
+/// What is left of it at last: enough to keep clear what is clear.
+const LAST_TRUST: f64 = 0.05;
+
 /// The weights of the loss's terms.
 pub(crate) fn weights(progress: f64, options: &FitOptions, confidence: f64) -> Weights {
-    // The guess at the background finds the object; where its edge is exactly is for the photographs to say.
-    let fade = if options.use_masks { 1.0 } else { confidence * (1.0 - progress / LEVEL_ENDS[2]).max(0.02) };
-    Weights { eikonal: options.eikonal as f32, background: (options.background_weight * fade) as f32 }
+    // The guess finds the object; where its edge is exactly is for the photographs to say.
+    let fade = ((TRUST[1] - progress) / (TRUST[1] - TRUST[0])).clamp(LAST_TRUST, 1.0);
+    let trust = if options.use_masks { 1.0 } else { confidence * fade };
+    Weights {
+        eikonal: options.eikonal as f32,
+        background: (options.background_weight * trust) as f32,
+        trust: trust as f32,
+    }
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ pub(crate) struct Weights {
     pub(crate) eikonal: f32,
     /// Background term.
     pub(crate) background: f32,
+    /// How far the guess at the background is believed over the photograph, 0 to 1.
+    pub(crate) trust: f32,
 }
 
 /// What an iteration looks at.
@@ -150,6 +152,10 @@ impl<'a> Chunk<'a> {
         let mut delta = vec![Vec3::ZERO; samples.len()];
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
             delta[i] = self.score(first.radiance[i].into(), *pixel);
+        }
+        // A hit that should not be there is not to be painted like the background, but cleared.
+        for &i in &first.hits {
+            delta[i] *= 1.0 - self.batch.weights.trust * self.background_probability(self.pixels[i]);
         }
         self.surface(samples, first, &delta, shader);
     }
