@@ -204,6 +204,11 @@ impl<'a> Chunk<'a> {
             if let Some(h) = hit[i] {
                 self.adjoints.push(first.x[h], -weight * probability, Vec3::ZERO);
             } else if let (Some(ray), Some(found)) = (first.rays[i], first.found[i]) {
+                if found.outcome == trace::Outcome::Inside {
+                    // The solid has reached the bounding sphere, where nothing is seen any more: back.
+                    self.adjoints.push(ray.at(found.t), -weight, Vec3::ZERO);
+                    continue;
+                }
                 let nearest = ray.origin + ray.direction * found.t;
                 self.adjoints.push(nearest, weight * (1.0 - probability), Vec3::ZERO);
             }
