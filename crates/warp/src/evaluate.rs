@@ -1,77 +1,18 @@
-//! The warp field and its divergence for a batch of rays, forward and in reverse.
+//! The warp field and its divergence for a batch of rays.
 
 use field::{Field, Real, Vector3};
 
-use crate::Options;
-use crate::weights::{Weights, spread, weights};
-
-/// The chart between world and film: u = projection of x, in pixels.
-pub trait Projection<R: Real> {
-    /// The rows ∂u_x/∂x and ∂u_y/∂x, in pixels per world unit.
-    fn jacobian(&self, x: R::Vec3) -> [R::Vec3; 2];
-    /// The change of those rows as the point moves along `dx`.
-    fn jacobian_derivative(&self, x: R::Vec3, dx: R::Vec3) -> [R::Vec3; 2];
-}
-
-/// A ray with the points that the tracer's recursion visited, and how it moves with the film position.
-#[derive(Clone, Copy, Debug)]
-pub struct WarpedRay<'a, R: Real> {
-    /// o, the same for all film positions.
-    pub origin: R::Vec3,
-    /// d, of length 1.
-    pub direction: R::Vec3,
-    /// ∂d/∂u_x and ∂d/∂u_y, per pixel.
-    pub direction_du: [R::Vec3; 2],
-    /// ∂t_0/∂u: of where the recursion starts, world units per pixel.
-    pub entry_du: [R; 2],
-    /// ∂t/∂u of the interval's end, used where the last step was cut off there.
-    pub exit_du: [R; 2],
-    /// Distances of the points.
-    pub t: &'a [R],
-    /// f at the points.
-    pub f: &'a [R],
-    /// ∇f at the points.
-    pub gradient: &'a [R::Vec3],
-    /// Δ at the points.
-    pub step: &'a [R],
-    /// Whether the last Δ was cut off at the interval's end.
-    pub clamped: bool,
-    /// Whether the record is free of NaNs.
-    pub valid: bool,
-}
-
-/// The points of a batch that keep a weight, with what V and its divergence need of them.
-#[derive(Clone, Debug, Default)]
-pub struct Kept<R: Real> {
-    /// x_i.
-    pub points: Vec<R::Vec3>,
-    /// The ray of each point.
-    pub ray: Vec<usize>,
-    /// a_i = ŵ_i J m_i, in pixels per unit of f.
-    pub a: Vec<[R; 2]>,
-    /// ∇_u·a_i, per unit of f; empty if the divergence was not asked for.
-    pub divergence_a: Vec<R>,
-    /// b_i = Σ_e a_i,e ∂x_i/∂u_e, in world units per unit of f; empty if the divergence was not asked for.
-    pub b: Vec<R::Vec3>,
-    /// The number of rays in the batch.
-    pub rays: usize,
-    /// Rays that contribute nothing because something was not finite.
-    pub invalid: usize,
-}
-
-/// A point whose second derivatives are asked for: of the ray, at the index, and its motion with the film.
-struct Moving<R: Real> {
-    ray: usize,
-    index: usize,
-    x: R::Vec3,
-    dt: [R; 2],
-    dx: [R::Vec3; 2],
-}
+use crate::weights::{Entry, Motion, Quadrature, normalise_rates};
+use crate::{Kept, Options, Projection, WarpedRay};
 
 /// Evaluates the warp of a batch of rays; `projection` has one chart a ray, or one for all.
 ///
-/// With `divergence` the field is asked for two Hessian–vector products per kept point (and per smallest kept point);
-/// without, for nothing.
+/// With `divergence` the field is asked for two Hessian–vector products at every kept point and at the point by whose weight a
+/// ray's weights are shifted, in two batches over all rays; without, for nothing. A ray with a number that is not finite, or
+/// that leads to one, contributes nothing (see [`Kept::valid`]); the others do not notice.
+///
+/// # Panics
+/// If there are neither as many charts as rays nor one, or if the slices of a ray differ in length.
 pub fn evaluate<R: Real, P: Projection<R> + ?Sized>(
     field: &(impl Field<R> + ?Sized),
     options: &Options<R>,
@@ -79,196 +20,163 @@ pub fn evaluate<R: Real, P: Projection<R> + ?Sized>(
     rays: &[WarpedRay<'_, R>],
     divergence: bool,
 ) -> Kept<R> {
-    let mut kept = Kept { rays: rays.len(), ..Kept::default() };
-    let all: Vec<Weights<R>> =
-        rays.iter().map(|ray| if ray.valid { weights(options, ray) } else { Weights::default() }).collect();
-    let chart = |ray: usize| projection[ray.min(projection.len() - 1)];
-    let moving = if divergence { moving_points(options, rays, &all) } else { Vec::new() };
-    let products = hessians(field, &moving);
+    let charts = projection.len();
+    assert!(charts == 1 || charts == rays.len(), "{charts} charts for {} rays", rays.len());
+    let chart = |ray: usize| projection[if charts == 1 { 0 } else { ray }];
+    let mut kept = Kept::of_rays(rays.iter().map(|ray| ray.valid && ray.is_finite()).collect());
+    let mut quadrature = Quadrature::default();
+    for (number, ray) in rays.iter().enumerate().filter(|(number, _)| kept.valid[*number]) {
+        quadrature.add(options, ray, number);
+    }
+    let entries = &quadrature.entries;
+    let motions = if divergence { motions(field, options, rays, entries) } else { Vec::new() };
+    let mut rates: Vec<[R; 2]> = entries
+        .iter()
+        .zip(&motions)
+        .map(|(entry, motions)| motions.map(|motion| entry.rate(options, &rays[entry.ray], &motion)))
+        .collect();
     let mut next = 0;
-    let mut rates = [Vec::new(), Vec::new()];
-    for (r, (ray, weights)) in rays.iter().zip(&all).enumerate() {
-        let start = kept.points.len();
+    for group in entries.chunk_by(|a, b| a.ray == b.ray) {
+        let (start, first, number) = (kept.points.len(), next, group[0].ray);
+        next += group.len();
         if divergence {
-            let own = next..next + moving[next..].iter().take_while(|m| m.ray == r).count();
-            next = own.end;
-            let moving = &moving[own.clone()];
-            for e in 0..2 {
-                let log = |i: usize| {
-                    moving.iter().position(|m| m.index == i).map_or(R::zero(), |at| {
-                        log_weight_derivative(options, ray, &moving[at], products[e][own.start + at], e)
-                    })
-                };
-                weights.derivative(log, &mut rates[e]);
-            }
-            for (p, &i) in weights.kept.iter().enumerate() {
-                let Some(at) = moving.iter().position(|m| m.index == i) else { continue };
-                let turn = [products[0][own.start + at], products[1][own.start + at]];
-                kept.push_moving(ray, &moving[at], weights.weight[p], [rates[0][p], rates[1][p]], turn, chart(r));
-            }
-        } else {
-            for (&i, weight) in weights.kept.iter().zip(&weights.weight) {
-                let x = ray.origin + ray.direction * ray.t[i];
-                let a = film_velocity::<R>(chart(r).jacobian(x), inverse::<R>(ray.gradient[i]), *weight);
-                kept.push(r, x, a);
+            normalise_rates(group, &mut rates[first..next]);
+        }
+        for (at, entry) in (first..).zip(group).filter(|(_, entry)| entry.weight > R::zero()) {
+            let place = Place::new(entry, &rays[number], chart(number));
+            kept.push(entry, &place);
+            if divergence {
+                kept.push_derivatives(entry, &place, chart(number), rates[at], &motions[at]);
             }
         }
-        kept.drop_if_not_finite(start, ray.valid);
+        kept.drop_if_not_finite(start, number);
     }
     kept
 }
 
-/// m = ∇f/|∇f|²: how a level set moves per unit that f falls.
-fn inverse<R: Real>(gradient: R::Vec3) -> R::Vec3 {
-    gradient * (R::one() / gradient.dot(gradient).max(R::min_positive_value()))
+/// What is known of a point without second derivatives.
+struct Place<R: Real> {
+    x: R::Vec3,
+    jacobian: [R::Vec3; 2],
+    gradient: R::Vec3,
+    /// |∇f|², kept away from zero.
+    square: R,
 }
 
-fn film_velocity<R: Real>(jacobian: [R::Vec3; 2], m: R::Vec3, weight: R) -> [R; 2] {
-    jacobian.map(|row| row.dot(m) * weight)
+impl<R: Real> Place<R> {
+    fn new<P: Projection<R> + ?Sized>(entry: &Entry<R>, ray: &WarpedRay<'_, R>, chart: &P) -> Self {
+        let (x, gradient) = (ray.x(entry.index), ray.gradient[entry.index]);
+        let square = gradient.dot(gradient).max(R::min_positive_value());
+        Place { x, jacobian: chart.jacobian(x), gradient, square }
+    }
+
+    /// m = ∇f/|∇f|²: how a level set moves per unit that f falls.
+    fn inverse(&self) -> R::Vec3 {
+        self.gradient * (R::one() / self.square)
+    }
+
+    /// ∂m, given ∂∇f.
+    fn inverse_derivative(&self, gradient: R::Vec3) -> R::Vec3 {
+        let along = self.gradient.dot(gradient) / self.square;
+        (gradient - self.gradient * (along + along)) * (R::one() / self.square)
+    }
 }
 
-/// The kept points and each ray's smallest, with their motion: t_{i+1} = t_i + ρ f(x_i) moves with all points before.
-fn moving_points<R: Real>(options: &Options<R>, rays: &[WarpedRay<'_, R>], all: &[Weights<R>]) -> Vec<Moving<R>> {
-    let mut out = Vec::new();
-    for (r, (ray, weights)) in rays.iter().zip(all).enumerate() {
-        let last = weights.kept.iter().copied().chain(weights.floor_index()).max();
+/// How every entry's point moves with the film. t_{i+1} = t_i + ρ f(x_i) moves with all points before, by their recorded
+/// gradients; only the entries need second derivatives.
+fn motions<R: Real>(
+    field: &(impl Field<R> + ?Sized),
+    options: &Options<R>,
+    rays: &[WarpedRay<'_, R>],
+    entries: &[Entry<R>],
+) -> Vec<[Motion<R>; 2]> {
+    let mut motions = Vec::with_capacity(entries.len());
+    for group in entries.chunk_by(|a, b| a.ray == b.ray) {
+        let (ray, mut next) = (&rays[group[0].ray], 0);
         let mut dt = ray.entry_du;
-        for index in 0..last.map_or(0, |last| last + 1) {
-            let dx: [R::Vec3; 2] = std::array::from_fn(|e| ray.direction_du[e] * ray.t[index] + ray.direction * dt[e]);
-            if weights.kept.contains(&index) || weights.floor_index() == Some(index) {
-                let x = ray.origin + ray.direction * ray.t[index];
-                out.push(Moving { ray: r, index, x, dt, dx });
+        for i in 0..=group[group.len() - 1].index {
+            let dx: [R::Vec3; 2] = std::array::from_fn(|e| ray.direction_du[e] * ray.t[i] + ray.direction * dt[e]);
+            if group[next].index == i {
+                next += 1;
+                motions.push(std::array::from_fn(|e| Motion {
+                    direction: ray.direction_du[e],
+                    t: dt[e],
+                    exit: ray.exit_du[e],
+                    x: dx[e],
+                    gradient: R::Vec3::zero(),
+                }));
             }
             for e in 0..2 {
-                dt[e] += options.relaxation * ray.gradient[index].dot(dx[e]);
+                dt[e] += options.relaxation * ray.gradient[i].dot(dx[e]);
             }
         }
     }
-    out
+    let x: Vec<R::Vec3> = entries.iter().map(|e| rays[e.ray].x(e.index)).collect();
+    turn_gradients(field, &x, &mut motions);
+    motions
 }
 
-/// ∇²f ∂x for both film directions.
-fn hessians<R: Real>(field: &(impl Field<R> + ?Sized), moving: &[Moving<R>]) -> [Vec<R::Vec3>; 2] {
-    let n = moving.len();
-    let x: Vec<R::Vec3> = moving.iter().map(|m| m.x).collect();
-    let mut gradient = vec![R::Vec3::zero(); n];
-    [0, 1].map(|e| {
-        let dx: Vec<R::Vec3> = moving.iter().map(|m| m.dx[e]).collect();
-        let mut product = vec![R::Vec3::zero(); n];
-        if n > 0 {
-            field.hessian_vector(&x, &dx, &mut gradient, &mut product);
-        }
-        product
-    })
-}
-
-/// ∂ ln w = −γ ∂S/S + ∂Δ/Δ along film direction `e`; `turn` is ∇²f ∂x.
-fn log_weight_derivative<R: Real>(
-    options: &Options<R>,
-    ray: &WarpedRay<'_, R>,
-    m: &Moving<R>,
-    turn: R::Vec3,
-    e: usize,
-) -> R {
-    let (f, g, d) = (ray.f[m.index], ray.gradient[m.index], ray.direction);
-    let sign = |v: R| if v < R::zero() { -R::one() } else { R::one() };
-    let df = g.dot(m.dx[e]);
-    let facing = turn.dot(d) + g.dot(ray.direction_du[e]);
-    let ds = sign(f) * df + options.lambda_d * sign(g.dot(d)) * facing;
-    let cut_off = ray.clamped && m.index + 1 == ray.t.len();
-    let length = if cut_off { (ray.exit_du[e] - m.dt[e]) / ray.step[m.index] } else { df / f };
-    length - options.gamma * ds / spread(options, ray, m.index)
+/// ∂∇f = ∇²f ∂x, in one batch a film axis.
+fn turn_gradients<R: Real>(field: &(impl Field<R> + ?Sized), x: &[R::Vec3], motions: &mut [[Motion<R>; 2]]) {
+    if x.is_empty() {
+        return;
+    }
+    let mut dx = vec![R::Vec3::zero(); x.len()];
+    let (mut gradient, mut product) = (dx.clone(), dx.clone());
+    for e in 0..2 {
+        dx.iter_mut().zip(&*motions).for_each(|(dx, motion)| *dx = motion[e].x);
+        field.hessian_vector(x, &dx, &mut gradient, &mut product);
+        motions.iter_mut().zip(&product).for_each(|(motion, product)| motion[e].gradient = *product);
+    }
 }
 
 impl<R: Real> Kept<R> {
-    fn push(&mut self, ray: usize, x: R::Vec3, a: [R; 2]) {
-        self.points.push(x);
-        self.ray.push(ray);
-        self.a.push(a);
+    /// Adds a point: a = ŵ J m.
+    fn push(&mut self, entry: &Entry<R>, place: &Place<R>) {
+        let m = place.inverse();
+        self.points.push(place.x);
+        self.ray.push(entry.ray);
+        self.index.push(entry.index);
+        self.weight.push(entry.weight);
+        self.a.push(place.jacobian.map(|row| row.dot(m) * entry.weight));
     }
 
-    /// Adds a point with its divergence: ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e m)].
-    fn push_moving<P: Projection<R> + ?Sized>(
+    /// Adds the divergence of the point just added, ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e m)], and its b.
+    fn push_derivatives<P: Projection<R> + ?Sized>(
         &mut self,
-        ray: &WarpedRay<'_, R>,
-        at: &Moving<R>,
-        weight: R,
-        weight_du: [R; 2],
-        turn: [R::Vec3; 2],
+        entry: &Entry<R>,
+        place: &Place<R>,
         chart: &P,
+        weight_du: [R; 2],
+        motion: &[Motion<R>; 2],
     ) {
-        let g = ray.gradient[at.index];
-        let (m, square) = (inverse::<R>(g), g.dot(g).max(R::min_positive_value()));
-        let jacobian = chart.jacobian(at.x);
-        let mut divergence = R::zero();
+        let (m, a) = (place.inverse(), self.a[self.a.len() - 1]);
+        let (mut divergence, mut b) = (R::zero(), R::Vec3::zero());
         for e in 0..2 {
-            let along = g.dot(turn[e]) / square;
-            let dm = (turn[e] - g * (along + along)) * (R::one() / square);
-            let moved = chart.jacobian_derivative(at.x, at.dx[e])[e];
-            divergence += weight_du[e] * jacobian[e].dot(m) + weight * (moved.dot(m) + jacobian[e].dot(dm));
+            let moved = chart.jacobian_derivative(place.x, motion[e].x)[e].dot(m);
+            let turned = place.jacobian[e].dot(place.inverse_derivative(motion[e].gradient));
+            divergence += weight_du[e] * place.jacobian[e].dot(m) + entry.weight * (moved + turned);
+            b += motion[e].x * a[e];
         }
-        let a = film_velocity::<R>(jacobian, m, weight);
-        self.push(at.ray, at.x, a);
         self.divergence_a.push(divergence);
-        self.b.push(at.dx[0] * a[0] + at.dx[1] * a[1]);
+        self.b.push(b);
     }
 
-    /// Takes back a ray's points, from `start` on, if any number is not finite.
-    fn drop_if_not_finite(&mut self, start: usize, valid: bool) {
-        let finite = self.a[start..].iter().all(|a| a[0].is_finite() && a[1].is_finite())
+    /// Takes back the points of ray `number`, from `start` on, if any number is not finite.
+    fn drop_if_not_finite(&mut self, start: usize, number: usize) {
+        let finite = self.a[start..].iter().flatten().all(|a| a.is_finite())
             && self.divergence_a.get(start..).is_none_or(|d| d.iter().all(|d| d.is_finite()))
             && self.b.get(start..).is_none_or(|b| b.iter().all(|b| b.is_finite()));
         if !finite {
             self.points.truncate(start);
             self.ray.truncate(start);
+            self.index.truncate(start);
+            self.weight.truncate(start);
             self.a.truncate(start);
             self.divergence_a.truncate(start);
             self.b.truncate(start);
+            self.valid[number] = false;
+            self.invalid += 1;
         }
-        self.invalid += usize::from(!finite || !valid);
-    }
-
-    /// V of every ray, in pixels per unit of the parameter; `f_dot` is ∂_θ f at every kept point.
-    pub fn velocity(&self, f_dot: &[R]) -> Vec<[R; 2]> {
-        let mut v = vec![[R::zero(); 2]; self.rays];
-        for (i, &ray) in self.ray.iter().enumerate() {
-            for e in 0..2 {
-                v[ray][e] -= self.a[i][e] * f_dot[i];
-            }
-        }
-        v
-    }
-
-    /// ∇_u·V of every ray, per unit of the parameter; `f_dot` and `gradient_dot` are ∂_θ f and ∂_θ ∇f at every kept point.
-    ///
-    /// # Panics
-    /// If the divergence was not asked for.
-    pub fn divergence(&self, f_dot: &[R], gradient_dot: &[R::Vec3]) -> Vec<R> {
-        let mut out = vec![R::zero(); self.rays];
-        for (i, &ray) in self.ray.iter().enumerate() {
-            out[ray] -= self.divergence_a[i] * f_dot[i] + self.b[i].dot(gradient_dot[i]);
-        }
-        out
-    }
-
-    /// VJP of θ ↦ V and ∇·V: the coefficients (α_i, c_i) at the kept points for `Field::parameter_vjp`, given a ray's adjoints
-    /// of its divergence, `scalar` = δ·(L − c), and of its velocity, `film` = δ·∇_u L.
-    ///
-    /// # Panics
-    /// If the divergence was not asked for.
-    pub fn area_vjp(&self, scalar: &[R], film: &[[R; 2]]) -> (Vec<R>, Vec<R::Vec3>) {
-        (0..self.points.len())
-            .map(|i| {
-                let (s, q) = (scalar[self.ray[i]], film[self.ray[i]]);
-                let along = q[0] * self.a[i][0] + q[1] * self.a[i][1];
-                (-(along + s * self.divergence_a[i]), -self.b[i] * s)
-            })
-            .unzip()
-    }
-
-    /// VJP of θ ↦ −flux: the coefficients α_i at the kept points for boundary samples with adjoints `flux` and edge normals
-    /// along film axis `axis`. The boundary term enters a pixel as −(L − c) V·n, and V = −Σ a_i ∂_θ f: hence the plus.
-    pub fn flux_vjp(&self, flux: &[R], axis: &[usize]) -> Vec<R> {
-        self.ray.iter().zip(&self.a).map(|(&ray, a)| flux[ray] * a[axis[ray]]).collect()
     }
 }

@@ -56,18 +56,36 @@
 //! ```
 //!
 //! # What is guaranteed
-//! Weights are ratios of exponentials of log-weights, so that no γ overflows. Output is finite for finite input; a ray with
-//! a NaN contributes nothing and is counted in [`Kept::invalid`]. Points whose weights tie exactly share their weight.
+//! - **V is continuous in u** for k ≥ 3, also where points enter and leave the largest k, and where a ray gains or loses a
+//!   point at the end of its interval. The latter needs a rule that the paper, whose rays all have N points, does not give: a
+//!   ray with fewer than k points counts as filled up with points of weight zero, so its shift is by zero; one with k or
+//!   more is shifted by the k-th. (No shift at k = N exactly, the other reading, makes V jump where a ray grows from k
+//!   points to k + 1.) For weights of all points without a shift choose k above N.
+//! - **∇_u·V is that of the computed V**, at finite N, points moving with u: differences agree to 2e-6.
+//! - **No γ overflows.** Weights are ratios of exponentials of log-weights. Finite input gives finite output, or a ray flagged
+//!   in [`Kept::valid`], which then contributes nothing; so does one with a NaN. Points whose weights tie exactly share
+//!   their weight, with derivative zero.
+//! - The same bits for a ray whatever else is in its batch, if the field's are.
 //!
 //! # What is not
-//! With N points the delta sits about 2r/N short of the silhouette: a bias that falls with N. At γ ≤ 2 there is no delta.
+//! - With N points the delta sits about 2r/N short of the silhouette. This is a bias that falls as 1/N: for a ball moving along
+//!   the view, |V| at the silhouette is off by 78 % at N = 22, 31 % at 64, 11 % at 200, 4 % at 600; for motion
+//!   across the view by 3 % at 22.
+//! - At γ ≤ 2 there is no delta: 99 % off at γ = 1 and N = 600.
+//! - k = 2 leaves one point all the weight, and V jumps where the two largest swap places; k = 3 does so only where three
+//!   tie.
+//! - V is not smooth: ∇·V jumps where points change places, and where f or ∇f·d changes sign.
+//! - Where a point's |∇f| tends to 0 its level set moves without bound, and V with it.
 
 #![allow(clippy::needless_range_loop, reason = "points, weights and directions go in step: an index says so")]
 
 mod evaluate;
+mod kept;
 mod options;
+mod ray;
 mod weights;
 
-pub use evaluate::{Kept, Projection, WarpedRay, evaluate};
+pub use evaluate::evaluate;
+pub use kept::Kept;
 pub use options::{InvalidOptions, Options};
-pub use weights::{Weights, weights};
+pub use ray::{Projection, WarpedRay};

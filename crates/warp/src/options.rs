@@ -5,7 +5,9 @@ use field::Real;
 /// Settings of the weights; METHOD's symbols. The published ones are γ = 3 and k between 2 and all of N = 22.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
-    /// k: points that keep a weight, 2 or more. With k ≥ the number of points all are kept, unshifted.
+    /// k: the points that are weighed, 2 or more; the smallest of them is what the others are shifted by, so k − 1 keep a
+    /// weight. A ray of fewer than k points keeps all, unshifted: k above N turns the selection off. 3 is the least that
+    /// gives a continuous V (see the crate's page).
     pub k: usize,
     /// γ: the exponent. Above 2 the weights tend to a delta at a silhouette.
     pub gamma: R,

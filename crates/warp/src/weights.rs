@@ -1,94 +1,121 @@
-//! The quadrature weights of one ray's points, kept as logarithms until only ratios are left.
+//! The quadrature weights of rays' points, kept as logarithms until only ratios are left.
+
+use std::cmp::Ordering;
 
 use field::{Real, Vector3};
 
 use crate::{Options, WarpedRay};
 
-/// The weights of one ray.
-#[derive(Clone, Debug, Default)]
-pub struct Weights<R> {
-    /// The indices of the points that keep a weight other than zero, in order along the ray.
-    pub kept: Vec<usize>,
-    /// Their normalised weights ŵ, which sum to 1.
-    pub weight: Vec<R>,
-    /// For each kept point its share before the shift: w_i/Σ, so that ∂ŵ_i = share_i ∂ln w_i − … (see [`Weights::derivative`]).
-    share: Vec<R>,
-    /// The point with the smallest kept weight, which all others are shifted by, and its share.
-    floor: Option<(usize, R)>,
-    /// Whether the weights tie, so that they are taken as constants.
-    tied: bool,
-}
-
-/// ln w = −γ ln S + ln Δ of a point; −∞ for a point that stands for no length.
-fn log_weight<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>, i: usize) -> R {
-    -options.gamma * spread(options, ray, i).ln() + ray.step[i].ln()
+/// A point that takes part in the weights of its ray: one that keeps a weight, or the floor.
+///
+/// With w_0 the floor, the smallest of the k largest weights, and Σ = Σ_j (w_j − w_0), the share is p_i = w_i/Σ and the
+/// weight ŵ_i = p_i − p_0. The floor itself is the entry of weight 0. The entries of a ray are in order along it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry<R> {
+    pub(crate) ray: usize,
+    pub(crate) index: usize,
+    pub(crate) weight: R,
+    share: R,
 }
 
 /// S = |f| + λ_d |∇f·d| + ε, kept away from zero: ln 0 would be infinite.
-pub(crate) fn spread<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>, i: usize) -> R {
+fn spread<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>, i: usize) -> R {
     let facing = ray.gradient[i].dot(ray.direction).abs();
     (ray.f[i].abs() + options.lambda_d * facing + options.epsilon).max(R::min_positive_value())
 }
 
-/// The normalised weights of a ray's points: the k largest, less the smallest of those.
-///
-/// Where k is not below the number of points nothing can change places, and the weights are taken as they are. If the
-/// kept weights all tie, the shift leaves nothing: the tied points then share the weight evenly. They are one point in
-/// practice, a root that the recursion has converged on.
-pub fn weights<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>) -> Weights<R> {
-    let n = ray.t.len();
-    let log: Vec<R> = (0..n).map(|i| log_weight(options, ray, i)).collect();
-    let mut order: Vec<usize> = (0..n).filter(|&i| log[i] > R::neg_infinity()).collect();
-    // Largest first; ties by position, so that the order is the same on every machine.
-    order.sort_by(|&a, &b| log[b].partial_cmp(&log[a]).unwrap_or(std::cmp::Ordering::Equal).then(a.cmp(&b)));
-    let Some(&first) = order.first() else { return Weights::default() };
-    let shifted = options.k < n;
-    // With fewer weights than k above zero the smallest of the k is a zero, and the shift is by nothing.
-    let floor = if shifted && order.len() >= options.k { Some(order[options.k - 1]) } else { None };
-    order.truncate(options.k);
-    order.sort_unstable();
-    let ratio: Vec<R> = order.iter().map(|&i| (log[i] - log[first]).exp()).collect();
-    let lowest = floor.map_or(R::zero(), |i| (log[i] - log[first]).exp());
-    let sum = ratio.iter().fold(R::zero(), |sum, r| sum + (*r - lowest));
-    if sum <= R::zero() {
-        let even = R::one() / R::of(order.len() as f64);
-        let weight = vec![even; order.len()];
-        return Weights { share: weight.clone(), weight, kept: order, floor: None, tied: true };
-    }
-    let mut out = Weights { floor: floor.map(|i| (i, lowest / sum)), ..Weights::default() };
-    for (&i, r) in order.iter().zip(ratio) {
-        if r > lowest {
-            out.kept.push(i);
-            out.weight.push((r - lowest) / sum);
-            out.share.push(r / sum);
-        }
-    }
-    out
+/// The weights of many rays, one after the other; the vectors besides `entries` are scratch.
+#[derive(Debug, Default)]
+pub(crate) struct Quadrature<R> {
+    pub(crate) entries: Vec<Entry<R>>,
+    log: Vec<R>,
+    order: Vec<usize>,
 }
 
-impl<R: Real> Weights<R> {
-    /// The derivative of every kept weight, given that of ln w of any point.
+impl<R: Real> Quadrature<R> {
+    /// Adds the entries of a ray of finite numbers: the k largest weights, less the smallest of those.
     ///
-    /// With shares p_i = w_i/Σ and p_0 that of the smallest kept: ŵ_i = p_i − p_0, and Σ changes with all of them, so
-    /// ∂ŵ_i = p_i ∂ln w_i − p_0 ∂ln w_0 − ŵ_i Σ_j (p_j ∂ln w_j − p_0 ∂ln w_0).
-    pub fn derivative(&self, log_derivative: impl Fn(usize) -> R, out: &mut Vec<R>) {
-        out.clear();
-        if self.tied {
-            out.resize(self.kept.len(), R::zero());
-            return;
+    /// A ray with fewer than k points is filled up with points of weight zero, so its weights are shifted by nothing. That
+    /// makes them continuous where a ray gains a point: the new one lies at the end of the interval and has Δ = 0.
+    ///
+    /// If the kept weights all tie, the shift leaves nothing: the tied points then share the weight evenly, and keep it as
+    /// u moves. They are one point in practice, a root that the recursion has converged on.
+    pub(crate) fn add(&mut self, options: &Options<R>, ray: &WarpedRay<'_, R>, number: usize) {
+        self.rank(options, ray);
+        let Some(&first) = self.order.first() else { return };
+        let floor = (self.order.len() >= options.k).then(|| self.order[options.k - 1]);
+        self.order.truncate(options.k);
+        self.order.sort_unstable();
+        let ratio = |i: usize| (self.log[i] - self.log[first]).exp();
+        let lowest = floor.map_or(R::zero(), ratio);
+        let sum = self.order.iter().fold(R::zero(), |sum, &i| sum + (ratio(i) - lowest));
+        if sum <= R::zero() {
+            let weight = R::one() / R::of(self.order.len() as f64);
+            let tied = self.order.iter().map(|&index| Entry { ray: number, index, weight, share: R::zero() });
+            return self.entries.extend(tied);
         }
-        let floor = self
-            .floor
-            .map_or(R::zero(), |(i, share)| if share > R::zero() { share * log_derivative(i) } else { R::zero() });
-        out.extend(self.kept.iter().zip(&self.share).map(|(&i, share)| *share * log_derivative(i) - floor));
-        let total = out.iter().fold(R::zero(), |sum, d| sum + *d);
-        for (d, weight) in out.iter_mut().zip(&self.weight) {
-            *d -= *weight * total;
+        for &index in &self.order {
+            let ratio = ratio(index);
+            if ratio > lowest || (Some(index) == floor && lowest > R::zero()) {
+                self.entries.push(Entry { ray: number, index, weight: (ratio - lowest) / sum, share: ratio / sum });
+            }
         }
     }
 
-    /// The points whose ln w has to be differentiated: the kept ones and the smallest.
-    pub(crate) fn floor_index(&self) -> Option<usize> {
-        self.floor.map(|(i, _)| i)
+    /// Computes ln w = −γ ln S + ln Δ and orders the points that stand for a length from the largest to the smallest.
+    fn rank(&mut self, options: &Options<R>, ray: &WarpedRay<'_, R>) {
+        let log_weight = |i: usize| -options.gamma * spread(options, ray, i).ln() + ray.step[i].ln();
+        self.log.clear();
+        self.log.extend((0..ray.t.len()).map(log_weight));
+        self.order.clear();
+        // A denormal length is none: the derivative of its logarithm would overflow.
+        self.order.extend((0..ray.t.len()).filter(|&i| ray.step[i] >= R::min_positive_value()));
+        // Ties by position, so that the order is the same on every machine.
+        let log = &self.log;
+        self.order.sort_unstable_by(|&a, &b| log[b].partial_cmp(&log[a]).unwrap_or(Ordering::Equal).then(a.cmp(&b)));
+    }
+}
+
+/// How a point moves as u moves along one film axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion<R: Real> {
+    /// ∂d.
+    pub(crate) direction: R::Vec3,
+    /// ∂t of the point.
+    pub(crate) t: R,
+    /// ∂t of the interval's end.
+    pub(crate) exit: R,
+    /// ∂x.
+    pub(crate) x: R::Vec3,
+    /// ∂∇f = ∇²f ∂x.
+    pub(crate) gradient: R::Vec3,
+}
+
+impl<R: Real> Entry<R> {
+    /// ∂w/Σ = p ∂ ln w, where ∂ ln w = −γ ∂S/S + ∂Δ/Δ.
+    pub(crate) fn rate(&self, options: &Options<R>, ray: &WarpedRay<'_, R>, motion: &Motion<R>) -> R {
+        if self.share == R::zero() {
+            return R::zero();
+        }
+        let i = self.index;
+        let sign = |v: R| if v < R::zero() { -R::one() } else { R::one() };
+        let f_rate = ray.gradient[i].dot(motion.x);
+        let facing_rate = motion.gradient.dot(ray.direction) + ray.gradient[i].dot(motion.direction);
+        let facing_sign = sign(ray.gradient[i].dot(ray.direction));
+        let spread_rate = sign(ray.f[i]) * f_rate + options.lambda_d * facing_sign * facing_rate;
+        // Δ = ρ |f|, and ρ drops out.
+        let length = if ray.is_cut_off(i) { (motion.exit + motion.t) / ray.step[i] } else { f_rate / ray.f[i] };
+        self.share * (length - options.gamma * spread_rate / spread(options, ray, i))
+    }
+}
+
+/// Turns the rates ∂w_i/Σ of the entries of one ray into ∂ŵ_i = r_i − r_0 − ŵ_i Σ_j (r_j − r_0), both film axes at once.
+pub(crate) fn normalise_rates<R: Real>(entries: &[Entry<R>], rates: &mut [[R; 2]]) {
+    let floor = entries.iter().position(|e| e.weight == R::zero()).map_or([R::zero(); 2], |at| rates[at]);
+    for e in 0..2 {
+        let total = rates.iter().fold(R::zero(), |sum, rate| sum + (rate[e] - floor[e]));
+        for (entry, rate) in entries.iter().zip(&mut *rates) {
+            rate[e] = rate[e] - floor[e] - entry.weight * total;
+        }
     }
 }

@@ -114,6 +114,16 @@ impl<R: Real> Warped<R> {
         }
     }
 
+    /// Adds to each sample's entry of `total` the sum of the coefficients of f that [`area_vjp`](Self::area_vjp) would give it.
+    pub fn add_area_totals(&self, scalar: &[R], film: &[[R; 2]], total: &mut [R]) {
+        let own: Vec<R> = self.sample.iter().map(|&i| scalar[i]).collect();
+        let film: Vec<[R; 2]> = self.sample.iter().map(|&i| film[i]).collect();
+        let (alpha, _) = self.kept.area_vjp(&own, &film);
+        for (alpha, &ray) in alpha.iter().zip(&self.kept.ray) {
+            total[self.sample[ray]] += *alpha;
+        }
+    }
+
     /// Reverse mode of boundary samples; see [`Kept::flux_vjp`]. One adjoint and one axis a sample.
     pub fn flux_vjp(&self, flux: &[R], axis: &[usize], out: &mut Adjoints<R>) {
         let of = |values: &[usize]| self.sample.iter().map(|&i| values[i]).collect::<Vec<_>>();

@@ -121,8 +121,10 @@ impl<'a> Chunk<'a> {
         self.inside(&samples, &first, &crossed, shader);
         self.clear_background(&samples, &first);
         self.eikonal(&first);
-        let edge: Vec<Pixel> = self.pixels.iter().zip(&crossed).filter(|(_, c)| **c).map(|(p, _)| *p).collect();
-        self.silhouettes(&edge, shader)
+        let edge: Vec<usize> = (0..self.pixels.len()).filter(|&i| crossed[i]).collect();
+        let look: Vec<Vec3> = edge.iter().map(|&i| first.radiance[i]).collect();
+        let edge: Vec<Pixel> = edge.into_iter().map(|i| self.pixels[i]).collect();
+        self.silhouettes(&edge, &look, shader)
     }
 
     /// One sample somewhere in every pixel.
@@ -160,24 +162,52 @@ impl<'a> Chunk<'a> {
         self.surface(samples, first, &delta, shader);
     }
 
-    /// Reverse mode of the hits of a batch, and δ·∂L/∂u for every sample.
-    fn surface(
-        &mut self,
-        samples: &[Sample],
-        primary: &Primary<f32>,
-        delta: &[Vec3],
-        shader: &mut [f32],
-    ) -> Vec<[f32; 2]> {
+    /// Reverse mode of the hits of pixels without silhouettes.
+    fn surface(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], shader: &mut [f32]) {
         let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
         let surface = self.batch.setup.surface_vjp(samples, primary, &adjoint, shader);
+        for (hit, &i) in primary.hits.iter().enumerate() {
+            let limit = self.limit(&samples[i], primary.t[hit], delta[i]);
+            let scale = limit / surface.alpha[hit].abs().max(limit).max(f32::MIN_POSITIVE);
+            self.adjoints.push(primary.x[hit], surface.alpha[hit] * scale, surface.c[hit] * scale);
+        }
+    }
+
+    /// The largest coefficient of f that one sample may have: that of a silhouette which crosses the whole pixel at full
+    /// contrast, a few times over. The estimators' tails have no variance to speak of (1/distance next to a silhouette,
+    /// 1/cosine at a grazing hit), and single samples would undo a hundred iterations.
+    fn limit(&self, sample: &Sample, t: f32, delta: Vec3) -> f32 {
+        let pixels_per_unit =
+            self.batch.setup.cameras[sample.camera].focal.max_element() as f32 / t.max(f32::MIN_POSITIVE);
+        LIMIT * pixels_per_unit * delta.length()
+    }
+
+    /// Reverse mode of the samples of pixels that a silhouette may cross: hit and warp together, since what blows up in the
+    /// one at a grazing hit cancels in the other.
+    fn area(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], scalar: &[f32], shader: &mut [f32]) {
+        let setup = &self.batch.setup;
+        let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
+        let surface = setup.surface_vjp(samples, primary, &adjoint, shader);
         let mut film = vec![[0.0; 2]; samples.len()];
+        let mut total = vec![0.0; samples.len()];
         for (hit, &i) in primary.hits.iter().enumerate() {
             film[i] = surface.film[hit];
-            if delta[i] != Vec3::ZERO {
-                self.adjoints.push(primary.x[hit], surface.alpha[hit], surface.c[hit]);
-            }
+            total[i] = surface.alpha[hit];
         }
-        film
+        let warped = setup.warp(samples, &primary.rays, true);
+        warped.add_area_totals(scalar, &film, &mut total);
+        let scale: Vec<f32> = (0..samples.len())
+            .map(|i| {
+                let limit = primary.found[i].map_or(0.0, |found| self.limit(&samples[i], found.t, delta[i]));
+                limit / total[i].abs().max(limit).max(f32::MIN_POSITIVE)
+            })
+            .collect();
+        for (hit, &i) in primary.hits.iter().enumerate() {
+            self.adjoints.push(primary.x[hit], surface.alpha[hit] * scale[i], surface.c[hit] * scale[i]);
+        }
+        let scaled: Vec<f32> = scalar.iter().zip(&scale).map(|(s, k)| s * k).collect();
+        film.iter_mut().zip(&scale).for_each(|(f, k)| *f = f.map(|v| v * k));
+        warped.area_vjp(&scaled, &film, &mut self.adjoints);
     }
 
     /// Probability that a pixel shows the background, and how far to trust it.
@@ -240,8 +270,9 @@ impl<'a> Chunk<'a> {
             * unit(mix(self.seed, 0x77 + i)) as f32
     }
 
-    /// Pixels that a silhouette may cross: several samples, the warp inside, the flux through the border.
-    fn silhouettes(&mut self, pixels: &[Pixel], shader: &mut [f32]) -> Result<(), InvalidField> {
+    /// Pixels that a silhouette may cross: several samples, the warp inside, the flux through the border. `look` is the
+    /// radiance of an earlier sample of each.
+    fn silhouettes(&mut self, pixels: &[Pixel], look: &[Vec3], shader: &mut [f32]) -> Result<(), InvalidField> {
         let (setup, count) = (&self.batch.setup, self.batch.edge_rays as usize);
         self.tally.edge_pixels += pixels.len() as u64;
         let mut samples = Vec::with_capacity(pixels.len() * count);
@@ -261,19 +292,22 @@ impl<'a> Chunk<'a> {
             pixel_delta.push(self.score(mean.into(), *p));
         }
         let delta: Vec<Vec3> = (0..samples.len()).map(|i| pixel_delta[i / count] / count as f32).collect();
-        let film = self.surface(&samples, &primary, &delta, shader);
-        // The control variate c_p: any constant that no sample of the pixel had a part in; the photograph's own value is
-        // near the pixel's mean and costs nothing.
-        let constant: Vec<Vec3> = (0..pixels.len())
-            .map(|p| {
-                // At the bounding sphere's outline the warp ends: nothing but background may be carried there.
-                let leaves = primary.rays[p * count..(p + 1) * count].iter().any(Option::is_none);
-                if leaves { setup.background } else { Vec3::from(self.target(pixels[p])) }
+        // The control variate c_p: the pixel's mean radiance, for an area sample without that sample itself.
+        let sums: Vec<Vec3> =
+            primary.radiance.chunks(count).zip(look).map(|(own, look)| *look + own.iter().sum::<Vec3>()).collect();
+        // At the bounding sphere's outline the warp ends: nothing but background may be carried there.
+        let leaves: Vec<bool> = primary.rays.chunks(count).map(|rays| rays.iter().any(Option::is_none)).collect();
+        let scalar: Vec<f32> = (0..samples.len())
+            .map(|i| {
+                let (p, own) = (i / count, primary.radiance[i]);
+                let constant = if leaves[p] { setup.background } else { (sums[p] - own) / count as f32 };
+                delta[i].dot(own - constant)
             })
             .collect();
-        let scalar: Vec<f32> =
-            (0..samples.len()).map(|i| delta[i].dot(primary.radiance[i] - constant[i / count])).collect();
-        setup.warp(&samples, &primary.rays, true).area_vjp(&scalar, &film, &mut self.adjoints);
+        let constant: Vec<Vec3> = (0..pixels.len())
+            .map(|p| if leaves[p] { setup.background } else { sums[p] / (count + 1) as f32 })
+            .collect();
+        self.area(&samples, &primary, &delta, &scalar, shader);
         self.borders(pixels, &pixel_delta, &constant)
     }
 
@@ -314,6 +348,9 @@ impl<'a> Chunk<'a> {
     }
 }
 
+/// See [`Chunk::limit`].
+const LIMIT: f32 = 1.0;
+
 /// How far from the surface the eikonal term looks closely, as a fraction of the bounding radius.
 const NEAR: f32 = 0.1;
 
@@ -340,3 +377,6 @@ mod tests {
         assert!(points.iter().sum::<Vec3>().length() / (n as f32) < 0.02);
     }
 }
+
+#[cfg(test)]
+mod gradient_tests;
