@@ -104,7 +104,7 @@ impl<R: Real> Entry<R> {
         let facing_sign = sign(ray.gradient[i].dot(ray.direction));
         let spread_rate = sign(ray.f[i]) * f_rate + options.lambda_d * facing_sign * facing_rate;
         // Δ = ρ |f|, and ρ drops out.
-        let length = if ray.is_cut_off(i) { (motion.exit + motion.t) / ray.step[i] } else { f_rate / ray.f[i] };
+        let length = if ray.is_cut_off(i) { (motion.exit - motion.t) / ray.step[i] } else { f_rate / ray.f[i] };
         self.share * (length - options.gamma * spread_rate / spread(options, ray, i))
     }
 }

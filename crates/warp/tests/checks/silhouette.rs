@@ -1,0 +1,75 @@
+//! Boundary consistency: at a silhouette V tends to the silhouette's velocity as N grows.
+
+use field::{Shape, Sphere};
+use glam::DVec3;
+use warp::{Options, evaluate};
+
+use crate::scene::{Pinhole, Scene};
+
+const RADIUS: f64 = 0.7;
+const DISTANCE: f64 = 4.0;
+
+/// A ball on the optical axis: its outline on the film is a circle about the principal point.
+fn scene(points: usize, gamma: f64) -> Scene {
+    let eye = DVec3::new(0.0, 0.0, DISTANCE);
+    Scene {
+        field: Box::new(Shape::sphere([0.0; 3], RADIUS)),
+        camera: Pinhole::looking_at_origin(eye),
+        bounds: Sphere { center: DVec3::ZERO, radius: 2.0 },
+        points,
+        options: Options { k: points + 1, gamma, ..Options::default() },
+    }
+}
+
+/// The outline's radius on the film, F r/√(D² − r²).
+fn outline(radius: f64, distance: f64) -> f64 {
+    64.0 * radius / (distance * distance - radius * radius).sqrt()
+}
+
+/// |V_x − the outline's speed| relative to that speed, 1e-6 px beyond the outline, for the derivatives by centre x, centre z
+/// and radius.
+fn errors(points: usize, gamma: f64) -> [f64; 3] {
+    let scene = scene(points, gamma);
+    let record = scene.record([16.0 + outline(RADIUS, DISTANCE) + 1e-6, 16.0]).expect("a ray through the bounds");
+    let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
+    let h = 1e-5;
+    // Along x the circle becomes an ellipse; its rightmost point moves at F D/(D² − r²).
+    let expected = [
+        64.0 * DISTANCE / (DISTANCE * DISTANCE - RADIUS * RADIUS),
+        (outline(RADIUS, DISTANCE - h) - outline(RADIUS, DISTANCE + h)) / (2.0 * h),
+        (outline(RADIUS + h, DISTANCE) - outline(RADIUS - h, DISTANCE)) / (2.0 * h),
+    ];
+    let parameters = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+    std::array::from_fn(|which| {
+        let tangent = parameters[which];
+        let n = kept.points.len();
+        let (mut f_dot, mut g_dot) = (vec![0.0; n], vec![DVec3::ZERO; n]);
+        scene.field.parameter_jvp(&kept.points, &tangent, &mut f_dot, &mut g_dot);
+        (kept.velocity(&f_dot)[0][0] - expected[which]).abs() / expected[which].abs()
+    })
+}
+
+#[test]
+fn the_warp_tends_to_the_velocity_of_the_silhouette() {
+    println!("relative error of V at the silhouette of a ball, 1e-6 px outside, γ = 3");
+    println!("{:>6} {:>10} {:>10} {:>10}", "N", "centre x", "centre z", "radius");
+    let table = [22, 64, 200, 600].map(|n| (n, errors(n, 3.0)));
+    for (n, [x, z, r]) in &table {
+        println!("{n:6} {x:10.4} {z:10.4} {r:10.4}");
+    }
+    // The delta sits about 2r/N short of the silhouette, and m turns by as much: motion along the view sees that in full,
+    // the others little of it.
+    for (before, after) in table.iter().zip(&table[1..]) {
+        let growth = after.0 as f64 / before.0 as f64;
+        assert!(after.1[1] < before.1[1] / growth.powf(0.8), "{before:?} {after:?}");
+        assert!(after.1.iter().zip(&before.1).all(|(a, b)| a < b), "{before:?} {after:?}");
+    }
+    assert!(table[3].1.iter().all(|e| *e < 0.05), "{table:?}");
+}
+
+#[test]
+fn a_weak_exponent_is_not_boundary_consistent() {
+    let table = [64, 200, 600].map(|n| (n, errors(n, 1.0)));
+    println!("the same at γ = 1: {table:.4?}");
+    assert!(table[2].1[1] > 10.0 * errors(600, 3.0)[1], "{table:?}");
+}
