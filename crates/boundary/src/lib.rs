@@ -51,6 +51,11 @@ impl Edge {
         self.outside
     }
 
+    /// The unit normal on the film.
+    pub fn normal(&self) -> [f64; 2] {
+        std::array::from_fn(|e| if e == self.axis { 1.0 } else { 0.0 })
+    }
+
     /// The film position at `along` in [0, 1) of the segment.
     pub fn point(&self, along: f64) -> [f64; 2] {
         let mut u = self.origin.map(f64::from);
@@ -61,8 +66,14 @@ impl Edge {
     /// Adds the boundary term of a mean flux (L − c) V·n through this edge to the derivatives of its pixels, for a c that
     /// both share: minus where the flux leaves, plus where it enters.
     pub fn scatter(&self, flux: [f64; 3], derivative: &mut [[f64; 3]]) {
+        self.scatter_each(|_| flux, derivative);
+    }
+
+    /// [`scatter`](Self::scatter) where every pixel has its own c: `flux(p)` is the mean of (L − c_p) V·n.
+    pub fn scatter_each(&self, flux: impl Fn(usize) -> [f64; 3], derivative: &mut [[f64; 3]]) {
         for (side, sign) in [(self.inside, -1.0), (self.outside, 1.0)] {
             if let Some(pixel) = side {
+                let flux = flux(pixel);
                 for c in 0..3 {
                     derivative[pixel][c] += sign * flux[c];
                 }
@@ -70,7 +81,7 @@ impl Edge {
         }
     }
 
-    /// The reverse of [`scatter`](Self::scatter) where every pixel has its own c: `carried(p)` is δ_p·(L − c_p), and the result the adjoint of
+    /// The reverse of [`scatter_each`](Self::scatter_each): `carried(p)` is δ_p·(L − c_p), and the result the adjoint of
     /// −V·n, i.e. the coefficient of +a·n ∂_θ f.
     pub fn gather<R: num_traits::Float>(&self, carried: impl Fn(usize) -> R) -> R {
         let side = |pixel: Option<usize>| pixel.map_or(R::zero(), &carried);
@@ -78,13 +89,14 @@ impl Edge {
     }
 }
 
-/// The edges of a set of pixels, each once.
+/// The edges of some pixels, each once for all pixels that share it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edges(Vec<Edge>);
 
 impl Edges {
     /// The edges of some pixels (column, row) of a film; edges refer to pixels by their index in the list. Pixels outside
-    /// the film are left out.
+    /// the film are left out. A pixel that is listed twice is two pixels, each with four edges of its own or shared with a
+    /// neighbour: every entry gets its whole border.
     ///
     /// The order depends on the list alone.
     pub fn of(pixels: &[(u32, u32)], width: u32, height: u32) -> Self {
@@ -94,8 +106,11 @@ impl Edges {
             // Left, right, top, bottom: the lower side of an edge is the pixel that it ends.
             let four = [(0, [x, y], false), (0, [x + 1, y], true), (1, [x, y], false), (1, [x, y + 1], true)];
             for (axis, origin, inside) in four {
-                let at = *known.entry((axis, origin)).or_insert_with(|| {
+                let side = |edge: &Edge| if inside { edge.inside } else { edge.outside };
+                let shared = known.get(&(axis, origin)).copied().filter(|&at: &usize| side(&edges[at]).is_none());
+                let at = shared.unwrap_or_else(|| {
                     edges.push(Edge { axis, origin, inside: None, outside: None });
+                    known.insert((axis, origin), edges.len() - 1);
                     edges.len() - 1
                 });
                 *(if inside { &mut edges[at].inside } else { &mut edges[at].outside }) = Some(index);
@@ -171,8 +186,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_subset_of_pixels_gets_the_films_numbers(chosen in prop::collection::btree_set((0u32..5, 0u32..4), 0..12)) {
-            let pixels: Vec<_> = chosen.into_iter().collect();
+        fn some_pixels_get_the_films_numbers_also_when_listed_twice(pixels in prop::collection::vec((0u32..5, 0u32..4), 0..24)) {
             let all = boundary_term(&Edges::film(5, 4), 20);
             for (p, term) in boundary_term(&Edges::of(&pixels, 5, 4), pixels.len()).iter().enumerate() {
                 let (x, y) = pixels[p];
@@ -180,16 +194,57 @@ mod tests {
             }
         }
 
+        /// Every pixel has its own c, and may be listed twice.
         #[test]
-        fn gather_is_the_transpose_of_scatter(delta in prop::collection::vec(-1.0..1.0f64, 6), flux in prop::collection::vec(-1.0..1.0f64, 17)) {
-            let edges = Edges::film(3, 2);
-            prop_assert_eq!(edges.as_slice().len(), 17);
-            let mut out = vec![[0.0; 3]; 6];
-            edges.as_slice().iter().zip(&flux).for_each(|(e, f)| e.scatter([*f; 3], &mut out));
-            let forward: f64 = out.iter().zip(&delta).map(|(o, d)| o[0] * d).sum();
-            // The flux is that of V·n; gather is the adjoint of −V·n.
-            let reverse: f64 = edges.as_slice().iter().zip(&flux).map(|(e, f)| -f * e.gather(|p| delta[p])).sum();
+        fn gather_is_the_transpose_of_scatter(
+            pixels in prop::collection::vec((0u32..4, 0u32..3), 1..9),
+            delta in prop::collection::vec(-1.0..1.0f64, 9),
+            constant in prop::collection::vec(-1.0..1.0f64, 9),
+            radiance_and_crossing in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 36),
+        ) {
+            let edges = Edges::of(&pixels, 4, 3);
+            let mut out = vec![[0.0; 3]; pixels.len()];
+            let mut reverse = 0.0;
+            for (edge, (l, crossing)) in edges.as_slice().iter().zip(&radiance_and_crossing) {
+                edge.scatter_each(|p| [(l - constant[p]) * crossing; 3], &mut out);
+                // gather is the adjoint of −V·n.
+                reverse -= crossing * edge.gather(|p| delta[p] * (l - constant[p]));
+            }
+            let forward: f64 = out.iter().zip(&delta).map(|(o, d)| o[1] * d).sum();
             assert_relative_eq!(forward, reverse, epsilon = 1e-12);
+        }
+
+        #[test]
+        fn every_listed_pixel_has_its_four_edges(pixels in prop::collection::vec((0u32..4, 0u32..3), 0..20)) {
+            let edges = Edges::of(&pixels, 4, 3);
+            for (p, &(x, y)) in pixels.iter().enumerate() {
+                let own: Vec<_> = edges.as_slice().iter().filter(|e| e.inside() == Some(p) || e.outside() == Some(p)).collect();
+                prop_assert_eq!(own.len(), 4);
+                for edge in own {
+                    let outwards = if edge.inside() == Some(p) { 0.5 } else { -0.5 };
+                    let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                    let expected: [f64; 2] = std::array::from_fn(|e| centre[e] + outwards * edge.normal()[e]);
+                    prop_assert_eq!(edge.point(0.5), expected);
+                }
+            }
+        }
+    }
+
+    /// A constant radiance of c_p leaves nothing to carry; with any c the total over area and border is the same.
+    #[test]
+    fn a_control_variate_changes_neither_sum() {
+        let (edges, constant) = (Edges::film(3, 2), |p: usize| 0.1 + 0.3 * p as f64);
+        let mut border = vec![[0.0; 3]; 6];
+        for edge in edges.as_slice() {
+            let carried = |p: usize, s: f64| (radiance(edge.point(s)) - constant(p)) * warp(edge.point(s))[edge.axis()];
+            edge.scatter_each(|p| [mean(400, |s| carried(p, s)); 3], &mut border);
+        }
+        for (p, border) in border.iter().enumerate() {
+            let (x, y) = ((p % 3) as f64, (p / 3) as f64);
+            // ∇·((L − c) V) = ∇·(L V) − c ∇·V, with ∇·V = 1 + u_x/2.
+            let density = |u: [f64; 2]| divergence(u) - constant(p) * (1.0 + 0.5 * u[0]);
+            let area = mean(200, |a| mean(200, |b| density([x + a, y + b])));
+            assert_relative_eq!(border[0], -area, epsilon = 1e-4);
         }
     }
 
