@@ -14,6 +14,7 @@ use super::common::Global;
 use crate::data::{self, Dataset, LoadOptions};
 use crate::error::{InputError, Interrupted};
 use crate::fit::{Event, Fit as Fitting, FitOptions, Metrics, RunFile, write_preview};
+pub(super) use crate::fit::{parse_bounds, parse_duration};
 
 /// Reconstruct a shape from posed photographs.
 #[derive(Args, Debug)]
@@ -38,6 +39,13 @@ pub(super) struct Report {
     seconds: f64,
     loss: Option<f64>,
     psnr: Option<f64>,
+}
+
+impl Report {
+    /// Iterations done.
+    pub(super) fn iterations(&self) -> u64 {
+        self.iterations
+    }
 }
 
 impl Fit {

@@ -1,12 +1,15 @@
 //! The command line: arguments in, exit status out.
 
 mod common;
+mod demo;
 mod eval;
 mod fit;
 mod gradient;
+mod inspect;
 mod mesh;
 mod query;
 mod render;
+mod synth;
 
 use std::ffi::OsString;
 
@@ -32,6 +35,12 @@ enum Command {
     Gradient(gradient::Gradient),
     /// Reconstruct a shape from posed photographs
     Fit(fit::Fit),
+    /// Make a data set of posed images of a scene, with exact ground truth
+    Synth(synth::Synth),
+    /// Show what was understood of a data set
+    Inspect(inspect::Inspect),
+    /// The main job on an embedded example: no files needed
+    Demo(demo::Demo),
     /// Extract a run's surface as a mesh
     Mesh(mesh::Mesh),
     /// Measure a run on held-out views, and against a mesh
@@ -73,6 +82,9 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Render(command) => command.run(&global),
         Command::Gradient(command) => command.run(&global),
         Command::Fit(command) => command.run(&global),
+        Command::Synth(command) => command.run(&global),
+        Command::Inspect(command) => command.run(&global),
+        Command::Demo(command) => command.run(&global),
         Command::Mesh(command) => command.run(&global),
         Command::Eval(command) => command.run(&global),
         Command::Query(command) => command.run(&global),

@@ -14,5 +14,6 @@ mod step;
 pub(crate) use model::single;
 pub use model::{Model, RunFile};
 pub use options::{DEFAULT_ITERATIONS, FitOptions};
+pub(crate) use options::{parse_bounds, parse_duration};
 pub use preview::{contact_sheet, difference, normal_map, write_preview};
 pub use run::{Event, Fit, Metrics, setup};

@@ -154,12 +154,14 @@ impl FitOptions {
     }
 }
 
-fn parse_duration(text: &str) -> Result<Duration, String> {
+/// A duration such as 90s, 10m or 1h30m.
+pub(crate) fn parse_duration(text: &str) -> Result<Duration, String> {
     let duration = humantime::parse_duration(text).map_err(|e| e.to_string())?;
     if duration.is_zero() { Err("a time above 0".to_owned()) } else { Ok(duration) }
 }
 
-fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
+/// A sphere as x,y,z,radius.
+pub(crate) fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse::<f64>()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
         Some(b) if b.iter().all(|v| v.is_finite()) && b[3] > 0.0 => Ok(b),

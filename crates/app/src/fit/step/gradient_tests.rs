@@ -1,0 +1,98 @@
+//! The fit's stochastic gradient against differences of the loss that it descends.
+
+use super::*;
+use crate::camera::Camera;
+use crate::data::View;
+use crate::estimate::render;
+use crate::film::Film;
+use crate::fit::pyramid::pyramid;
+use crate::fit::{FitOptions, Model};
+use field::Sphere;
+use std::path::PathBuf;
+
+const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.0 };
+const SIZE: u32 = 16;
+
+fn camera() -> Camera {
+    let (focal, principal) = (DVec2::splat(26.0), DVec2::splat(8.0));
+    Camera::look_at(SIZE, SIZE, focal, principal, DVec3::new(0.5, 0.8, 3.0), DVec3::ZERO, DVec3::Y).unwrap()
+}
+
+fn model(radius: f64, width: usize) -> Model {
+    let options =
+        FitOptions { initial_radius: radius, width, layers: 2, bands: 0, beta: 20.0, ..FitOptions::default() };
+    let mut model = Model::initial(&options, &BOUNDS);
+    let bias = model.parameters().len() - 3;
+    let mut parameters = model.parameters();
+    parameters[bias] += 1.0;
+    parameters[bias + 1] -= 0.5;
+    model.set_parameters(&parameters);
+    model
+}
+
+fn setup<'a>(model: &'a Model, cameras: &'a [Camera]) -> Setup<'a, f32> {
+    Setup::new(&model.field, &model.head, cameras, &BOUNDS, Vec3::new(0.05, 0.1, 0.2))
+}
+
+/// The mean photometric loss of the box-filtered image.
+fn loss(model: &Model, target: &Film) -> f64 {
+    let cameras = [camera()];
+    let film = render(&setup(model, &cameras), 0, 1024, 3, &|_| {}).unwrap().film;
+    let each = film.pixels.iter().zip(&target.pixels).map(|(a, b)| f64::from(photometric(*a, *b).0));
+    each.sum::<f64>() / film.pixels.len() as f64
+}
+
+#[test]
+fn the_mean_gradient_is_that_of_the_loss() {
+    let cameras = [camera()];
+    let target = render(&setup(&model(0.62, 24), &cameras), 0, 64, 9, &|_| {}).unwrap().film;
+    let target = Film { pixels: target.pixels.iter().map(|p| [p[0] * 0.6, p[1] * 1.2, p[2]]).collect(), ..target };
+    let model = model(0.5, 24);
+    let view = View { name: String::new(), path: PathBuf::new(), camera: camera(), image: target.clone(), mask: None };
+    let levels = pyramid(&[view], &BOUNDS, 1);
+    let pixels: Vec<Pixel> = (0..levels[0].pixel_count() as u64).map(|i| levels[0].draw(i, 1)).collect();
+    let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
+    let mut mean = vec![0.0f64; model.parameters().len()];
+    let seeds = 60;
+    let share = pixels.len() as f64 / f64::from(SIZE * SIZE);
+    for seed in 0..seeds {
+        let batch = Batch {
+            setup: setup(&model, &cameras),
+            level: &levels[0],
+            pixels: &pixels,
+            background: &background,
+            use_masks: false,
+            weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
+            edge_rays: 16,
+            edge_samples: 8,
+            seed,
+        };
+        let (sum, _) = gradient(&batch).unwrap();
+        mean.iter_mut().zip(sum).for_each(|(m, g)| *m += f64::from(g) * share / f64::from(seeds as u32));
+    }
+    for direction in 0..4u64 {
+        let step: Vec<f64> = (0..mean.len()).map(|i| unit(mix(direction, i as u64)) - 0.5).collect();
+        // Only the field's parameters, along which silhouettes move.
+        let fields = model.field.parameters().len();
+        let along: f64 = mean.iter().zip(&step).take(fields).map(|(m, s)| m * s).sum();
+        let moved = |h: f64| {
+            let mut moved = model.clone();
+            let p: Vec<f32> = model
+                .parameters()
+                .iter()
+                .zip(&step)
+                .enumerate()
+                .map(|(i, (p, s))| p + if i < fields { (h * s) as f32 } else { 0.0 })
+                .collect();
+            moved.set_parameters(&p);
+            loss(&moved, &target)
+        };
+        let h = 4e-3;
+        let difference = (moved(h) - moved(-h)) / (2.0 * h);
+        println!("direction {direction}: {along} against {difference}");
+        assert!(
+            (along - difference).abs() < 0.1 * difference.abs().max(0.02),
+            "direction {direction}: {along} against {difference}"
+        );
+    }
+}
