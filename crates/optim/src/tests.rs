@@ -95,6 +95,90 @@ proptest! {
     }
 }
 
+/// Minimises Σ h_i (p_i − q_i)²/2 over groups of unlike rates.
+#[test]
+fn a_quadratic_is_minimised_to_its_closed_form() {
+    let (h, q) = ([0.01, 1.0, 300.0, 7.0], [3.0, -2.0, 0.5, 1e-3]);
+    let mut slow = Group::new("slow", 2..4);
+    slow.rate = 0.5;
+    let mut adam = Adam::<f64>::new(4, vec![Group::new("fast", 0..2), slow]);
+    let schedule = Schedule::Exponential { last: 1e-5 };
+    let mut p = [0.0; 4];
+    for i in 0..8000 {
+        let gradient: [f64; 4] = std::array::from_fn(|i| h[i] * (p[i] - q[i]));
+        adam.step(&mut p, &gradient, 0.05 * schedule.fraction(f64::from(i) / 8000.0)).unwrap();
+    }
+    for i in 0..4 {
+        assert_relative_eq!(p[i], q[i], epsilon = 1e-5);
+    }
+}
+
+/// With a zero gradient only the decay is left: p ← p (1 − rate · decay).
+#[test]
+fn weight_decay_is_decoupled() {
+    let mut group = Group::new("all", 0..1);
+    group.weight_decay = 0.1;
+    let (mut adam, mut p) = (Adam::<f64>::new(1, vec![group]), [2.0]);
+    for _ in 0..10 {
+        adam.step(&mut p, &[0.0], 0.5).unwrap();
+    }
+    assert_relative_eq!(p[0], 2.0 * 0.95f64.powi(10), epsilon = 1e-12);
+}
+
+#[test]
+fn single_precision_follows_double() {
+    let mut single = Adam::<f32>::new(1, vec![Group::new("all", 0..1)]);
+    let (mut double, mut p, mut q) = (adam(1), [0.5f32], [0.5f64]);
+    for i in 0..500 {
+        let g = (0.1 * f64::from(i)).sin() + 0.2;
+        single.step(&mut p, &[g as f32], 0.01).unwrap();
+        double.step(&mut q, &[g], 0.01).unwrap();
+    }
+    assert_relative_eq!(f64::from(p[0]), q[0], epsilon = 2e-5);
+}
+
+/// In single precision the square of 1e30 is infinite: taken, it would stop the parameter for good.
+#[test]
+fn a_gradient_whose_square_overflows_is_refused() {
+    let mut adam = Adam::<f32>::new(2, vec![Group::new("a", 0..1), Group::new("b", 1..2)]);
+    let mut p = [0.0f32; 2];
+    let error = adam.step(&mut p, &[1.0, -1e30], 0.1).unwrap_err();
+    assert!(matches!(&error, OptimError::NotFinite { group, index: 1, .. } if group == "b"), "{error}");
+    assert_eq!((p, adam.state().2), ([0.0; 2], 0));
+    for tiny in [1e-30, 1e-45, 0.0, -1e-38] {
+        adam.step(&mut p, &[tiny, 1e18], 0.1).unwrap();
+        assert!(first_non_finite(&p).is_none() && first_non_finite(adam.state().1).is_none());
+    }
+}
+
+#[test]
+fn a_rate_or_a_state_that_is_no_number_is_refused() {
+    let (mut adam, mut p) = (adam(2), [1.0, 2.0]);
+    adam.step(&mut p, &[0.1, 0.2], 0.1).unwrap();
+    let before = (adam.clone(), p);
+    for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert!(matches!(adam.step(&mut p, &[0.1; 2], poison), Err(OptimError::Rate { .. })));
+        assert!(matches!(adam.restore(&[0.0, poison], &[0.0; 2], 3), Err(OptimError::State { index: 1, .. })));
+        assert!(matches!(adam.restore(&[0.0; 2], &[poison, 0.0], 3), Err(OptimError::State { index: 0, .. })));
+    }
+    assert!(matches!(adam.restore(&[0.0; 2], &[0.0, -1e-9], 3), Err(OptimError::State { index: 1, .. })));
+    assert_eq!((adam, p), before);
+}
+
+#[test]
+#[should_panic(expected = "do not overlap")]
+fn groups_may_not_overlap() {
+    Adam::<f64>::new(4, vec![Group::new("a", 0..3), Group::new("b", 2..4)]);
+}
+
+#[test]
+#[should_panic(expected = "decay 1 of group all")]
+fn a_decay_of_one_never_forgets_and_is_refused() {
+    let mut group = Group::new("all", 0..1);
+    group.beta2 = 1.0;
+    Adam::<f64>::new(1, vec![group]);
+}
+
 #[test]
 fn norms_survive_extremes() {
     assert_relative_eq!(norm(&[3e30f32, 4e30]), 5e30, max_relative = 1e-6);
