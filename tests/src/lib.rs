@@ -1,1 +1,55 @@
-//! tests
+//! Running the `dsdf` binary in tests, as a user would.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// The workspace's root folder.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(Path::to_owned).unwrap_or_default()
+}
+
+/// A file of the shared references, or `None`, loudly, where there are none.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let file = root().join("../shared").join(path);
+    if file.exists() {
+        return Some(file);
+    }
+    eprintln!("SKIPPED: {path} is not here; this test needs the shared references");
+    None
+}
+
+/// The binary, built once in the profile of the tests.
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        let status = Command::new(env!("CARGO"))
+            .args(["build", "--package", "app", "--bin", "dsdf"])
+            .current_dir(root())
+            .status();
+        assert!(status.is_ok_and(|s| s.success()), "cargo build of dsdf");
+        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(dir));
+        target.join("debug").join(format!("dsdf{}", std::env::consts::EXE_SUFFIX))
+    })
+}
+
+/// Runs `dsdf` with arguments.
+///
+/// # Panics
+/// If it cannot be started.
+pub fn dsdf<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
+    let output = Command::new(binary()).args(arguments).arg("--quiet").output();
+    output.unwrap_or_else(|e| panic!("cannot start dsdf: {e}"))
+}
+
+/// Runs `dsdf` and returns its JSON.
+///
+/// # Panics
+/// If it fails or prints anything else.
+pub fn dsdf_json<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> serde_json::Value {
+    let mut all: Vec<&std::ffi::OsStr> = arguments.iter().map(AsRef::as_ref).collect();
+    all.push("--json".as_ref());
+    let output = dsdf(&all);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("no JSON: {e}"))
+}

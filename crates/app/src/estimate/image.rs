@@ -319,13 +319,15 @@ fn boundary<R: Real>(
             let Direction::Field(index) = direction else { return vec![[0.0; 3]; edges.len()] };
             let (velocity, _) = warped.forward(setup, *index, samples.len());
             let flux = |e: usize| {
-                let mut sum = [0.0; 3];
-                for i in e * count..(e + 1) * count {
-                    let crossing = velocity[i][edges[e].axis()];
-                    let carried = setup.excess(primary.radiance[i]).to_array();
-                    sum = std::array::from_fn(|c| sum[c] + (carried[c] * crossing).to_double() / count as f64);
-                }
-                sum
+                let span = e * count..(e + 1) * count;
+                velocity[span.clone()].iter().zip(&primary.radiance[span]).fold(
+                    [0.0; 3],
+                    |sum, (velocity, radiance)| {
+                        let crossing = velocity[edges[e].axis()];
+                        let carried = setup.excess(*radiance).to_array();
+                        std::array::from_fn(|c| sum[c] + (carried[c] * crossing).to_double() / count as f64)
+                    },
+                )
             };
             (0..edges.len()).map(flux).collect()
         })

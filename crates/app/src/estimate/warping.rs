@@ -33,13 +33,12 @@ impl<R: Real> Adjoints<R> {
     pub fn backward(mut self, field: &dyn Field<R>, sum: &mut [R]) {
         let keep: Vec<bool> =
             self.alpha.iter().zip(&self.c).map(|(a, c)| *a != R::zero() || *c != R::Vec3::zero()).collect();
-        let retain = |flags: &[bool]| flags.to_vec().into_iter();
-        let mut flags = retain(&keep);
-        self.x.retain(|_| flags.next() == Some(true));
-        let mut flags = retain(&keep);
-        self.alpha.retain(|_| flags.next() == Some(true));
-        let mut flags = retain(&keep);
-        self.c.retain(|_| flags.next() == Some(true));
+        let mut flags = keep.iter();
+        self.x.retain(|_| flags.next() == Some(&true));
+        let mut flags = keep.iter();
+        self.alpha.retain(|_| flags.next() == Some(&true));
+        let mut flags = keep.iter();
+        self.c.retain(|_| flags.next() == Some(&true));
         field.parameter_vjp(&self.x, &self.alpha, &self.c, sum);
     }
 }

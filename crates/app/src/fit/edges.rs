@@ -1,6 +1,6 @@
 //! Which pixels a silhouette may cross, from one ray each.
 
-use field::{Real, Vector3};
+use field::Vector3;
 
 use crate::estimate::{Primary, Sample, Setup};
 
@@ -45,7 +45,8 @@ pub(crate) fn silhouette_pixels(setup: &Setup<'_, f32>, samples: &[Sample], prim
             turn[i].dot(dx) + normal[i].dot(du)
         });
         let distance = -normal[i].dot(d) / (2.0 * slope[0].hypot(slope[1]));
-        if !(distance > REACH) {
+        // A NaN, where the slope vanishes too, counts as near.
+        if distance.is_nan() || distance <= REACH {
             near[primary.hits[h]] = true;
         }
     }

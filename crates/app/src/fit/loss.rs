@@ -1,6 +1,6 @@
 //! The photometric loss, in display space.
 
-use crate::film::{srgb_decode, srgb_encode};
+use crate::film::srgb_encode;
 
 /// Where the loss turns from quadratic to linear, in display units: about the noise of a photograph with its unmodelled
 /// highlights. Half and double of it changed the fits of the test scenes by less than their seed did.
@@ -29,11 +29,6 @@ fn encode_slope(linear: f32) -> f32 {
 pub(crate) fn squared_error(radiance: [f32; 3], target: [f32; 3]) -> f32 {
     let shown = |v: f32| srgb_encode(v).clamp(0.0, 1.0);
     (0..3).map(|c| (shown(radiance[c]) - shown(target[c])).powi(2)).sum::<f32>() / 3.0
-}
-
-/// A display value as linear radiance.
-pub(crate) fn linear(display: f32) -> f32 {
-    srgb_decode(display)
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ pub struct FitOptions {
     /// γ: exponent of the weights
     #[arg(long, default_value_t = 3.0)]
     pub gamma: f64,
-    /// λ_d: weight of |∇f·d| beside |f|
+    /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
     #[arg(long, default_value_t = 1.0)]
     pub lambda_d: f64,
     /// ε: guard inside the weights, in world units at a bounding radius of 1

@@ -71,6 +71,7 @@ impl Level {
     }
 
     /// The number of pixels that can see the object.
+    #[cfg(test)]
     pub(crate) fn pixel_count(&self) -> usize {
         self.pixels.len()
     }

@@ -1,7 +1,7 @@
 //! The optimisation loop.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use field::Field;
 use glam::Vec3;
@@ -182,10 +182,10 @@ impl Fit {
             metrics.seconds = self.seconds;
             metrics.progress = self.progress();
             tell(Event::Step(&metrics))?;
-            if self.iteration % self.file.options.preview_every == 0 {
+            if self.iteration.is_multiple_of(self.file.options.preview_every) {
                 tell(Event::Preview(self))?;
             }
-            if self.iteration % self.file.options.checkpoint_every == 0 {
+            if self.iteration.is_multiple_of(self.file.options.checkpoint_every) {
                 self.save()?;
             }
             self.seconds = before + begin.elapsed().as_secs_f64();
@@ -284,7 +284,7 @@ pub fn setup<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Set
     setup.warp = warp::Options {
         k: options.top_k,
         gamma: options.gamma as f32,
-        lambda_d: options.lambda_d as f32,
+        lambda_d: (options.lambda_d * sphere.radius) as f32,
         epsilon: (options.epsilon * sphere.radius) as f32,
         ..warp::Options::default()
     };

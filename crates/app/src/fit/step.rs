@@ -1,7 +1,7 @@
 //! One iteration's gradient: photometric, silhouette, eikonal and background terms over a batch of pixels.
 
 use boundary::Edges;
-use field::{Real, Vector3};
+use field::Vector3;
 use glam::{DVec2, DVec3, Vec3};
 
 use super::edges::silhouette_pixels;

@@ -85,7 +85,7 @@ pub fn synthesise(
                 .map_err(|e| InputError::new(&sub, "output", e, "a folder that can be written"))?;
         }
         let cameras = cameras(ball.center, ball.radius, count, options.size, turn);
-        let background = glam::DVec3::from(scene.background).as_vec3();
+        let background = DVec3::from(scene.background).as_vec3();
         let setup = Setup::new(&*field, &*shader, &cameras, &scene.bounds, background);
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {

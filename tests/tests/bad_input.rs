@@ -1,0 +1,212 @@
+//! Wrong input: one line that names the place, exit status 2, nothing half-written, no panic.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use tests::dsdf;
+
+/// Runs and checks that it fails with `status`, in one line that holds every one of `words`.
+fn refused(arguments: &[&str], status: i32, words: &[&str]) {
+    let output = dsdf(arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(status), "{arguments:?}: {text}");
+    assert_eq!(text.trim_end().lines().count(), 1, "{arguments:?}: {text}");
+    for word in words {
+        assert!(text.contains(word), "{arguments:?}: no {word:?} in {text}");
+    }
+    assert!(output.stdout.is_empty());
+}
+
+fn scene() -> Value {
+    json!({
+        "camera": {"width": 8, "height": 8, "focal": 16, "principal": [4, 4], "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
+        "sdf": {"type": "sphere", "center": [0, 0, 0], "radius": 0.7},
+        "appearance": {"type": "constant", "radiance": [1, 1, 1]},
+        "background": [0, 0, 0]
+    })
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Folder(tempfile::tempdir().unwrap())
+    }
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_string_lossy().into_owned()
+    }
+    fn write(&self, name: &str, value: &Value) -> String {
+        fs::write(self.0.path().join(name), value.to_string()).unwrap();
+        self.path(name)
+    }
+    fn files(&self) -> usize {
+        fs::read_dir(self.0.path()).unwrap().count()
+    }
+}
+
+#[test]
+fn scenes_are_read_strictly() {
+    let folder = Folder::new();
+    let out = folder.path("out.npy");
+    let mut cases: Vec<(Value, &str)> = Vec::new();
+    let mut change = |pointer: &str, value: Value, word: &'static str| {
+        let mut s = scene();
+        let (parent, key) = pointer.rsplit_once('/').unwrap();
+        s.pointer_mut(parent).unwrap()[key] = value;
+        cases.push((s, word));
+    };
+    change("/sdf/radios", json!(1), "/sdf/radios");
+    change("/sdf/radius", json!("big"), "/sdf/radius");
+    change("/sdf/radius", json!(-1), "/sdf/radius");
+    change("/sdf/type", json!("ball"), "/sdf/type");
+    change("/camera/focal", json!(0), "/camera/focal");
+    change("/camera/width", json!(0), "/camera/width");
+    change("/camera/target", json!([0, 0, 4]), "/camera/target");
+    change("/appearance/type", json!("glass"), "/appearance/type");
+    change("/background", json!([0, 0]), "/background");
+    change("/sdf", json!({"type": "neural", "weights": "none.safetensors"}), "none.safetensors");
+    for (value, word) in cases {
+        let path = folder.write("scene.json", &value);
+        refused(&["render", &path, "-o", &out], 2, &["found", "expected", word]);
+    }
+    fs::write(folder.path("scene.json"), "{\"camera\": ").unwrap();
+    refused(&["render", &folder.path("scene.json"), "-o", &out], 2, &["line 1"]);
+    refused(&["render", &folder.path("none.json"), "-o", &out], 2, &["none.json"]);
+    assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_named() {
+    let folder = Folder::new();
+    let path = folder.write("scene.json", &scene());
+    refused(&["render", &path, "-o", &folder.path("out.gif")], 2, &["out.gif", ".png"]);
+    refused(&["render", &path, "-o", &folder.path("no/out.png")], 2, &["no"]);
+    assert_eq!(folder.files(), 1);
+    // A device without room stands for a full disk; a folder cannot be made on it.
+    if Path::new("/dev/full").exists() {
+        std::os::unix::fs::symlink("/dev/full", folder.path("full.png")).unwrap();
+        let output = dsdf(&["render", &path, "-o", &folder.path("full.png")]);
+        assert!(output.status.success(), "a rename replaces the link and needs no room on the device");
+    }
+}
+
+#[test]
+fn a_full_disk_is_exit_status_one_and_leaves_nothing() {
+    // A file-size limit is what a full disk looks like to a writer, without filling one.
+    let folder = Folder::new();
+    let mut big = scene();
+    (big["camera"]["width"], big["camera"]["height"]) = (json!(256), json!(256));
+    let path = folder.write("scene.json", &big);
+    let command = format!(
+        "trap '' XFSZ; ulimit -f 8; exec '{}' render '{path}' -o '{}' --spp 1 --quiet",
+        tests::binary().display(),
+        folder.path("out.npy")
+    );
+    let output = std::process::Command::new("sh").args(["-c", &command]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert_eq!(text.trim_end().lines().count(), 1, "{text}");
+    assert_eq!(folder.files(), 1, "only the scene is left");
+}
+
+#[test]
+fn gradients_of_nothing_are_refused() {
+    let folder = Folder::new();
+    let (path, out) = (folder.write("scene.json", &scene()), folder.path("g.npy"));
+    refused(&["gradient", &path, "--wrt", "/sdf/height", "-o", &out], 2, &["/sdf/height"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"], 2, &["top_k"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--gamma", "nan"], 2, &["gamma"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--estimator", "magic"], 2, &["magic", "paper"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &folder.path("g.png")], 2, &[".npy"]);
+    refused(&["gradient", &path, "-o", &out], 2, &["--wrt"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--steps", "0"], 2, &["--steps"]);
+}
+
+/// A data set of three tiny views.
+fn dataset(folder: &Folder) -> Value {
+    for i in 0..3 {
+        let path = folder.write("scene.json", &scene());
+        assert!(dsdf(&["render", &path, "-o", &folder.path(&format!("{i}.png")), "--spp", "1"]).status.success());
+    }
+    let frame = |i: i32| json!({"file_path": format!("{i}.png"), "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]});
+    json!({"camera_angle_x": 0.5, "w": 8, "h": 8, "frames": [frame(0), frame(1), frame(2)]})
+}
+
+#[test]
+fn data_sets_are_checked() {
+    let folder = Folder::new();
+    let good = dataset(&folder);
+    let run = folder.path("run");
+    let data = folder.path("");
+    let check = |value: &Value, words: &[&str]| {
+        folder.write("transforms.json", value);
+        refused(&["fit", &data, "-o", &run, "--iterations", "1"], 2, words);
+        assert!(!PathBuf::from(&run).exists(), "nothing is left of a refused fit");
+    };
+    let mut bad = good.clone();
+    bad["frames"][1]["transform_matrix"][0][3] = json!(null);
+    check(&bad, &["frames/1/transform_matrix"]);
+    bad["frames"][1]["transform_matrix"] = json!([[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
+    check(&bad, &["frames/1/transform_matrix", "rotation"]);
+    let mut bad = good.clone();
+    bad["frames"] = json!([]);
+    check(&bad, &["frames"]);
+    let mut bad = good.clone();
+    bad["frames"][2]["file_path"] = json!("none");
+    check(&bad, &["none"]);
+    let mut bad = good.clone();
+    bad["w"] = json!(9);
+    check(&bad, &["size", "8 x 8", "9 x 8"]);
+    let mut bad = good.clone();
+    bad["camera_angle_x"] = json!(0);
+    check(&bad, &["camera_angle_x"]);
+    let image = fs::read(folder.path("0.png")).unwrap();
+    fs::write(folder.path("0.png"), &image[..image.len() / 2]).unwrap();
+    check(&good, &["0.png"]);
+    fs::write(folder.path("0.png"), &image).unwrap();
+    folder.write("transforms.json", &good);
+    refused(
+        &["fit", &data, "-o", &run, "--iterations", "1", "--bounds", "0,0,3,2"],
+        2,
+        &["inside", "--bounds"].map(|w| if w == "inside" { "camera" } else { w }),
+    );
+    refused(&["fit", &data, "-o", &run, "--top-k", "1"], 2, &["top_k"]);
+    refused(&["fit", &folder.path("nothing"), "-o", &run], 2, &["nothing"]);
+    let empty = tempfile::tempdir().unwrap();
+    refused(&["fit", &empty.path().to_string_lossy(), "-o", &run], 2, &["no camera file"]);
+    refused(&["fit", &data, "-o", &folder.path("0.png"), "--iterations", "1"], 2, &["0.png"]);
+}
+
+#[test]
+fn middlebury_cameras_are_checked() {
+    let folder = Folder::new();
+    dataset(&folder);
+    let line = |k: &str| {
+        format!(
+            "3\n0.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n1.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n2.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n"
+        )
+    };
+    for (k, word) in
+        [("0 0 4 0 16 4 0 0 1", "singular K"), ("nan 0 4 0 16 4 0 0 1", "not finite"), ("16 0 4 0 16 4 0 0", "numbers")]
+    {
+        fs::write(folder.path("x_par.txt"), line(k)).unwrap();
+        refused(&["inspect", &folder.path(""), "-o", &folder.path("i.png")], 2, &["x_par.txt", word]);
+    }
+    assert!(!Path::new(&folder.path("i.png")).exists());
+}
+
+#[test]
+fn runs_and_models_that_are_none_are_named() {
+    let folder = Folder::new();
+    refused(&["mesh", &folder.path(""), "-o", &folder.path("m.ply")], 2, &["fit.toml"]);
+    refused(&["eval", &folder.path("")], 2, &["fit.toml"]);
+    fs::write(folder.path("m.safetensors"), b"junk").unwrap();
+    refused(
+        &["query", &folder.path("m.safetensors"), &folder.path("p.npy"), "-o", &folder.path("o.npy")],
+        2,
+        &["m.safetensors"],
+    );
+    refused(&["nonsense"], 2, &["nonsense"]);
+}
