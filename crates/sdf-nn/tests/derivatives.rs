@@ -219,7 +219,7 @@ fn the_initial_network_is_a_sphere() {
         network.value_gradient(&world, &mut f, &mut g);
         for i in 0..x.len() {
             let want = 2.0 * (x[i].length() - 0.5);
-            assert!((f[i] - want).abs() < 0.15, "width {width}: f = {} for {want}", f[i]);
+            assert!((f[i] - want).abs() < 0.2, "width {width}: f = {} for {want}", f[i]);
         }
         let mean = g.iter().map(|g| (g.length() - 1.0).abs()).sum::<f64>() / g.len() as f64;
         assert!(mean < 0.1, "width {width}: |∇f| strays by {mean} on average");

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::checkpoint::State;
 use super::model::{HEAD_BANDS, Model, RunFile};
 use super::pyramid::{Level, Pixel, pyramid};
-use super::step::{Batch, Tally, gradient};
+use super::step::{Batch, LIMIT, Tally, gradient};
 use super::{DEFAULT_ITERATIONS, schedule};
 use crate::camera::Camera;
 use crate::data::Dataset;
@@ -216,6 +216,7 @@ impl Fit {
             weights,
             edge_rays: options.edge_rays,
             edge_samples: options.edge_samples,
+            limit: LIMIT,
             seed,
         };
         let (mut gradient, tally) = gradient(&batch)?;

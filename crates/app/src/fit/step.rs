@@ -44,6 +44,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) edge_rays: u32,
     /// Samples on each border edge of such a pixel.
     pub(crate) edge_samples: u32,
+    /// How many silhouettes across the whole pixel one sample's coefficient may be worth; see [`Chunk::limit`].
+    pub(crate) limit: f32,
     /// Seed of this iteration.
     pub(crate) seed: u64,
 }
@@ -179,7 +181,7 @@ impl<'a> Chunk<'a> {
     fn limit(&self, sample: &Sample, t: f32, delta: Vec3) -> f32 {
         let pixels_per_unit =
             self.batch.setup.cameras[sample.camera].focal.max_element() as f32 / t.max(f32::MIN_POSITIVE);
-        LIMIT * pixels_per_unit * delta.length()
+        self.batch.limit * pixels_per_unit * delta.length()
     }
 
     /// Reverse mode of the samples of pixels that a silhouette may cross: hit and warp together, since what blows up in the
@@ -348,8 +350,8 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// See [`Chunk::limit`].
-const LIMIT: f32 = 1.0;
+/// The limit that fits use.
+pub(crate) const LIMIT: f32 = 1.0;
 
 /// How far from the surface the eikonal term looks closely, as a fraction of the bounding radius.
 const NEAR: f32 = 0.1;
