@@ -4,8 +4,9 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
+use super::lens::Lens;
 use super::neus::camera_to_world;
-use super::{Found, Pending};
+use super::{Found, Pending, pose_fault};
 use crate::camera::Camera;
 use crate::error::InputError;
 use crate::io::image_size;
@@ -25,7 +26,7 @@ pub(super) fn read(folder: &Path, file: &Path) -> Result<Found> {
         return Err(InputError::new(file, "views", train.len(), format!("{count}, as line 1 says, and not 0")));
     }
     let format = "Middlebury cameras: P = K [R t], OpenCV axes, origin at the image's top left corner".to_owned();
-    Ok(Found { format, train, test: None, bounds: None })
+    Ok(Found { format, train, test: None, bounds: None, points: Vec::new() })
 }
 
 fn read_line(folder: &Path, file: &Path, number: usize, line: &str) -> Result<Pending> {
@@ -44,18 +45,15 @@ fn read_line(folder: &Path, file: &Path, number: usize, line: &str) -> Result<Pe
     let (k, r, t) = (rows(0), rows(9), DVec3::from_slice(&numbers[18..]));
     let path = folder.join(name);
     let (width, height) = image_size(&path)?;
-    let (focal, skew) = (DVec2::new(k.x_axis.x, k.y_axis.y), k.y_axis.x);
-    let plain = focal.min_element() > 0.0 && skew.abs() < 1e-3 * focal.x && k.row(2) == DVec3::Z && k.x_axis.y == 0.0;
+    let (focal, principal) = (DVec2::new(k.x_axis.x, k.y_axis.y), k.z_axis.truncate());
+    if focal.min_element() <= 0.0 || k.row(2) != DVec3::Z || k.x_axis.y != 0.0 {
+        let found = format!("K = {:?}", &numbers[..9]);
+        return Err(InputError::new(file, at, found, "K = [fx, s, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0"));
+    }
     let rotation = r.transpose();
     let pose = camera_to_world(rotation.x_axis, rotation.y_axis, rotation.z_axis, -(rotation * t));
-    let camera = Camera::from_pose(width, height, focal, DVec2::new(k.z_axis.x, k.z_axis.y), pose);
-    let camera = camera.filter(|_| plain).ok_or_else(|| {
-        InputError::new(
-            file,
-            at,
-            "a singular K or an R that is no rotation",
-            "a regular K without skew and a rotation R",
-        )
-    })?;
-    Ok(Pending { name: name.to_owned(), path, mask: None, camera, size_from: "the image".to_owned() })
+    let camera = Camera::from_pose(width, height, focal, principal, pose)
+        .ok_or_else(|| InputError::new(file, at, format!("R with {}", pose_fault(pose)), "a rotation R"))?;
+    let lens = Lens { skew: k.y_axis.x, ..Lens::default() };
+    Ok(Pending { name: name.to_owned(), path, mask: None, camera, lens, size_from: "the image".to_owned() })
 }

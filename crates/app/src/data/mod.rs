@@ -2,14 +2,22 @@
 
 mod background;
 mod bounds;
+mod colmap;
+mod lens;
 mod middlebury;
 mod nerf;
 mod neus;
+mod pending;
+#[cfg(test)]
+mod shared_tests;
 mod split;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 
 use field::Sphere;
+use glam::{DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
 pub use background::Background;
@@ -18,7 +26,7 @@ pub use bounds::{check_cameras, surroundings};
 use crate::camera::Camera;
 use crate::error::InputError;
 use crate::film::Film;
-use crate::io::read_image;
+use pending::Pending;
 
 /// One posed photograph.
 #[derive(Clone, Debug)]
@@ -48,6 +56,8 @@ pub struct Dataset {
     pub test: Vec<View>,
     /// The bounding sphere, if the data set says (NeuS/IDR `scale_mat`).
     pub bounds: Option<Sphere<f64>>,
+    /// Points of the scene's surfaces, where the data set has some (COLMAP); else empty.
+    pub points: Vec<DVec3>,
 }
 
 /// How to read a data set.
@@ -63,17 +73,6 @@ impl Default for LoadOptions {
     }
 }
 
-/// A view whose image is still to be read.
-struct Pending {
-    name: String,
-    path: PathBuf,
-    /// A mask image of its own, where there is one.
-    mask: Option<PathBuf>,
-    camera: Camera,
-    /// The JSON key, line or array that the camera's size came from, for messages.
-    size_from: String,
-}
-
 /// What a format's reader found.
 struct Found {
     format: String,
@@ -81,14 +80,25 @@ struct Found {
     /// `None` if the format has no split of its own.
     test: Option<Vec<Pending>>,
     bounds: Option<Sphere<f64>>,
+    points: Vec<DVec3>,
 }
 
-/// Reads a data set, recognising its format: NeRF/Blender, NeuS/IDR or Middlebury.
+/// Reads a data set, recognising its format: NeRF/Blender, NeuS/IDR, Middlebury or COLMAP.
+///
+/// `path` is the folder or a camera file in it. Views come in the order of the camera file (COLMAP: of their names). Lens
+/// distortion and skew are removed from the photographs: every view is a pinhole's.
 ///
 /// # Errors
-/// If no format is recognised, or a file is missing or wrong.
+/// If no format is recognised, or a file is missing or wrong: an [`InputError`] that names the file and the place in it.
 pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
-    let folder = if path.is_file() { path.parent().unwrap_or(path) } else { path };
+    if options.downscale == 0 {
+        return Err(InputError::new(path, "downscale", 0, "1 or more").into());
+    }
+    let folder = match path.parent().filter(|_| path.is_file()) {
+        Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
+        Some(parent) => parent,
+        None => path,
+    };
     let found = recognise(folder, path)?;
     let (train, test) = match found.test {
         Some(test) => (found.train, test),
@@ -98,7 +108,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
         return Err(InputError::new(path, "views", "none to fit", "two photographs or more").into());
     }
     let read = |pending: Vec<Pending>| -> Result<Vec<View>, InputError> {
-        pending.into_par_iter().map(|p| read_view(p, options.downscale)).collect()
+        // The first error in the order of the views, whichever thread met one first.
+        let views: Vec<_> = pending.into_par_iter().map(|p| p.read(options.downscale)).collect();
+        views.into_iter().collect()
     };
     Ok(Dataset {
         path: path.to_owned(),
@@ -106,6 +118,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
         train: read(train)?,
         test: read(test)?,
         bounds: found.bounds,
+        points: found.points,
     })
 }
 
@@ -123,53 +136,21 @@ fn recognise(folder: &Path, path: &Path) -> Result<Found, InputError> {
         neus::read(folder)
     } else if let Some(name) = names.iter().filter(|n| n.ends_with("_par.txt")).min() {
         middlebury::read(folder, &folder.join(name))
+    } else if let Some(model) = colmap::model_folder(folder) {
+        colmap::read(&model)
     } else {
-        let expected = "transforms_train.json, transforms.json, cameras_sphere.npz or *_par.txt";
+        let expected = "transforms_train.json, transforms.json, cameras_sphere.npz, *_par.txt or a COLMAP model (cameras.bin or .txt)";
         Err(InputError::new(folder, "data set", "no camera file", expected))
     }
 }
 
-/// Reads one view's image and mask, at the size asked for.
-fn read_view(pending: Pending, downscale: u32) -> Result<View, InputError> {
-    let Pending { name, path, mask, camera, size_from } = pending;
-    let (image, alpha) = read_image(&path)?;
-    if (image.width, image.height) != (camera.width, camera.height) {
-        let expected = format!("{} x {}, as {size_from} says", camera.width, camera.height);
-        return Err(InputError::new(&path, "size", format!("{} x {}", image.width, image.height), expected));
+/// What is wrong with the upper 3 × 3 of a pose that is no rotation, for messages.
+fn pose_fault(pose: DMat4) -> String {
+    if !pose.is_finite() {
+        return "a number that is not finite".to_owned();
     }
-    let mask = match (alpha.is_some(), mask) {
-        (false, Some(path)) => Some(read_mask(&path, &camera)?),
-        _ => None,
-    };
-    // The colour under a transparent pixel means nothing: over black, transparency is part of the photograph.
-    let image = match &alpha {
-        Some(alpha) => {
-            Film { pixels: image.pixels.iter().zip(alpha).map(|(p, a)| p.map(|c| c * a)).collect(), ..image }
-        }
-        None => image,
-    };
-    let mask = alpha.or(mask);
-    if downscale == 1 {
-        return Ok(View { name, path, camera, image, mask });
-    }
-    let small = image.downscaled(downscale);
-    let mask = mask.map(|mask| {
-        let film = Film { width: image.width, height: image.height, pixels: mask.iter().map(|&m| [m; 3]).collect() };
-        film.downscaled(downscale).pixels.iter().map(|p| p[0]).collect()
-    });
-    let scale = f64::from(downscale);
-    let (focal, principal) = (camera.focal / scale, camera.principal / scale);
-    let camera = Camera { width: small.width, height: small.height, focal, principal, ..camera };
-    Ok(View { name, path, camera, image: small, mask })
-}
-
-/// A mask image: white is the object.
-fn read_mask(path: &Path, camera: &Camera) -> Result<Vec<f32>, InputError> {
-    let (mask, _) = read_image(path)?;
-    if (mask.width, mask.height) != (camera.width, camera.height) {
-        let expected = format!("{} x {}, as the photograph", camera.width, camera.height);
-        return Err(InputError::new(path, "size", format!("{} x {}", mask.width, mask.height), expected));
-    }
-    // Masks are coverage, not light: the transfer function is taken back.
-    Ok(mask.pixels.iter().map(|p| crate::film::srgb_encode(p[0])).collect())
+    let rotation = DMat3::from_mat4(pose);
+    let lengths = [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.length());
+    let [x, y, z] = lengths;
+    format!("columns of length {x:.4}, {y:.4}, {z:.4} and determinant {:.4}", rotation.determinant())
 }

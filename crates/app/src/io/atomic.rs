@@ -14,6 +14,9 @@ use crate::error::InputError;
 /// # Errors
 /// Wrong input (exit status 2) if the folder is missing or may not be written; any other error, a full disk say, as it is.
 pub fn atomic_write(path: &Path, write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    if path.is_dir() {
+        return Err(InputError::new(path, "output", "a folder", "a file's name").into());
+    }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".dsdf-").suffix(".tmp");
@@ -26,9 +29,6 @@ pub fn atomic_write(path: &Path, write: impl FnOnce(&mut dyn Write) -> anyhow::R
     write(&mut out).with_context(failed)?;
     let temporary = out.into_inner().map_err(std::io::IntoInnerError::into_error).with_context(failed)?;
     temporary.as_file().sync_all().with_context(failed)?;
-    if path.is_dir() {
-        return Err(InputError::new(path, "output", "a folder", "a file's name").into());
-    }
     temporary.persist(path).with_context(failed)?;
     // The rename itself lives in the folder. Where folders cannot be synced the file is still whole.
     if let Ok(folder) = File::open(folder) {
@@ -68,6 +68,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let error = atomic_write(&folder.path().join("no/a.txt"), |_| Ok(())).unwrap_err();
         assert_eq!(crate::error::exit_status(&error), 2);
+        let error = atomic_write(folder.path(), |_| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("a folder"), "{error}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]
