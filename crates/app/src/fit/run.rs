@@ -114,6 +114,7 @@ impl Fit {
         if resume {
             fit.restore()?;
         }
+        fit.set_windows();
         Ok(fit)
     }
 
@@ -199,9 +200,6 @@ impl Fit {
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let options = &self.file.options;
         let progress = self.progress();
-        let window = schedule::band_window(progress, options.bands);
-        self.model.field.set_band_weights(&window);
-        self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
         let level = schedule::level(progress, self.levels.len());
         let seed = mix(options.seed, self.iteration);
         let (pixels, weights) =
@@ -229,7 +227,16 @@ impl Fit {
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
+        self.set_windows();
         Ok(self.metrics(&tally, pixels.len(), level, norm))
+    }
+
+    /// Fades in the octaves of both encodings as far as the fit has come. Part of the function that is saved, so it has to be
+    /// the same after a restart.
+    fn set_windows(&mut self) {
+        let progress = self.progress();
+        self.model.field.set_band_weights(&schedule::band_window(progress, self.file.options.bands));
+        self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
     }
 
     /// The pixels of this iteration.
