@@ -60,21 +60,33 @@ pub fn surroundings(dataset: &Dataset, asked: Option<Sphere<f64>>) -> (Sphere<f6
     (sphere, Background::estimate(views, &sphere))
 }
 
-/// Refuses a camera inside the bounding sphere: from there the object has no silhouette.
+/// Refuses a camera inside the bounding sphere, from where the object has no silhouette, and cameras of which most look away
+/// from it, as they do when their poses are in another convention.
 ///
 /// # Errors
-/// On the first such camera.
+/// On the first camera inside, or if more than half look away.
 pub fn check_cameras(dataset: &Dataset, bounds: &Sphere<f64>) -> Result<(), InputError> {
-    let inside = |v: &&View| (v.camera.eye - bounds.center).length() <= bounds.radius;
-    match dataset.train.iter().chain(&dataset.test).find(inside) {
-        None => Ok(()),
-        Some(view) => {
-            let distance = (view.camera.eye - bounds.center).length();
-            let found = format!("a camera {distance:.4} from the centre {:.4}", bounds.center);
-            let expected = format!("all cameras outside the bounding radius {:.4} (see --bounds)", bounds.radius);
-            Err(InputError::new(&dataset.path, &view.name, found, expected))
-        }
+    let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();
+    let inside = |v: &&&View| (v.camera.eye - bounds.center).length() <= bounds.radius;
+    if let Some(view) = views.iter().find(inside) {
+        let distance = (view.camera.eye - bounds.center).length();
+        let found = format!("a camera {distance:.4} from the centre {:.4}", bounds.center);
+        let expected = format!("all cameras outside the bounding radius {:.4} (see --bounds)", bounds.radius);
+        return Err(InputError::new(&dataset.path, &view.name, found, expected));
     }
+    let away = views.iter().filter(|v| looks_away(v, bounds)).count();
+    if 2 * away > views.len() {
+        let found = format!("{away} of {} cameras look away from the bounding sphere", views.len());
+        let expected =
+            "cameras that look at it (poses in the OpenCV convention need their y and z axes negated; see --bounds)";
+        return Err(InputError::new(&dataset.path, "poses", found, expected));
+    }
+    Ok(())
+}
+
+/// True if the sphere's centre is behind a camera.
+pub(crate) fn looks_away(view: &View, bounds: &Sphere<f64>) -> bool {
+    (bounds.center - view.camera.eye).dot(view.camera.forward) < 0.0
 }
 
 /// The point nearest to the rays through the films' centres, in the least-squares sense (the optical axes, where the

@@ -47,7 +47,8 @@ fn read_line(folder: &Path, file: &Path, number: usize, line: &str) -> Result<Pe
     let (width, height) = image_size(&path)?;
     let (focal, principal) = (DVec2::new(k.x_axis.x, k.y_axis.y), k.z_axis.truncate());
     if focal.min_element() <= 0.0 || k.row(2) != DVec3::Z || k.x_axis.y != 0.0 {
-        let found = format!("K = {:?}", &numbers[..9]);
+        let kind = if k.determinant() == 0.0 { "a singular K" } else { "a K that is no pinhole's" };
+        let found = format!("{kind}, {:?}", &numbers[..9]);
         return Err(InputError::new(file, at, found, "K = [fx, s, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0"));
     }
     let rotation = r.transpose();

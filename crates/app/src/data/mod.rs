@@ -21,6 +21,7 @@ use glam::{DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
 pub use background::Background;
+pub(crate) use bounds::looks_away;
 pub use bounds::{check_cameras, surroundings};
 
 use crate::camera::Camera;

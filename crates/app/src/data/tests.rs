@@ -302,7 +302,7 @@ fn middlebury_sets_are_read() {
     with(&line.replacen("90.000000000000", "nan", 1));
     refused(folder.path(), &["line 2", "number 1 that is not finite"]);
     with(&line.replacen("90.000000000000", "0", 1));
-    refused(folder.path(), &["line 2", "fx and fy above 0"]);
+    refused(folder.path(), &["line 2", "singular K", "fx and fy above 0"]);
     let stretched = line.split(' ').enumerate().map(|(i, w)| if i == 10 { "1.5" } else { w });
     with(&stretched.collect::<Vec<_>>().join(" "));
     refused(folder.path(), &["line 2", "R with columns of length"]);
@@ -411,11 +411,23 @@ fn folders_without_cameras_are_refused() {
 }
 
 #[test]
-fn cameras_inside_the_bounding_sphere_are_refused() {
+fn cameras_inside_the_bounding_sphere_or_turned_away_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     write_nerf(folder.path(), "transforms.json", &cameras(9));
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
     assert!(check_cameras(&dataset, &ball()).is_ok());
+    let turned = |count: usize| {
+        let mut turned = dataset.clone();
+        for view in turned.train.iter_mut().take(count) {
+            // The same pose with y down and z forward, as OpenCV has it.
+            view.camera.up = -view.camera.up;
+            view.camera.forward = -view.camera.forward;
+        }
+        check_cameras(&turned, &ball())
+    };
+    assert!(turned(4).is_ok());
+    let error = turned(7).unwrap_err().to_string();
+    assert!(error.contains("7 of 9 cameras look away") && error.contains("OpenCV"), "{error}");
     let error = check_cameras(&dataset, &ball().scaled(7.0)).unwrap_err().to_string();
     assert!(error.contains("3.0000 from the centre") && error.contains("--bounds"), "{error}");
 }

@@ -1,6 +1,8 @@
 //! What was understood of a data set, in words and in one picture.
 
 mod overlay;
+#[cfg(test)]
+mod tests;
 
 use std::fmt;
 
@@ -10,7 +12,7 @@ use serde::Serialize;
 
 pub use overlay::overlay;
 
-use crate::data::{Background, Dataset, View};
+use crate::data::{Background, Dataset, View, looks_away};
 
 /// What was understood of a data set; lengths in its own units.
 #[derive(Clone, Debug, Serialize)]
@@ -25,12 +27,20 @@ pub struct Report {
     pub masks: usize,
     /// Width and height of the first view, pixels.
     pub image_size: [u32; 2],
+    /// Focal lengths of the first view, pixels.
+    pub focal: [f64; 2],
     /// Horizontal field of view of the first view, degrees.
     pub field_of_view: f64,
     /// Distance of the cameras from the sphere's centre: least, mean, most.
     pub distance: [f64; 3],
     /// The largest angle between two cameras as seen from the centre, degrees.
     pub spread: f64,
+    /// The fraction of all directions from the centre that are within 30 degrees of a camera.
+    pub surrounded: f64,
+    /// Lowest and highest elevation of a camera over the centre, in degrees, with z up.
+    pub elevation: [f64; 2],
+    /// Views whose optical axis passes through the sphere.
+    pub axes_through: usize,
     /// The mean angle between a camera's axis and the direction to the centre, degrees.
     pub off_axis: f64,
     /// Centre of the bounding sphere.
@@ -43,6 +53,8 @@ pub struct Report {
     pub coverage: Vec<f64>,
     /// The background, linear RGB.
     pub background: [f32; 3],
+    /// Its standard deviation in display space, 0 to 1.
+    pub background_spread: f32,
     /// How uniform the background is, 0 to 1.
     pub background_confidence: f32,
     /// What looks wrong.
@@ -72,6 +84,7 @@ pub fn inspect(dataset: &Dataset, bounds: &Sphere<f64>, background: &Background,
         test_views: dataset.test.len(),
         masks: views.iter().filter(|v| v.mask.is_some()).count(),
         image_size: [first.width, first.height],
+        focal: first.focal.to_array(),
         field_of_view: 2.0 * (0.5 * f64::from(first.width) / first.focal.x).atan().to_degrees(),
         distance: [
             distances.iter().copied().fold(f64::INFINITY, f64::min),
@@ -79,17 +92,47 @@ pub fn inspect(dataset: &Dataset, bounds: &Sphere<f64>, background: &Background,
             distances.iter().copied().fold(0.0, f64::max),
         ],
         spread,
+        surrounded: surrounded(&to_center),
+        elevation: elevation(&to_center),
+        axes_through: views.iter().filter(|v| passes_through(v, bounds)).count(),
         off_axis: mean(&off),
         center: bounds.center.to_array(),
         radius: bounds.radius,
         bounds_from: bounds_from.to_owned(),
         coverage,
         background: background.color,
+        background_spread: background.spread,
         background_confidence: background.confidence,
         warnings: Vec::new(),
     };
-    report.warn(&off);
+    report.warn(&views, bounds, &off);
     report
+}
+
+/// True if a view's optical axis meets the sphere in front of it.
+fn passes_through(view: &View, bounds: &Sphere<f64>) -> bool {
+    !looks_away(view, bounds) && bounds.clip(view.camera.eye, view.camera.forward).is_some()
+}
+
+/// The fraction of all directions that are within 30 degrees of the way to a camera.
+fn surrounded(to_center: &[DVec3]) -> f64 {
+    const DIRECTIONS: usize = 2000;
+    let near = 30f64.to_radians().cos();
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let covered = (0..DIRECTIONS).filter(|&i| {
+        // A Fibonacci lattice: points spread evenly over the sphere.
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
+        let (s, c) = (golden * i as f64).sin_cos();
+        let direction = DVec3::new(c, s, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+        to_center.iter().any(|d| -d.normalize_or_zero().dot(direction) > near)
+    });
+    covered.count() as f64 / DIRECTIONS as f64
+}
+
+/// Lowest and highest elevation of the cameras over the centre, in degrees.
+fn elevation(to_center: &[DVec3]) -> [f64; 2] {
+    let each = to_center.iter().map(|d| (-d.normalize_or_zero().z).clamp(-1.0, 1.0).asin().to_degrees());
+    each.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], e| [low.min(e), high.max(e)])
 }
 
 /// The fraction of a view's pixels whose rays meet the sphere, from a grid of at most 64 × 64.
@@ -104,8 +147,8 @@ fn coverage(view: &View, bounds: &Sphere<f64>) -> f64 {
 }
 
 impl Report {
-    fn warn(&mut self, off: &[f64]) {
-        let away = off.iter().filter(|a| **a > 90.0).count();
+    fn warn(&mut self, views: &[&View], bounds: &Sphere<f64>, off: &[f64]) {
+        let away = views.iter().filter(|v| looks_away(v, bounds)).count();
         let past = off.iter().filter(|a| **a > OFF_AXIS).count();
         let mut warn = |text: String| self.warnings.push(text);
         if 2 * away > off.len() {
@@ -118,6 +161,11 @@ impl Report {
         }
         if self.distance[0] <= self.radius {
             warn("a camera is inside the bounding sphere (see --bounds)".to_owned());
+        }
+        let size = |v: &View| [v.camera.width, v.camera.height];
+        let other = views.iter().filter(|v| size(v) != self.image_size).count();
+        if other > 0 {
+            warn(format!("{other} images are of another size than the first"));
         }
         let unseen = self.coverage.iter().filter(|c| **c == 0.0).count();
         if unseen > 0 {
@@ -142,16 +190,33 @@ impl fmt::Display for Report {
             "views        {} to fit, {} held out, {} with masks",
             self.train_views, self.test_views, self.masks
         )?;
-        writeln!(f, "images       {width} x {height} pixels, {:.1} degrees across", self.field_of_view)?;
+        let [fx, fy] = self.focal;
+        let across = self.field_of_view;
+        writeln!(
+            f,
+            "images       {width} x {height} pixels, {across:.1} degrees across (focal {fx:.1}, {fy:.1} pixels)"
+        )?;
         writeln!(
             f,
             "cameras      {near:.4} to {far:.4} from the centre (mean {mean:.4}), up to {:.0} degrees apart",
             self.spread
         )?;
-        writeln!(f, "             axes pass the centre by {:.1} degrees on average", self.off_axis)?;
+        let [low, high] = self.elevation;
+        let around = 100.0 * self.surrounded;
+        writeln!(
+            f,
+            "             {low:.0} to {high:.0} degrees above the centre (z up), within 30 degrees of {around:.0} % of all directions"
+        )?;
+        let (through, all) = (self.axes_through, self.train_views + self.test_views);
+        writeln!(
+            f,
+            "             {through} of {all} axes pass through the sphere, {:.1} degrees off its centre on average",
+            self.off_axis
+        )?;
         writeln!(f, "sphere       centre ({x:.4}, {y:.4}, {z:.4}), radius {:.4}, {}", self.radius, self.bounds_from)?;
         writeln!(f, "coverage     the sphere covers {:.0} to {:.0} % of each image", 100.0 * least, 100.0 * most)?;
-        write!(f, "background   linear RGB {:.3?}, confidence {:.2}", self.background, self.background_confidence)?;
+        let (spread, confidence) = (self.background_spread, self.background_confidence);
+        write!(f, "background   linear RGB {:.3?}, spread {spread:.3}, confidence {confidence:.2}", self.background)?;
         for warning in &self.warnings {
             write!(f, "\nWARNING      {warning}")?;
         }
