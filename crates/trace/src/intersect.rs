@@ -1,7 +1,8 @@
-//! The first hit of every ray of a batch.
+//! The first hit of every ray of a batch: marching, and the choice of steps.
 
 use field::{Field, Real};
 
+use crate::refine::{Approach, Bracket, Next, line_bound, vertex};
 use crate::{Options, Ray};
 
 /// How a ray ended.
@@ -24,7 +25,7 @@ pub struct Intersection<R> {
     pub outcome: Outcome,
     /// The distance of the hit; for a miss, of the closest approach.
     pub t: R,
-    /// f there.
+    /// f there; for a miss that stayed clear of the surface, as a parabola through the nearest points has it.
     pub f: R,
     /// The smallest f/t at a closest approach of f that the ray passed by: the tangent of the angle by which the ray clears
     /// the solid. For a hit, only approaches before it count; infinite if there was none.
@@ -35,57 +36,50 @@ pub struct Intersection<R> {
 
 /// A value of f along a ray.
 #[derive(Clone, Copy, Debug)]
-struct Point<R> {
-    t: R,
-    f: R,
+pub(crate) struct Point<R> {
+    pub(crate) t: R,
+    pub(crate) f: R,
 }
 
 /// What a ray waits for.
 #[derive(Clone, Copy, Debug)]
 enum Phase<R> {
-    /// Walking; the last two points, newest first.
-    March([Option<Point<R>>; 2]),
-    /// Refining a closest approach between `from` and `to`, lowest so far `best`.
-    Approach { from: Point<R>, best: Point<R>, to: Point<R>, left: u32 },
-    /// Refining a root, with the refinements left.
-    Root(Bracket<R>, u32),
+    /// Walking.
+    March,
+    /// Looking for a negative value between two positive ones.
+    Approach(Approach<R>),
+    /// Refining a root.
+    Root(Bracket<R>),
 }
 
-/// A root between f > 0 at `outside` and f ≤ 0 at `inside`.
-#[derive(Clone, Copy, Debug)]
-struct Bracket<R> {
-    outside: Point<R>,
-    inside: Point<R>,
-    /// The values that the secant uses for the two ends.
-    weights: [R; 2],
-    /// Which end was moved last.
-    last: Option<usize>,
-}
-
+#[derive(Clone, Copy)]
 struct State<R> {
     ray: usize,
+    /// Where f is evaluated next.
     t: R,
     phase: Phase<R>,
+    /// The last points on the way, newest first, all outside.
+    last: [Option<Point<R>>; 2],
+    /// The steepest |Δf/Δt| met so far, at least 1, and at least what a relaxation below 1 says of the field.
+    slope: R,
 }
 
-/// Refinements of one closest approach: parabolas converge in three or four; more would not change the sign.
-const APPROACH_LIMIT: u32 = 6;
+/// The first step is no longer than this fraction of the scale: a field steeper than a distance shows its slope before
+/// it can step over the whole solid. Without it, a ball whose f is five times the distance is not seen at all.
+const FIRST_STEP: f64 = 0.5;
 
-/// A closest approach is refined only if a parabola through its three points dips below this fraction of the lowest:
-/// above it, no curvature that three points agree on brings f to zero.
-const DIP: f64 = 0.4;
+/// Steps of up to this many `min_step` may go beyond the ball that f says is empty.
+const RESOLUTION: f64 = 2.0;
 
-/// Refinements of one root; Illinois' method takes about six from a bracket of min_step in double precision.
-const ROOT_LIMIT: u32 = 60;
-
-/// Follow the slope of the last two values when f is below this fraction of the scale…
-const NEAR: f64 = 0.05;
-
-/// …but no further than this many times f: where the ray meets the surface at 15° or more that is the whole way.
-const STRETCH: f64 = 4.0;
-
-/// A little beyond where the slope says the root is, so that the root gets bracketed.
+/// A step aims this far beyond where the root is expected, in parts of the way to it: the root gets bracketed, tightly.
 const BEYOND: f64 = 1.02;
+
+/// How much further than f a step may go to an expected root that is not close: where the ray meets the surface within
+/// 24° of its normal.
+const HEAD_ON: f64 = 1.1;
+
+/// Parts of L Δt by which the balls of two points may fail to touch, for rounding.
+const SLACK: f64 = 1e-3;
 
 /// Finds the first crossing from f > 0 to f ≤ 0 of every ray, one batch of values for all unfinished rays at a time.
 ///
@@ -100,8 +94,14 @@ pub fn intersect<R: Real>(
         Intersection { outcome: Outcome::Miss, t: R::zero(), f: R::infinity(), clearance: R::infinity(), steps: 0 };
     out.clear();
     out.resize(rays.len(), unknown);
-    let mut active: Vec<State<R>> =
-        (0..rays.len()).map(|ray| State { ray, t: rays[ray].near, phase: Phase::March([None; 2]) }).collect();
+    let start = |ray: usize| State {
+        ray,
+        t: rays[ray].near,
+        phase: Phase::March,
+        last: [None; 2],
+        slope: R::one() / options.relaxation,
+    };
+    let mut active: Vec<State<R>> = (0..rays.len()).map(start).collect();
     let (mut x, mut f) = (Vec::with_capacity(rays.len()), vec![R::zero(); rays.len()]);
     while !active.is_empty() {
         x.clear();
@@ -110,191 +110,185 @@ pub fn intersect<R: Real>(
         field.value(&x, f);
         let mut values = f.iter();
         active.retain_mut(|state| {
-            let value = values.next().copied().unwrap_or(R::nan());
-            advance(state, value, &rays[state.ray], options, &mut out[state.ray])
+            let f = values.next().copied().unwrap_or(R::nan());
+            let (ray, out) = (&rays[state.ray], &mut out[state.ray]);
+            let smallest = options.min_step * ray.scale;
+            Tracer { ray, options, smallest, out }.advance(state, f)
         });
     }
 }
 
-/// Takes the value at the state's t; returns whether the ray goes on.
-fn advance<R: Real>(s: &mut State<R>, f: R, ray: &Ray<R>, options: &Options<R>, out: &mut Intersection<R>) -> bool {
-    let here = Point { t: s.t, f };
-    out.steps += 1;
-    if !f.is_finite() {
-        (out.outcome, out.t, out.f) = (Outcome::Invalid, s.t, f);
-        return false;
-    }
-    if out.steps >= options.step_limit && !matches!(s.phase, Phase::Root(..)) {
-        return false;
-    }
-    match s.phase {
-        Phase::March(before) => march(s, here, before, ray, options, out),
-        Phase::Approach { from, best, to, left } => approach(s, here, [from, best, to], left, ray, options, out),
-        Phase::Root(bracket, left) => aim(s, bracket.narrowed(here), left, ray, options, out),
-    }
+/// One ray with where its result goes.
+struct Tracer<'a, R: Real> {
+    ray: &'a Ray<R>,
+    options: &'a Options<R>,
+    /// The shortest step, in world units.
+    smallest: R,
+    out: &'a mut Intersection<R>,
 }
 
-/// Remembers the lowest point, for rays that miss.
-fn note<R: Real>(out: &mut Intersection<R>, p: Point<R>) {
-    if p.f < out.f {
-        (out.t, out.f) = (p.t, p.f);
-    }
-}
-
-/// Remembers a closest approach.
-fn pass<R: Real>(out: &mut Intersection<R>, p: Point<R>) {
-    note(out, p);
-    out.clearance = out.clearance.min(p.f / p.t.max(R::min_positive_value()));
-}
-
-fn march<R: Real>(
-    s: &mut State<R>,
-    here: Point<R>,
-    before: [Option<Point<R>>; 2],
-    ray: &Ray<R>,
-    options: &Options<R>,
-    out: &mut Intersection<R>,
-) -> bool {
-    if here.f <= R::zero() {
-        let Some(outside) = before[0] else {
-            (out.outcome, out.t, out.f) = (Outcome::Inside, here.t, here.f);
+impl<R: Real> Tracer<'_, R> {
+    /// Takes the value at the state's t; returns whether the ray goes on.
+    fn advance(&mut self, s: &mut State<R>, f: R) -> bool {
+        let here = Point { t: s.t, f };
+        self.out.steps += 1;
+        if !f.is_finite() {
+            (self.out.outcome, self.out.t, self.out.f) = (Outcome::Invalid, s.t, f);
             return false;
-        };
-        return enter_root(s, outside, here, ray, options, out);
+        }
+        match s.phase {
+            Phase::Root(bracket) => self.root(s, bracket.narrowed(here)),
+            _ if f > R::zero() && self.out.steps >= self.options.step_limit => {
+                self.note(here);
+                false
+            }
+            Phase::March => self.march(s, here),
+            Phase::Approach(approach) => self.approach(s, approach, here),
+        }
     }
-    note(out, here);
-    if let [Some(low), Some(from)] = before
-        && low.f <= from.f
-        && low.f < here.f
-    {
-        let dip = vertex(from, low, here).filter(|dip| dip.f < low.f);
-        if let Some(dip) = dip.filter(|dip| dip.f < low.f * R::of(DIP)) {
-            s.t = dip.t;
-            s.phase = Phase::Approach { from, best: low, to: here, left: APPROACH_LIMIT };
+
+    /// Remembers the lowest point, for rays that miss.
+    fn note(&mut self, p: Point<R>) {
+        if p.f < self.out.f {
+            (self.out.t, self.out.f) = (p.t, p.f);
+        }
+    }
+
+    /// Remembers a closest approach.
+    fn pass(&mut self, p: Point<R>) {
+        self.note(p);
+        self.out.clearance = self.out.clearance.min(p.f / p.t.max(R::min_positive_value()));
+    }
+
+    fn march(&mut self, s: &mut State<R>, here: Point<R>) -> bool {
+        let [Some(last), before] = s.last else {
+            if here.f <= R::zero() {
+                (self.out.outcome, self.out.t, self.out.f) = (Outcome::Inside, here.t, here.f);
+                return false;
+            }
+            return self.walk(s, here);
+        };
+        let width = here.t - last.t;
+        let secant = (here.f - last.f) / width;
+        if width * R::of(2.0) > self.smallest {
+            s.slope = s.slope.max(secant.abs());
+        }
+        // Nothing negative fits between two points whose balls touch.
+        let touch = last.f + here.f.abs() >= s.slope * width * R::of(1.0 - SLACK);
+        if !touch && width > self.smallest * R::of(RESOLUTION) {
+            return self.step_back(s, last, here);
+        }
+        if here.f <= R::zero() {
+            return self.enter_root(s, last, here);
+        }
+        let slope_before = before.map_or(-s.slope, |b| (last.f - b.f) / (last.t - b.t));
+        let approach = Approach::new(last, here, slope_before, s.slope);
+        if !touch
+            && line_bound(last, here, slope_before, s.slope).f <= R::zero()
+            && let Some(t) = approach.first()
+        {
+            s.t = t;
+            s.phase = Phase::Approach(approach);
             return true;
         }
-        pass(out, dip.unwrap_or(low));
-    }
-    walk(s, here, before[0], ray, options, out)
-}
-
-/// Chooses the next step of a walking ray.
-fn walk<R: Real>(
-    s: &mut State<R>,
-    here: Point<R>,
-    last: Option<Point<R>>,
-    ray: &Ray<R>,
-    options: &Options<R>,
-    out: &mut Intersection<R>,
-) -> bool {
-    if here.f * options.relaxation >= ray.far - here.t {
-        // The rest of the interval is inside the ball that f says is empty. A miss still passes its closest approach.
-        let closest = Point { t: out.t, f: out.f };
-        pass(out, closest);
-        return false;
-    }
-    let mut step = (here.f * options.relaxation).max(options.min_step * ray.scale);
-    if let Some(last) = last
-        && here.f < last.f
-        && here.f < ray.scale * R::of(NEAR)
-    {
-        let to_root = here.f * (here.t - last.t) / (last.f - here.f) * R::of(BEYOND);
-        step = step.max(to_root.min(here.f * R::of(STRETCH)));
-    }
-    s.t = (here.t + step).min(ray.far);
-    s.phase = Phase::March([Some(here), last]);
-    s.t > here.t
-}
-
-/// The vertex of the parabola through three points, if it opens upwards and lies between them.
-fn vertex<R: Real>(a: Point<R>, b: Point<R>, c: Point<R>) -> Option<Point<R>> {
-    let (left, right) = (b.t - a.t, c.t - b.t);
-    let (down, up) = ((b.f - a.f) / left, (c.f - b.f) / right);
-    let curvature = (up - down) / (left + right);
-    let slope = (down * right + up * left) / (left + right);
-    let shift = -slope / (curvature + curvature);
-    let t = b.t + shift;
-    let between = curvature > R::zero() && t > a.t && t < c.t;
-    between.then(|| Point { t, f: b.f + shift * (slope + shift * curvature) })
-}
-
-fn approach<R: Real>(
-    s: &mut State<R>,
-    here: Point<R>,
-    [from, best, to]: [Point<R>; 3],
-    left: u32,
-    ray: &Ray<R>,
-    options: &Options<R>,
-    out: &mut Intersection<R>,
-) -> bool {
-    if here.f <= R::zero() {
-        // The root lies between the last point before the dip that is outside and this one.
-        let outside = if best.t < here.t { best } else { from };
-        return enter_root(s, outside, here, ray, options, out);
-    }
-    pass(out, here);
-    // The lowest of the four stays in the middle of three.
-    let (low, other) = if here.f < best.f { (here, best) } else { (best, here) };
-    let (from, to) = if other.t < low.t { (other, to) } else { (from, other) };
-    let dip = vertex(from, low, to).filter(|dip| left > 0 && dip.f < low.f * R::of(DIP) && dip.t != low.t);
-    if let Some(dip) = dip {
-        s.t = dip.t;
-        s.phase = Phase::Approach { from, best: low, to, left: left - 1 };
-        return true;
-    }
-    // Passed: go on from the far side, where f rises.
-    s.phase = Phase::March([None; 2]);
-    walk(s, to, None, ray, options, out)
-}
-
-fn enter_root<R: Real>(
-    s: &mut State<R>,
-    outside: Point<R>,
-    inside: Point<R>,
-    ray: &Ray<R>,
-    options: &Options<R>,
-    out: &mut Intersection<R>,
-) -> bool {
-    out.outcome = Outcome::Hit;
-    let bracket = Bracket { outside, inside, weights: [outside.f, inside.f], last: None };
-    aim(s, bracket, ROOT_LIMIT, ray, options, out)
-}
-
-/// Sends the next evaluation to where the secant of the weights crosses zero, or ends with the better end.
-fn aim<R: Real>(
-    s: &mut State<R>,
-    bracket: Bracket<R>,
-    left: u32,
-    ray: &Ray<R>,
-    options: &Options<R>,
-    out: &mut Intersection<R>,
-) -> bool {
-    let Bracket { outside, inside, weights, .. } = bracket;
-    let better = if outside.f < -inside.f { outside } else { inside };
-    let t = outside.t + (inside.t - outside.t) * (weights[0] / (weights[0] - weights[1]));
-    let stuck = !(t > outside.t && t < inside.t);
-    if left == 0 || better.f.abs() <= options.tolerance * ray.scale || stuck {
-        (out.t, out.f) = (better.t, better.f);
-        return false;
-    }
-    s.t = t;
-    s.phase = Phase::Root(bracket, left - 1);
-    true
-}
-
-impl<R: Real> Bracket<R> {
-    /// The bracket with `here` as one of its ends. Illinois: an end that stays for a second time counts half, so that it
-    /// too will move.
-    fn narrowed(mut self, here: Point<R>) -> Self {
-        let side = usize::from(here.f <= R::zero());
-        if self.last == Some(side) {
-            self.weights[1 - side] *= R::of(0.5);
-        } else {
-            self.weights[1 - side] = if side == 0 { self.inside.f } else { self.outside.f };
+        self.note(here);
+        if let Some(before) = before
+            && last.f <= before.f
+            && last.f < here.f
+        {
+            self.pass(vertex(before, last, here).filter(|v| v.f < last.f && v.f > R::zero()).unwrap_or(last));
         }
-        self.weights[side] = here.f;
-        *(if side == 0 { &mut self.outside } else { &mut self.inside }) = here;
-        self.last = Some(side);
-        self
+        self.walk(s, here)
     }
+
+    /// Discards a step that went too far for the slope that is known now.
+    fn step_back(&mut self, s: &mut State<R>, last: Point<R>, here: Point<R>) -> bool {
+        let t = last.t + (last.f / s.slope).max(self.smallest);
+        s.t = t.min((last.t + here.t) * R::of(0.5));
+        true
+    }
+
+    /// Makes `here` the newest point and chooses the next.
+    fn walk(&mut self, s: &mut State<R>, here: Point<R>) -> bool {
+        let [last, before] = s.last;
+        s.last = [Some(here), last];
+        s.phase = Phase::March;
+        self.note(here);
+        let clear = here.f / s.slope;
+        let first = self.ray.scale * R::of(FIRST_STEP);
+        let mut step = if last.is_none() { clear.min(first) } else { clear };
+        if here.t >= self.ray.far || (last.is_some() && clear >= self.ray.far - here.t) {
+            // The rest of the interval is inside the ball that f says is empty. A miss still passes its closest approach.
+            let closest = Point { t: self.out.t, f: self.out.f };
+            self.pass(closest);
+            return false;
+        }
+        step = step.max(self.smallest);
+        if let Some(to_root) = last.and_then(|last| expected_root(before, last, here)) {
+            let aim = to_root * R::of(BEYOND);
+            if aim <= (self.smallest * R::of(RESOLUTION)).max(clear * R::of(HEAD_ON)) {
+                step = aim;
+            }
+        }
+        // At least two representable distances, or the ray would stand still.
+        step = step.max(here.t * R::epsilon() * R::of(2.0));
+        s.t = (here.t + step).min(self.ray.far);
+        true
+    }
+
+    fn approach(&mut self, s: &mut State<R>, mut approach: Approach<R>, here: Point<R>) -> bool {
+        if here.f <= R::zero() {
+            let outside = approach.before(here.t);
+            return self.enter_root(s, outside, here);
+        }
+        self.note(here);
+        match approach.narrow(here) {
+            Next::Evaluate(t) => {
+                s.t = t;
+                s.phase = Phase::Approach(approach);
+                true
+            }
+            Next::Clear => {
+                let low = approach.lowest();
+                if low.t < approach.end.t {
+                    self.pass(low);
+                }
+                s.last = [Some(low).filter(|low| low.t < approach.end.t), None];
+                self.walk(s, approach.end)
+            }
+        }
+    }
+
+    fn enter_root(&mut self, s: &mut State<R>, outside: Point<R>, inside: Point<R>) -> bool {
+        self.out.outcome = Outcome::Hit;
+        self.root(s, Bracket::new(outside, inside))
+    }
+
+    /// Goes on with a root, or ends with the better side of its bracket.
+    fn root(&mut self, s: &mut State<R>, mut bracket: Bracket<R>) -> bool {
+        if let Some(t) = bracket.trial(self.options.tolerance * self.ray.scale) {
+            s.t = t;
+            s.phase = Phase::Root(bracket);
+            return true;
+        }
+        let best = bracket.best();
+        (self.out.t, self.out.f) = (best.t, best.f);
+        false
+    }
+}
+
+/// The distance from `here` to where f is expected to be zero, if f falls: by the parabola through three points, by the
+/// secant of the last two if there are no more.
+fn expected_root<R: Real>(before: Option<Point<R>>, last: Point<R>, here: Point<R>) -> Option<R> {
+    let width = here.t - last.t;
+    let secant = (here.f - last.f) / width;
+    let curvature = before.map_or(R::zero(), |b| {
+        let earlier = (last.f - b.f) / (last.t - b.t);
+        (secant - earlier) / (here.t - b.t)
+    });
+    let fall = -(secant + curvature * width);
+    let discriminant = fall * fall - R::of(4.0) * curvature * here.f;
+    let root = R::of(2.0) * here.f / (fall + discriminant.sqrt());
+    // Written so that a NaN (no root) is none.
+    (fall > R::zero() && root > R::zero()).then_some(root)
 }

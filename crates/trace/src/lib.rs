@@ -53,6 +53,7 @@ mod derivative;
 mod intersect;
 mod options;
 mod ray;
+mod refine;
 mod visit;
 
 pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_derivative, hit_vjp};

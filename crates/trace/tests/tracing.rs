@@ -97,6 +97,30 @@ proptest! {
     }
 
     #[test]
+    fn edges_of_a_box_are_silhouettes(yaw in 0.2..1.3f64, offset in -5.0..-1.5f64, inside in any::<bool>(), along in -0.8..0.8f64, factor in prop::sample::select(vec![0.5, 1.0, 3.0])) {
+        // The edge (0.7, 0.5, along) of the box, passed by in the plane z = along at a distance of 10^offset.
+        let field = Scaled(Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.9])), factor);
+        let side = DVec3::new(yaw.cos(), yaw.sin(), 0.0);
+        let past = f64::powf(10.0, offset) * if inside { -1.0 } else { 1.0 };
+        let direction = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
+        let on_ray = DVec3::new(0.7, 0.5, along) + past * side;
+        let found = find(&field, on_ray - 4.0 * direction, direction);
+        prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
+        prop_assert!(found.steps < 120, "{} steps", found.steps);
+    }
+
+    #[test]
+    fn steep_fields_are_seen(from in unit(), aim in prop::array::uniform3(-0.5..0.5f64), factor in prop::sample::select(vec![1.5, 2.0, 5.0])) {
+        // Nothing but its values tells that the field is no distance.
+        let ball = Scaled(Box::new(Shape::<f64>::sphere([0.1, 0.0, -0.2], 0.7)), factor);
+        let (origin, aim) = (from * 4.0, DVec3::from(aim));
+        let direction = (aim - origin).normalize();
+        let b = (DVec3::new(0.1, 0.0, -0.2) - origin).reject_from_normalized(direction).length();
+        let found = find(&ball, origin, direction);
+        prop_assert_eq!(found.outcome == Outcome::Hit, b < 0.7, "{} from the centre: {:?}", b, found);
+    }
+
+    #[test]
     fn grazing_rays_are_decided_by_their_closest_approach(offset in -7.0..-1.0f64, inside in any::<bool>(), angle in 0.0..std::f64::consts::TAU) {
         let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
         let distance = 0.7 + if inside { -1.0 } else { 1.0 } * f64::powf(10.0, offset);

@@ -11,7 +11,6 @@ mod run;
 mod schedule;
 mod step;
 
-pub(crate) use model::single;
 pub use model::{Model, RunFile};
 pub use options::{DEFAULT_ITERATIONS, FitOptions};
 pub(crate) use options::{parse_bounds, parse_duration};

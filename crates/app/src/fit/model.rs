@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use field::{Real, Sphere, Vector3};
-use glam::{DVec3, Vec3};
+use field::Sphere;
+use glam::DVec3;
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
 use serde::{Deserialize, Serialize};
 
@@ -138,9 +138,4 @@ impl Model {
 
 fn encoding(bands: usize) -> Encoding {
     if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } }
-}
-
-/// A ball in single precision.
-pub(crate) fn single(sphere: &Sphere<f64>) -> Sphere<f32> {
-    Sphere { center: <Vec3 as Vector3<f32>>::of(sphere.center), radius: <f32 as Real>::of(sphere.radius) }
 }

@@ -1,143 +1,111 @@
 //! The zero level set of a field as a closed mesh.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::collections::HashMap;
 
-use fast_surface_nets::ndshape::RuntimeShape;
+use fast_surface_nets::ndshape::ConstShape3u32;
 use fast_surface_nets::{SurfaceNetsBuffer, surface_nets};
-use field::{Field, Sphere};
-use glam::Vec3;
+use field::{Field, Real, Sphere};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Mesh, components};
-use crate::fit::single;
+use super::grid::{BLOCK, Grid, PADDED, Solid};
+use super::manifold::make_manifold;
+use super::{Components, Mesh, components, project};
 
-/// Grid points along a side of a block that is evaluated, or not, as a whole.
-const BLOCK: usize = 8;
+/// The fewest cells along the diameter that give a surface worth the name.
+const LEAST_RESOLUTION: usize = 4;
 
-/// How much steeper than a distance the field may be between a block's centre and its corners, for its sign to hold.
-const STEEPNESS: f32 = 2.0;
-
-/// Pieces below this share of the largest one's faces are dust.
-const DUST: f64 = 0.01;
-
-/// Newton steps that bring vertices from the grid's interpolation onto the surface.
-const NEWTON: usize = 3;
-
-/// The grid: points around the bounding ball with one cell to spare on every side.
-struct Grid {
-    low: Vec3,
-    cell: f32,
-    side: usize,
-    bounds: Sphere<f32>,
-}
-
-impl Grid {
-    fn at(&self, [x, y, z]: [usize; 3]) -> Vec3 {
-        self.low + self.cell * Vec3::new(x as f32, y as f32, z as f32)
-    }
-
-    /// What the solid is cut to: a network exists in its ball only.
-    fn ball(&self, x: Vec3) -> f32 {
-        (x - self.bounds.center).length() - self.bounds.radius
-    }
-}
-
-/// Extracts {f = 0} within the bounding ball, with `resolution` grid cells along its diameter. A solid that would leave
-/// the ball is closed by the ball's surface.
-///
-/// Blocks of the grid are skipped where f at the centre says that no surface can be near (with a factor 2 for fields
-/// steeper than a distance). Cells are polygonised by naive surface nets (one vertex a cell, quadrilaterals between: closed
-/// by construction), and vertices brought onto the surface by Newton steps along ∇f, at most half a cell. `progress` is
-/// told the fraction done.
-pub fn extract(
-    field: &dyn Field<f32>,
+/// Extracts {f = 0} within the bounding ball, with `resolution` grid cells (at least 4) along its diameter, and drops
+/// pieces of less than 1 % of the largest one's area. See [`extract_with`].
+pub fn extract<R: Real>(
+    field: &dyn Field<R>,
     bounds: &Sphere<f64>,
     resolution: usize,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Mesh {
-    let bounds = single(bounds);
-    let cell = 2.0 * bounds.radius / resolution as f32;
-    let side = (resolution + 3).div_ceil(BLOCK) * BLOCK;
-    let low = bounds.center - Vec3::splat(0.5 * cell * (side - 1) as f32);
-    let grid = Grid { low, cell, side, bounds };
-    let values = evaluate(field, &grid, progress);
-    let (n, mut net) = (side as u32, SurfaceNetsBuffer::default());
-    surface_nets(&values, &RuntimeShape::<u32, 3>::new([n; 3]), [0; 3], [n - 1; 3], &mut net);
-    let vertices = net.positions.iter().map(|p| grid.low + grid.cell * Vec3::from(*p)).collect();
-    let faces = net.indices.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
-    let mut mesh = components::without_small(Mesh { vertices, normals: Vec::new(), faces }, DUST);
-    if mesh.volume() < 0.0 {
-        mesh.faces.iter_mut().for_each(|f| f.swap(1, 2));
+    extract_with(field, bounds, resolution, Components::default(), progress)
+}
+
+/// Extracts {f = 0} within the bounding ball, with `resolution` grid cells (at least 4) along its diameter, and keeps the
+/// chosen pieces. The mesh is closed, a manifold, faces outwards and has unit normals along ∇f. A solid that would leave
+/// the ball is closed by the ball's surface: what f is outside does not matter. A field without a surface in the ball
+/// gives an empty mesh, and so does a ball without an inside.
+///
+/// Blocks of the grid are skipped where f at the centre says that no surface can be near (with a factor 2 for fields
+/// steeper than a distance; a steeper field gets steps, never holes). Cells are polygonised by naive surface nets (Gibson
+/// 1998), parts that touch are separated, and vertices are brought onto the surface by Newton steps along ∇f. Where the
+/// solid has a sharp edge the mesh cuts it off, by less than a cell. A NaN counts as outside of the solid.
+///
+/// The same input gives the same mesh on any number of threads. `progress` is told the fraction done, by any thread.
+pub fn extract_with<R: Real>(
+    field: &dyn Field<R>,
+    bounds: &Sphere<f64>,
+    resolution: usize,
+    keep: Components,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Mesh {
+    if !(bounds.radius > 0.0 && bounds.radius.is_finite() && bounds.center.is_finite()) {
+        return Mesh::default();
     }
-    project(field, &grid, &mut mesh);
+    let grid = Grid::new(field, bounds, resolution.max(LEAST_RESOLUTION), &|p| progress(0.8 * p));
+    let mut mesh = polygonise(&grid);
+    make_manifold(&mut mesh);
+    mesh = components::keep(mesh, keep);
+    progress(0.9);
+    project::onto(&Solid::new(field, bounds, grid.cell), grid.cell, &mut mesh);
+    progress(1.0);
     mesh
 }
 
-/// f at all grid points, or something of the same sign where no surface is near; outside the ball, positive.
-fn evaluate(field: &dyn Field<f32>, grid: &Grid, progress: &(dyn Fn(f64) + Sync)) -> Vec<f32> {
-    let (side, blocks, done) = (grid.side, grid.side / BLOCK, AtomicUsize::new(0));
-    let reach = STEEPNESS * 0.5 * BLOCK as f32 * grid.cell * 3f32.sqrt();
-    let mut values = vec![0.0; side * side * side];
-    // A slab of blocks is contiguous: z is the slowest coordinate.
-    values.par_chunks_mut(BLOCK * side * side).enumerate().for_each(|(bz, slab)| {
-        let corner = |b: usize| [b % blocks * BLOCK, b / blocks * BLOCK, bz * BLOCK];
-        let half = 0.5 * (BLOCK - 1) as f32 * grid.cell;
-        let centers: Vec<Vec3> = (0..blocks * blocks).map(|b| grid.at(corner(b)) + half).collect();
-        let mut f = vec![0.0; centers.len()];
-        field.value(&centers, &mut f);
-        let (mut x, mut g) = (Vec::new(), Vec::new());
-        for (b, center) in centers.iter().enumerate() {
-            let (f, ball) = (f[b], grid.ball(*center));
-            let far = f.max(ball).abs() > reach || ball > reach;
-            let points = block_points(corner(b));
-            if far {
-                points.for_each(|p| slab[index(p, bz, side)] = f.max(ball));
-                continue;
-            }
-            x.clear();
-            x.extend(points.map(|p| grid.at(p)));
-            g.resize(x.len(), 0.0);
-            field.value(&x, &mut g);
-            for (p, (x, g)) in block_points(corner(b)).zip(x.iter().zip(&g)) {
-                slab[index(p, bz, side)] = g.max(grid.ball(*x));
-            }
-        }
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(done as f64 / blocks as f64);
-    });
-    values
+/// A part of the surface, its vertices under the index of their cells.
+#[derive(Default)]
+struct Part {
+    cells: Vec<u64>,
+    positions: Vec<Vec3>,
+    faces: Vec<[u32; 3]>,
 }
 
-fn block_points([x, y, z]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
-    (0..BLOCK.pow(3)).map(move |i| [x + i % BLOCK, y + i / BLOCK % BLOCK, z + i / BLOCK / BLOCK])
+/// Surface nets block by block. Blocks overlap by the cells at their upper sides, whose vertices are stitched.
+fn polygonise(grid: &Grid) -> Mesh {
+    let blocks = grid.crossed();
+    let buffers = || (SurfaceNetsBuffer::default(), [0.0; PADDED.pow(3)]);
+    let parts: Vec<Part> =
+        blocks.par_iter().map_init(buffers, |(net, values), b| polygonise_block(grid, *b, values, net)).collect();
+    let mut mesh = Mesh::default();
+    let mut vertex_of_cell = HashMap::new();
+    for part in parts {
+        let index: Vec<u32> = part
+            .cells
+            .iter()
+            .zip(&part.positions)
+            .map(|(cell, position)| {
+                *vertex_of_cell.entry(*cell).or_insert_with(|| {
+                    mesh.vertices.push(*position);
+                    mesh.vertices.len() as u32 - 1
+                })
+            })
+            .collect();
+        mesh.faces.extend(part.faces.iter().map(|f| f.map(|v| index[v as usize])));
+    }
+    mesh
 }
 
-/// The place of a grid point in the slab of blocks `bz`.
-fn index([x, y, z]: [usize; 3], bz: usize, side: usize) -> usize {
-    ((z - bz * BLOCK) * side + y) * side + x
-}
-
-/// Moves vertices onto {max(f, ball) = 0} and gives them its normals.
-fn project(field: &dyn Field<f32>, grid: &Grid, mesh: &mut Mesh) {
-    const CHUNK: usize = 1024;
-    mesh.normals = vec![Vec3::ZERO; mesh.vertices.len()];
-    let chunks = mesh.vertices.par_chunks_mut(CHUNK).zip(mesh.normals.par_chunks_mut(CHUNK));
-    chunks.for_each(|(vertices, normals)| {
-        let (mut f, start) = (vec![0.0; vertices.len()], vertices.to_vec());
-        for step in 0..=NEWTON {
-            field.value_gradient(vertices, &mut f, normals);
-            for (i, x) in vertices.iter_mut().enumerate() {
-                let ball = grid.ball(*x);
-                if ball > f[i] {
-                    (f[i], normals[i]) = (ball, (*x - grid.bounds.center).normalize_or_zero());
-                }
-                if step < NEWTON {
-                    let moved = *x - normals[i] * (f[i] / normals[i].length_squared().max(1e-12));
-                    let away = (moved - start[i]).clamp_length_max(0.5 * grid.cell);
-                    *x = if away.is_finite() { start[i] + away } else { start[i] };
-                }
-            }
-        }
-        normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
-    });
+fn polygonise_block(grid: &Grid, b: usize, values: &mut [f32; PADDED.pow(3)], net: &mut SurfaceNetsBuffer) -> Part {
+    const SIDE: u32 = PADDED as u32;
+    type Padded = ConstShape3u32<SIDE, SIDE, SIDE>;
+    let block = grid.coordinates(b);
+    grid.padded(block, values);
+    let outside = values.iter().filter(|f| **f >= 0.0).count();
+    if outside == 0 || outside == values.len() {
+        return Part::default();
+    }
+    surface_nets(&values[..], &Padded {}, [0; 3], [SIDE - 1; 3], net);
+    let corner = block.map(|c| c * BLOCK);
+    let origin = DVec3::from(corner.map(|c| c as f64));
+    let cell = |at: &[u32; 3]| (0..3).fold(0, |key, k| key << 21 | (corner[k] as u64 + u64::from(at[k])));
+    Part {
+        cells: net.surface_points.iter().map(cell).collect(),
+        positions: net.positions.iter().map(|p| grid.position(origin + Vec3::from(*p).as_dvec3()).as_vec3()).collect(),
+        faces: net.indices.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect(),
+    }
 }

@@ -1,13 +1,24 @@
 //! Triangle meshes: extraction from a field, files, and what can be said of them.
+//!
+//! A mesh here is a list of vertices (world units) and of triangles, counter-clockwise seen from outside. It is *closed*
+//! if every edge is shared by exactly two triangles that pass it in opposite directions. What [`extract`] returns is closed
+//! and a manifold: the triangles around a vertex form one fan.
 
 mod components;
+mod edges;
 mod extract;
-mod files;
+mod grid;
+mod manifold;
+mod project;
+mod read;
+mod write;
 
-pub use extract::extract;
-pub use files::{read_mesh, write_mesh};
+pub use components::Components;
+pub use extract::{extract, extract_with};
+pub use read::read_mesh;
+pub use write::write_mesh;
 
-use std::collections::HashMap;
+use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
@@ -41,43 +52,41 @@ impl Mesh {
 
     /// The enclosed volume, cubic world units; positive if faces point outwards. Only a closed mesh has one.
     pub fn volume(&self) -> f64 {
-        (0..self.faces.len()).map(|i| self.corners(i)[0].dot(self.face_cross(i)) / 6.0).sum()
+        // About a vertex rather than the origin, so that a small mesh far away keeps its digits.
+        let about = self.vertices.first().map_or(DVec3::ZERO, |v| v.as_dvec3());
+        (0..self.faces.len()).map(|i| (self.corners(i)[0] - about).dot(self.face_cross(i)) / 6.0).sum()
     }
 
-    /// How often each directed edge occurs.
-    fn directed_edges(&self) -> HashMap<(u32, u32), u32> {
-        let mut edges = HashMap::with_capacity(3 * self.faces.len());
-        for [a, b, c] in &self.faces {
-            for edge in [(*a, *b), (*b, *c), (*c, *a)] {
-                *edges.entry(edge).or_insert(0) += 1;
-            }
-        }
-        edges
-    }
-
-    /// Whether every edge is passed as often in one direction as in the other: no border.
+    /// Whether every edge is shared by exactly two faces, which pass it in opposite directions.
     pub fn is_closed(&self) -> bool {
-        let edges = self.directed_edges();
-        !self.faces.is_empty() && edges.iter().all(|((a, b), n)| edges.get(&(*b, *a)) == Some(n))
+        !self.faces.is_empty() && edges::sorted(self).chunk_by(edges::same).all(|e| edges::is_simple(self, e))
     }
 
-    /// V − E + F.
+    /// V − E + F, over the vertices that a face uses.
     pub fn euler_characteristic(&self) -> i64 {
-        let edges = self
-            .directed_edges()
-            .keys()
-            .map(|(a, b)| (a.min(b), a.max(b)))
-            .collect::<std::collections::HashSet<_>>()
-            .len();
-        self.vertices.len() as i64 - edges as i64 + self.faces.len() as i64
+        let mut used = vec![false; self.vertices.len()];
+        self.faces.as_flattened().iter().for_each(|v| used[*v as usize] = true);
+        let vertices = used.iter().filter(|u| **u).count() as i64;
+        let edges = edges::sorted(self).chunk_by(edges::same).count() as i64;
+        vertices - edges + self.faces.len() as i64
+    }
+
+    /// The number of connected pieces; a cavity's wall is a piece of its own.
+    pub fn components(&self) -> usize {
+        components::count(self)
     }
 
     /// The number of handles of a closed surface of one piece, (2 − χ)/2; nothing for other meshes.
     pub fn genus(&self) -> Option<i64> {
-        let one = components::count(self) == 1;
-        (one && self.is_closed()).then(|| (2 - self.euler_characteristic()) / 2)
+        (self.components() == 1 && self.is_closed()).then(|| (2 - self.euler_characteristic()) / 2)
     }
 }
 
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
+}
+
+#[cfg(test)]
+mod file_tests;
 #[cfg(test)]
 mod tests;

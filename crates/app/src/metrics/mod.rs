@@ -2,6 +2,7 @@
 
 mod image;
 mod surface;
+mod tree;
 
 pub use image::{mask_iou, psnr, ssim};
-pub use surface::{Comparison, compare};
+pub use surface::{Comparison, SurfacePoint, compare, compare_to_field, sample_surface};
