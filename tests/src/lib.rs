@@ -53,3 +53,13 @@ pub fn dsdf_json<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> serde_json::Valu
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("no JSON: {e}"))
 }
+
+/// The numbers of a float32 .npy file.
+///
+/// # Panics
+/// If there is none, or it is cut short.
+pub fn npy(path: &Path) -> Vec<f32> {
+    let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}

@@ -2,15 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
+use std::process::Command;
 
-use tests::{dsdf, dsdf_json, shared};
-
-/// The numbers of a float32 .npy file.
-fn npy(path: &Path) -> Vec<f32> {
-    let bytes = std::fs::read(path).unwrap();
-    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    bytes[header..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
-}
+use tests::{dsdf, dsdf_json, npy, shared};
 
 /// Relative L2 error; a reference of one channel stands for all three.
 fn error(got: &[f32], want: &[f32]) -> f64 {
@@ -88,32 +82,56 @@ fn synth(folder: &Path) -> String {
     data
 }
 
-/// The tensors of a model file, without the header, whose strings come in any order.
-fn tensors(path: &Path) -> Vec<u8> {
-    let bytes = std::fs::read(path).unwrap();
-    let header = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-    bytes[8 + header..].to_vec()
+/// The iterations that a run's metrics tell of.
+fn iterations(run: &Path) -> Vec<u64> {
+    let text = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default();
+    let lines = text.lines().map_while(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    lines.filter_map(|v| v["iteration"].as_u64()).collect()
 }
 
 #[test]
-fn a_resumed_fit_goes_on_bit_for_bit() {
+fn a_killed_fit_goes_on_bit_for_bit() {
+    const ITERATIONS: u64 = 40;
     let folder = tempfile::tempdir().unwrap();
     let data = synth(folder.path());
-    let run = |name: &str, more: &[&str]| {
-        let out = folder.path().join(name).to_string_lossy().into_owned();
-        let mut arguments = vec!["fit", &data, "-o", &out, "--batch", "64", "--checkpoint-every", "5"];
-        arguments.extend(more);
-        let output = dsdf(&arguments);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        tensors(&folder.path().join(name).join("model.safetensors"))
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let fit = |out: &str, more: &[&str]| {
+        let count = ITERATIONS.to_string();
+        let options = ["--batch", "64", "--checkpoint-every", "5", "--iterations", &count];
+        let mut all = vec!["fit".to_owned(), "--output".to_owned(), out.to_owned()];
+        if more.contains(&"--resume") {
+            all.push("--resume".to_owned());
+        } else {
+            all.push(data.clone());
+            all.extend(options.iter().chain(more).map(|s| (*s).to_owned()));
+        }
+        all
     };
-    let whole = run("whole", &["--iterations", "12"]);
-    // A run that is killed leaves the checkpoint of iteration 10; here it is copied while the run is whole.
-    run("half", &["--iterations", "12", "--threads", "1"]);
-    let half = folder.path().join("half");
-    assert_eq!(tensors(&half.join("model.safetensors")), whole, "threads change nothing");
-    let resumed = run("half", &["--resume"]);
-    assert_eq!(resumed, whole, "a finished run stays as it is");
+    let finish = |arguments: &[String]| {
+        let output = dsdf(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    finish(&fit(&path("whole"), &[]));
+    let killed = folder.path().join("killed");
+    for (more, reach) in [("--threads=1", 12), ("--resume", 27)] {
+        let mut child =
+            Command::new(tests::binary()).args(fit(&path("killed"), &[more])).arg("--quiet").spawn().unwrap();
+        while iterations(&killed).last().is_none_or(|last| *last < reach) {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before iteration {reach}");
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        // SIGKILL: nothing of dsdf runs any more.
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    finish(&fit(&path("killed"), &["--resume"]));
+    let read = |run: &str, name: &str| std::fs::read(folder.path().join(run).join(name)).unwrap();
+    for name in ["model.safetensors", "radiance.safetensors"] {
+        assert!(read("whole", name) == read("killed", name), "{name} differs");
+    }
+    assert_eq!(iterations(&killed), (1..=ITERATIONS).collect::<Vec<u64>>(), "nothing is told twice or lost");
+    finish(&fit(&path("killed"), &["--resume"]));
+    assert!(read("whole", "model.safetensors") == read("killed", "model.safetensors"), "a finished run stays as it is");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Model files: safetensors with `layers.{i}.weight`, `layers.{i}.bias` and the architecture in the metadata.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -230,7 +230,20 @@ fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
     let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
     let views: std::result::Result<Vec<_>, _> =
         tensors.iter().map(|(name, shape, data)| Ok((name, TensorView::new(dtype, shape.clone(), data)?))).collect();
-    safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)
+    let bytes = safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)?;
+    sorted(&bytes).map_err(|e| ModelError::Container(e.to_string()))
+}
+
+/// The same file with its header's entries in the order of their names: the container's own order is that of a hash map
+/// with a random seed, and equal models are to be equal files.
+fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
+    const ALIGNMENT: usize = 8;
+    let (length, rest) = bytes.split_at(size_of::<u64>());
+    let length = u64::from_le_bytes(length.try_into().unwrap_or_default()) as usize;
+    let header: BTreeMap<String, serde_json::Value> = serde_json::from_slice(&rest[..length])?;
+    let mut text = serde_json::to_vec(&header)?;
+    text.resize(text.len().next_multiple_of(ALIGNMENT), b' ');
+    Ok([&(text.len() as u64).to_le_bytes()[..], &text, &rest[length..]].concat())
 }
 
 impl<R: Lane> Network<R> {

@@ -153,7 +153,9 @@ proptest! {
         let mut network = network(&a, seed);
         let bands = a.encoding.bands();
         network.set_band_weights(&vec![w; bands]);
-        let again = Network::<f64>::from_safetensors(&network.to_safetensors().unwrap()).unwrap();
+        let bytes = network.to_safetensors().unwrap();
+        prop_assert!(bytes == network.to_safetensors().unwrap(), "equal models are equal files");
+        let again = Network::<f64>::from_safetensors(&bytes).unwrap();
         let x = points(5);
         let (mut f, mut g) = ([0.0; 5], [0.0; 5]);
         network.value(&x, &mut f);

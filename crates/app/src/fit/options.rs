@@ -50,7 +50,7 @@ pub struct FitOptions {
     #[arg(long, default_value_t = 0.5)]
     pub initial_radius: f64,
     /// Adam's learning rate at its peak
-    #[arg(long, default_value_t = 1e-3)]
+    #[arg(long, default_value_t = 2e-3)]
     pub learning_rate: f64,
     /// Pixels an iteration
     #[arg(long, default_value_t = 1024)]
@@ -71,16 +71,16 @@ pub struct FitOptions {
     #[arg(long, default_value_t = 3.0)]
     pub gamma: f64,
     /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 0.02)]
     pub lambda_d: f64,
     /// ε: guard inside the weights, in world units at a bounding radius of 1
     #[arg(long, default_value_t = 1e-6)]
     pub epsilon: f64,
     /// Weight of the eikonal term (|∇f| − 1)²
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 0.1)]
     pub eikonal: f64,
     /// Weight of the term that clears what looks like the background, at the start
-    #[arg(long, default_value_t = 3.0)]
+    #[arg(long, default_value_t = 1.0)]
     pub background_weight: f64,
     /// Iterations between checkpoints
     #[arg(long, default_value_t = 200)]

@@ -5,7 +5,7 @@ use field::Vector3;
 use glam::{DVec2, DVec3, Vec3};
 
 use super::edges::silhouette_pixels;
-use super::loss::{photometric, squared_error};
+use super::loss::{Target, photometric, squared_error};
 use super::pyramid::{Level, Pixel};
 use crate::data::Background;
 use crate::error::InvalidField;
@@ -144,10 +144,10 @@ impl<'a> Chunk<'a> {
 
     /// Loss of one pixel's radiance; returns the adjoint of the radiance.
     fn score(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
-        let target = self.target(p);
-        let (loss, adjoint) = photometric(radiance, target);
+        let target = Target::of(&self.batch.level.images[p.view as usize], p.x.into(), p.y.into());
+        let (loss, adjoint) = photometric(radiance, &target);
         self.tally.photometric += f64::from(loss);
-        self.tally.squared_error += f64::from(squared_error(radiance, target));
+        self.tally.squared_error += f64::from(squared_error(radiance, target.radiance));
         Vec3::from(adjoint) * self.share
     }
 
@@ -297,13 +297,13 @@ impl<'a> Chunk<'a> {
         // The control variate c_p: the pixel's mean radiance, for an area sample without that sample itself.
         let sums: Vec<Vec3> =
             primary.radiance.chunks(count).zip(look).map(|(own, look)| *look + own.iter().sum::<Vec3>()).collect();
+        let others = |i: usize| (sums[i / count] - primary.radiance[i]) / count as f32;
         // At the bounding sphere's outline the warp ends: nothing but background may be carried there.
         let leaves: Vec<bool> = primary.rays.chunks(count).map(|rays| rays.iter().any(Option::is_none)).collect();
         let scalar: Vec<f32> = (0..samples.len())
             .map(|i| {
-                let (p, own) = (i / count, primary.radiance[i]);
-                let constant = if leaves[p] { setup.background } else { (sums[p] - own) / count as f32 };
-                delta[i].dot(own - constant)
+                let constant = if leaves[i / count] { setup.background } else { others(i) };
+                delta[i].dot(primary.radiance[i] - constant)
             })
             .collect();
         let constant: Vec<Vec3> = (0..pixels.len())

@@ -38,7 +38,8 @@ fn setup<'a>(model: &'a Model, cameras: &'a [Camera]) -> Setup<'a, f32> {
 fn loss(model: &Model, target: &Film) -> f64 {
     let cameras = [camera()];
     let film = render(&setup(model, &cameras), 0, 1024, 3, &|_| {}).unwrap().film;
-    let each = film.pixels.iter().zip(&target.pixels).map(|(a, b)| f64::from(photometric(*a, *b).0));
+    let pixels = (0..SIZE * SIZE).map(|i| (i % SIZE, i / SIZE));
+    let each = pixels.map(|(x, y)| f64::from(photometric(film.at(x, y), &Target::of(target, x, y)).0));
     each.sum::<f64>() / film.pixels.len() as f64
 }
 
