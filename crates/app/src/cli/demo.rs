@@ -24,7 +24,7 @@ pub(crate) struct Demo {
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
     /// Wall time of the fit
-    #[arg(long, default_value = "150s", value_parser = super::fit::parse_duration)]
+    #[arg(long, default_value = "160s", value_parser = super::fit::parse_duration)]
     time: Duration,
     /// Views to fit
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(3..=1000))]

@@ -80,7 +80,7 @@ pub struct FitOptions {
     #[arg(long, default_value_t = 0.1)]
     pub eikonal: f64,
     /// Weight of the term that clears what looks like the background, at the start
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 4.0)]
     pub background_weight: f64,
     /// Iterations between checkpoints
     #[arg(long, default_value_t = 200)]
