@@ -91,7 +91,7 @@ fn iterations(run: &Path) -> Vec<u64> {
 
 #[test]
 fn a_killed_fit_goes_on_bit_for_bit() {
-    const ITERATIONS: u64 = 40;
+    const ITERATIONS: u64 = 120;
     let folder = tempfile::tempdir().unwrap();
     let data = synth(folder.path());
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
@@ -113,7 +113,7 @@ fn a_killed_fit_goes_on_bit_for_bit() {
     };
     finish(&fit(&path("whole"), &[]));
     let killed = folder.path().join("killed");
-    for (more, reach) in [("--threads=1", 12), ("--resume", 27)] {
+    for (more, reach) in [("--threads=1", 12), ("--resume", 40)] {
         let mut child =
             Command::new(tests::binary()).args(fit(&path("killed"), &[more])).arg("--quiet").spawn().unwrap();
         while iterations(&killed).last().is_none_or(|last| *last < reach) {
@@ -152,6 +152,9 @@ fn a_fit_leaves_a_run_that_the_other_commands_read() {
     for key in ["psnr", "ssim", "mask_iou", "chamfer", "chamfer_relative", "f_score", "normal_consistency"] {
         assert!(eval[key].is_number(), "{key} of {eval}");
     }
+    let turntable = folder.path().join("t.png").to_string_lossy().into_owned();
+    let report = dsdf_json(&["render", &run, "-o", &turntable, "--views", "3", "--size", "24", "--spp", "1"]);
+    assert_eq!((&report["views"], &report["width"]), (&3.into(), &(3 * 24 + 2 * 4).into()));
     let inspect = folder.path().join("i.png").to_string_lossy().into_owned();
     let report = dsdf_json(&["inspect", &data, "-o", &inspect]);
     assert_eq!((report["train_views"].as_u64(), report["test_views"].as_u64()), (Some(6), Some(1)));

@@ -36,3 +36,4 @@ pub mod metrics;
 pub mod sampler;
 pub mod scene;
 pub mod synth;
+pub mod turntable;

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::common::Global;
 use crate::data::{self, Dataset, LoadOptions};
 use crate::error::{InputError, Interrupted};
-use crate::fit::{Event, Fit as Fitting, FitOptions, Metrics, RunFile, write_preview};
+use crate::fit::{Fit as Fitting, FitOptions, Metrics, RunFile};
 pub(super) use crate::fit::{parse_bounds, parse_duration};
 
 /// Reconstruct a shape from posed photographs.
@@ -127,15 +127,10 @@ pub(super) fn fit(
     let mut metrics = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let bar = progress_bar(global);
     let mut last: Option<Metrics> = None;
-    fitting.run(&|| stop.load(Ordering::Relaxed), &mut |event| {
-        match event {
-            Event::Step(step) => {
-                metrics.write(step)?;
-                show(&bar, step);
-                last = Some(step.clone());
-            }
-            Event::Preview(fit) => preview(fit, run)?,
-        }
+    fitting.run(&|| stop.load(Ordering::Relaxed), &mut |step| {
+        metrics.write(step)?;
+        show(&bar, step);
+        last = Some(step.clone());
         Ok(())
     })?;
     bar.finish_and_clear();
@@ -143,23 +138,14 @@ pub(super) fn fit(
         eprintln!("stopped after {} iterations; --resume goes on", fitting.iteration);
         return Err(Interrupted.into());
     }
-    preview(&fitting, run)?;
-    let psnr = fitting.look()?;
+    fitting.preview()?;
     Ok(Report {
         run: run.to_owned(),
         iterations: fitting.iteration,
         seconds: fitting.seconds(),
         loss: last.map(|m| m.loss),
-        psnr,
+        psnr: fitting.held_out_psnr(),
     })
-}
-
-/// Writes the picture of the view that stands for the others: a held-out one if there is one.
-fn preview(fit: &Fitting, run: &Path) -> anyhow::Result<()> {
-    let Some(view) = fit.dataset.test.first().or(fit.dataset.train.first()) else { return Ok(()) };
-    let cameras = [view.camera];
-    let path = run.join("preview").join(format!("{:06}.png", fit.iteration));
-    write_preview(&path, &fit.setup(&cameras), 0, &view.image).map(|_| ())
 }
 
 /// A flag that the first Ctrl-C raises; the second ends the program at once.

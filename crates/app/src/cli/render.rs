@@ -8,15 +8,18 @@ use field::Counted;
 use serde::Serialize;
 
 use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use crate::data::{self, LoadOptions};
 use crate::error::InputError;
 use crate::estimate::{Setup, render};
+use crate::fit::{Model, RunFile};
 use crate::io::write_image;
 use crate::scene::{Precision, Scene};
+use crate::turntable::{around, turntable, upwards};
 
-/// Render a scene to an image.
+/// Render a scene to an image, or the object of a run from all around: as it looks, and its normals.
 #[derive(Args, Debug)]
 pub(crate) struct Render {
-    /// The scene file
+    /// The scene file, or the folder of a run
     scene: PathBuf,
     /// The image to write: .png (sRGB), .exr or .npy (linear)
     #[arg(short, long)]
@@ -30,6 +33,12 @@ pub(crate) struct Render {
     /// Precision of the computation
     #[arg(long, value_enum, default_value = "f32")]
     precision: PrecisionArg,
+    /// Of a run: views around the object
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=360))]
+    views: u32,
+    /// Of a run: width and height of each view
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    size: u32,
 }
 
 #[derive(Serialize)]
@@ -41,16 +50,43 @@ struct Report {
     evaluations: EvaluationReport,
 }
 
+#[derive(Serialize)]
+struct TurntableReport {
+    width: u32,
+    height: u32,
+    views: usize,
+    /// The direction that was taken for upwards, world space.
+    up: [f64; 3],
+}
+
 impl Render {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        check_extension(&self.output, &["png", "exr", "npy"])?;
+        if self.scene.is_dir() {
+            return self.turntable(global);
+        }
         match self.precision {
             PrecisionArg::F32 => self.run_in::<f32>(global),
             PrecisionArg::F64 => self.run_in::<f64>(global),
         }
     }
 
+    fn turntable(&self, global: &Global) -> anyhow::Result<()> {
+        let (file, model) = (RunFile::load(&self.scene)?, Model::load(&self.scene)?);
+        let dataset = data::load(&file.dataset, &LoadOptions::default())?;
+        let (bounds, taken) = (file.sphere(), dataset.train.iter().map(|v| v.camera).collect::<Vec<_>>());
+        let up = upwards(&taken, bounds.center);
+        let cameras = around(&bounds, &taken, up, self.views as usize, self.size);
+        let bar = global.progress("turntable");
+        let sheet = turntable(&model, &file, &cameras, self.spp, &mover(&bar))?;
+        bar.finish_and_clear();
+        write_image(&self.output, &sheet)?;
+        let (width, height) = (sheet.width, sheet.height);
+        let report = TurntableReport { width, height, views: cameras.len(), up: up.to_array() };
+        global.report(&report, || format!("{} views, {width} x {height} pixels", cameras.len()))
+    }
+
     fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
-        check_extension(&self.output, &["png", "exr", "npy"])?;
         let scene = Scene::load(&self.scene)?;
         let field = Counted::new(scene.sdf.build::<R>()?);
         let shader = scene.shader::<R>(&field)?;

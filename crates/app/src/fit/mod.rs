@@ -15,4 +15,4 @@ pub use model::{Model, RunFile};
 pub use options::{DEFAULT_ITERATIONS, FitOptions};
 pub(crate) use options::{parse_bounds, parse_duration};
 pub use preview::{contact_sheet, difference, normal_map, write_preview};
-pub use run::{Event, Fit, Metrics, setup};
+pub use run::{Fit, Metrics, setup};

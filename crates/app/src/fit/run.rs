@@ -12,10 +12,10 @@ use super::checkpoint::State;
 use super::model::{HEAD_BANDS, Model, RunFile};
 use super::pyramid::{Level, Pixel, pyramid};
 use super::step::{Batch, LIMIT, Tally, gradient};
-use super::{DEFAULT_ITERATIONS, schedule};
+use super::{DEFAULT_ITERATIONS, schedule, write_preview};
 use crate::camera::Camera;
 use crate::data::Dataset;
-use crate::estimate::{Setup, render};
+use crate::estimate::Setup;
 use crate::metrics::psnr;
 use crate::sampler::mix;
 
@@ -53,14 +53,6 @@ pub struct Metrics {
     pub level: usize,
     /// The norm of the gradient before clipping.
     pub gradient_norm: f64,
-}
-
-/// What the loop tells its caller.
-pub enum Event<'a> {
-    /// An iteration has ended.
-    Step(&'a Metrics),
-    /// It is time for a preview; the model as it is.
-    Preview(&'a Fit),
 }
 
 /// A fit: a model, its optimiser, and the photographs.
@@ -165,14 +157,15 @@ impl Fit {
         }
     }
 
-    /// Runs until the budget is spent, or `stop` says so, and saves. Time spent in `tell` counts as spent.
+    /// Runs until the budget is spent, or `stop` says so, and saves. `tell` hears of every iteration; time spent in it counts
+    /// as spent.
     ///
     /// # Errors
     /// If the field or a gradient stops being finite, or a file cannot be written.
     pub fn run(
         &mut self,
         stop: &dyn Fn() -> bool,
-        tell: &mut dyn FnMut(Event<'_>) -> anyhow::Result<()>,
+        tell: &mut dyn FnMut(&Metrics) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let (begin, before) = (Instant::now(), self.seconds);
         while self.progress() < 1.0 && !stop() {
@@ -182,9 +175,9 @@ impl Fit {
             self.seconds = before + begin.elapsed().as_secs_f64();
             metrics.seconds = self.seconds;
             metrics.progress = self.progress();
-            tell(Event::Step(&metrics))?;
+            tell(&metrics)?;
             if self.iteration.is_multiple_of(self.file.options.preview_every) {
-                tell(Event::Preview(self))?;
+                self.preview()?;
             }
             if self.iteration.is_multiple_of(self.file.options.checkpoint_every) {
                 self.save()?;
@@ -270,17 +263,24 @@ impl Fit {
         setup(&self.model, &self.file, cameras)
     }
 
-    /// Renders the held-out view that stands for the others, and remembers its PSNR for the metrics.
+    /// PSNR of the held-out view last rendered, dB.
+    pub fn held_out_psnr(&self) -> Option<f64> {
+        self.held_out_psnr
+    }
+
+    /// Writes the preview picture of the view that stands for the others, a held-out one if there is one, and remembers
+    /// its PSNR for the metrics.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity.
-    pub fn look(&mut self) -> anyhow::Result<Option<f64>> {
-        if let Some(view) = self.dataset.test.first() {
-            let cameras = [view.camera];
-            let image = render(&self.setup(&cameras), 0, 1, self.file.options.seed, &|_| {})?;
-            self.held_out_psnr = Some(psnr(&image.film, &view.image));
-        }
-        Ok(self.held_out_psnr)
+    /// If the field gives a NaN or an infinity, or the picture cannot be written.
+    pub fn preview(&mut self) -> anyhow::Result<()> {
+        let held_out = self.dataset.test.first();
+        let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
+        let cameras = [view.camera];
+        let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
+        let image = write_preview(&path, &self.setup(&cameras), 0, &view.image)?;
+        self.held_out_psnr = held_out.map(|view| psnr(&image, &view.image));
+        Ok(())
     }
 }
 

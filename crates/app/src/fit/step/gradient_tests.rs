@@ -30,23 +30,26 @@ fn model(radius: f64, width: usize) -> Model {
     model
 }
 
-fn setup<'a>(model: &'a Model, cameras: &'a [Camera]) -> Setup<'a, f32> {
-    Setup::new(&model.field, &model.head, cameras, &BOUNDS, Vec3::new(0.05, 0.1, 0.2))
+fn setup<'a>(model: &'a Model, cameras: &'a [Camera], steps: usize) -> Setup<'a, f32> {
+    let setup = Setup::new(&model.field, &model.head, cameras, &BOUNDS, Vec3::new(0.05, 0.1, 0.2));
+    let options = FitOptions::default();
+    let warp = warp::Options { k: options.top_k, lambda_d: options.lambda_d as f32, ..setup.warp };
+    Setup { steps, warp, ..setup }
 }
 
 /// The mean photometric loss of the box-filtered image.
 fn loss(model: &Model, target: &Film) -> f64 {
     let cameras = [camera()];
-    let film = render(&setup(model, &cameras), 0, 1024, 3, &|_| {}).unwrap().film;
+    let film = render(&setup(model, &cameras, 1), 0, 1024, 3, &|_| {}).unwrap().film;
     let pixels = (0..SIZE * SIZE).map(|i| (i % SIZE, i / SIZE));
     let each = pixels.map(|(x, y)| f64::from(photometric(film.at(x, y), &Target::of(target, x, y)).0));
     each.sum::<f64>() / film.pixels.len() as f64
 }
 
-#[test]
-fn the_mean_gradient_is_that_of_the_loss() {
+/// The relative error of the mean gradient over four directions, with `steps` points along a ray.
+fn error(steps: usize) -> f64 {
     let cameras = [camera()];
-    let target = render(&setup(&model(0.62, 24), &cameras), 0, 64, 9, &|_| {}).unwrap().film;
+    let target = render(&setup(&model(0.62, 24), &cameras, 1), 0, 64, 9, &|_| {}).unwrap().film;
     let target = Film { pixels: target.pixels.iter().map(|p| [p[0] * 0.6, p[1] * 1.2, p[2]]).collect(), ..target };
     let model = model(0.5, 24);
     let view = View { name: String::new(), path: PathBuf::new(), camera: camera(), image: target.clone(), mask: None };
@@ -54,17 +57,17 @@ fn the_mean_gradient_is_that_of_the_loss() {
     let pixels: Vec<Pixel> = (0..levels[0].pixel_count() as u64).map(|i| levels[0].draw(i, 1)).collect();
     let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
     let mut mean = vec![0.0f64; model.parameters().len()];
-    let seeds = 60;
+    let seeds = 40;
     let share = pixels.len() as f64 / f64::from(SIZE * SIZE);
     for seed in 0..seeds {
         let batch = Batch {
-            setup: setup(&model, &cameras),
+            setup: setup(&model, &cameras, steps),
             level: &levels[0],
             pixels: &pixels,
             background: &background,
             use_masks: false,
             weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
-            edge_rays: 16,
+            edge_rays: 32,
             edge_samples: 8,
             limit: 1e6,
             seed,
@@ -87,12 +90,17 @@ fn the_mean_gradient_is_that_of_the_loss() {
         };
         let h = 4e-3;
         let difference = (moved(h) - moved(-h)) / (2.0 * h);
-        println!("direction {direction}: {along} against {difference}");
+        println!("{steps} points, direction {direction}: {along} against {difference}");
         error += (along - difference).powi(2);
         square += difference * difference;
     }
-    // Measured 0.25: what is left is the bias of 22 points along a ray, and the loss of one sample where a pixel without
-    // silhouettes has a mean.
-    let relative = (error / square).sqrt();
-    assert!(relative < 0.35, "relative error {relative} over the directions");
+    (error / square).sqrt()
+}
+
+/// What is left, measured 0.09, is the bias of 22 points (0.07 with 200), large here because the object is eight pixels
+/// across, and the loss of one sample where a pixel without silhouettes has a mean.
+#[test]
+fn the_mean_gradient_is_that_of_the_loss() {
+    let relative = error(FitOptions::default().steps);
+    assert!(relative < 0.13, "relative error {relative} over the directions");
 }
