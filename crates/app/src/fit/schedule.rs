@@ -1,5 +1,7 @@
 //! What changes as a fit goes on, as functions of the fraction of the budget spent.
 
+use optim::Schedule;
+
 use super::FitOptions;
 use super::step::Weights;
 
@@ -26,9 +28,7 @@ pub(crate) fn level(progress: f64, levels: usize) -> usize {
 
 /// The multiplier of the learning rate: a short rise, then half a cosine down.
 pub(crate) fn learning_rate(progress: f64) -> f64 {
-    let rise = (progress / WARM_UP).min(1.0);
-    let fall = 0.5 * (1.0 + (std::f64::consts::PI * progress.min(1.0)).cos());
-    rise * (FINAL_RATE + (1.0 - FINAL_RATE) * fall)
+    Schedule::WarmUpCosine { warm_up: WARM_UP, last: FINAL_RATE }.fraction(progress)
 }
 
 /// The window over `bands` octaves: each fades in with half a cosine, coarse ones first.
