@@ -56,3 +56,7 @@ impl<R: Real> Setup<'_, R> {
         SurfaceAdjoint { alpha, c, film }
     }
 }
+
+#[cfg(test)]
+#[path = "surface_tests.rs"]
+mod tests;

@@ -235,6 +235,25 @@ impl<R: Precision> Analytic<R> {
     }
 }
 
+impl<R: Precision> Analytic<R> {
+    /// Adjoints of x and n; adds to the parameters'. The lights in `lit` reach the point.
+    fn point_vjp(&self, x: R::Vec3, n: R::Vec3, lit: u64, adjoint: R::Vec3, parameters: &mut [R]) -> [R::Vec3; 2] {
+        let (at, normal) = (x.to_array(), n.to_array());
+        for (j, out) in parameters.iter_mut().enumerate() {
+            let parameter = |i: usize| {
+                let value = self.parameters[i];
+                if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
+            };
+            let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift), lit);
+            *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
+        }
+        let seed = |v: V<R>, start: usize| std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i));
+        let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3), lit);
+        let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
+        [R::Vec3::new(along(0), along(1), along(2)), R::Vec3::new(along(3), along(4), along(5))]
+    }
+}
+
 impl<R: Precision> Shader<R> for Analytic<R> {
     fn parameter_count(&self) -> usize {
         self.parameters.len()
@@ -257,22 +276,9 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         d_bar: &mut [R::Vec3],
         parameters: &mut [R],
     ) {
+        d_bar.fill(R::Vec3::zero());
         for p in 0..x.len() {
-            let (at, normal, adjoint) = (x[p].to_array(), n[p].to_array(), adjoint[p]);
-            let seed = |v: V<R>, start: usize| std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i));
-            let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3), ALL_LIT);
-            let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
-            x_bar[p] = R::Vec3::new(along(0), along(1), along(2));
-            n_bar[p] = R::Vec3::new(along(3), along(4), along(5));
-            d_bar[p] = R::Vec3::zero();
-            for (j, out) in parameters.iter_mut().enumerate() {
-                let parameter = |i: usize| {
-                    let value = self.parameters[i];
-                    if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
-                };
-                let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift), ALL_LIT);
-                *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
-            }
+            [x_bar[p], n_bar[p]] = self.point_vjp(x[p], n[p], ALL_LIT, adjoint[p], parameters);
         }
     }
 }
@@ -341,13 +347,20 @@ impl<R: Precision> Shader<R> for Shadowed<'_, R> {
         &self,
         x: &[R::Vec3],
         n: &[R::Vec3],
-        d: &[R::Vec3],
+        _: &[R::Vec3],
         adjoint: &[R::Vec3],
         x_bar: &mut [R::Vec3],
         n_bar: &mut [R::Vec3],
         d_bar: &mut [R::Vec3],
         parameters: &mut [R],
     ) {
-        self.analytic.vjp(x, n, d, adjoint, x_bar, n_bar, d_bar, parameters);
+        d_bar.fill(R::Vec3::zero());
+        for (p, lit) in self.lit(x, n).into_iter().enumerate() {
+            [x_bar[p], n_bar[p]] = self.analytic.point_vjp(x[p], n[p], lit, adjoint[p], parameters);
+        }
     }
 }
+
+#[cfg(test)]
+#[path = "appearance_tests.rs"]
+mod tests;
