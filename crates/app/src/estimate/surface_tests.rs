@@ -1,7 +1,6 @@
 use super::*;
 use crate::camera::Camera;
 use crate::scene::Scene;
-use field::Field;
 use glam::DVec2;
 use proptest::prelude::*;
 use serde_json::json;

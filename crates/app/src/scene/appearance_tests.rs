@@ -42,13 +42,13 @@ fn check(model: &AppearanceModel, solid: &dyn Field<f64>, x: DVec3, n: DVec3, ad
         close(n_bar[0].dot(axis), seen(model, solid, x, n + e, adjoint), seen(model, solid, x, n - e, adjoint), "n");
     }
     assert_eq!(d_bar[0], DVec3::ZERO);
-    for j in 0..parameters.len() {
+    for (j, parameter) in parameters.iter().enumerate() {
         let moved = |h: f64| {
             let mut moved = model.clone();
             moved.parameters[j] += h;
             seen(&moved, solid, x, n, adjoint)
         };
-        close(parameters[j], moved(H), moved(-H), &format!("parameter {j}"));
+        close(*parameter, moved(H), moved(-H), &format!("parameter {j}"));
     }
 }
 
