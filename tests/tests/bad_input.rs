@@ -209,4 +209,13 @@ fn runs_and_models_that_are_none_are_named() {
         &["m.safetensors"],
     );
     refused(&["nonsense"], 2, &["nonsense"]);
+    // What a resumed run would have to ignore, and a checkpoint that is none.
+    folder.write("transforms.json", &dataset(&folder));
+    let (data, run) = (folder.path(""), folder.path("run"));
+    let fit = dsdf(&["fit", &data, "-o", &run, "--iterations", "2", "--batch", "16", "--bounds", "0,0,0,1"]);
+    assert!(fit.status.success(), "{}", String::from_utf8_lossy(&fit.stderr));
+    refused(&["fit", "--resume", "-o", &run, "--batch", "32"], 2, &["fit.toml", "batch", "32", "16"]);
+    assert!(dsdf(&["fit", "--resume", "-o", &run, "--batch", "16", "--iterations", "3"]).status.success());
+    fs::write(folder.path("run/checkpoint/state.safetensors"), b"junk").unwrap();
+    refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "whole checkpoint"]);
 }

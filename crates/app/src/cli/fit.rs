@@ -74,12 +74,34 @@ impl Fit {
         }
         let toml = self.output.join("fit.toml");
         file.options.validate(&toml)?;
+        self.refuse_changes(&file, &toml)?;
         if let Some(path) = self.dataset.as_ref().filter(|p| **p != file.dataset) {
             let expected = format!("{}, as the run was started with", file.dataset.display());
             return Err(InputError::new(toml, "dataset", path.display(), expected).into());
         }
         let dataset = data::load(&file.dataset, &LoadOptions { downscale: file.options.downscale })?;
         Ok((dataset, file))
+    }
+}
+
+impl Fit {
+    /// Refuses options that a resumed run would have to ignore.
+    fn refuse_changes(&self, file: &RunFile, source: &Path) -> anyhow::Result<()> {
+        let [given, default, kept] = [&self.options, &FitOptions::default(), &file.options].map(toml::Table::try_from);
+        let (given, default, kept) = (given?, default?, kept?);
+        for (key, value) in given {
+            if key != "time"
+                && key != "iterations"
+                && default.get(&key) != Some(&value)
+                && kept.get(&key) != Some(&value)
+            {
+                let expected = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
+                return Err(
+                    InputError::new(source, key, value, format!("{expected}, as the run was started with")).into()
+                );
+            }
+        }
+        Ok(())
     }
 }
 
