@@ -219,3 +219,24 @@ fn runs_and_models_that_are_none_are_named() {
     fs::write(folder.path("run/checkpoint/state.safetensors"), b"junk").unwrap();
     refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "whole checkpoint"]);
 }
+
+#[test]
+fn weights_of_a_wrong_shape_are_named() {
+    let folder = Folder::new();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/query/softplus.safetensors");
+    let mut bytes = fs::read(model).unwrap();
+    // The header says that the encoded position joins one layer earlier than the tensors do.
+    let (said, instead) = (br#""skip": "[2]""#, br#""skip": "[1]""#);
+    let at = bytes.windows(said.len()).position(|w| w == said).unwrap();
+    bytes[at..at + said.len()].copy_from_slice(instead);
+    fs::write(folder.path("m.safetensors"), bytes).unwrap();
+    let points = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/query/softplus.points.npy");
+    let out = folder.path("o.npy");
+    let words = ["m.safetensors", "layers.1.weight", "[33, 20]", "[33, 47]"];
+    refused(&["query", &folder.path("m.safetensors"), &points.to_string_lossy(), "-o", &out], 2, &words);
+    let mut neural = scene();
+    neural["sdf"] = json!({"type": "neural", "weights": "m.safetensors"});
+    let path = folder.write("scene.json", &neural);
+    refused(&["render", &path, "-o", &folder.path("o.png")], 2, &words);
+    assert_eq!(folder.files(), 2, "nothing is written");
+}
