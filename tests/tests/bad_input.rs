@@ -172,7 +172,10 @@ fn data_sets_are_checked() {
         2,
         &["inside", "--bounds"].map(|w| if w == "inside" { "camera" } else { w }),
     );
+    refused(&["fit", &data, "-o", &run, "--bounds", "0,50,0,0.5"], 2, &["bounds", "no pixel"]);
+    assert!(!PathBuf::from(&run).exists(), "nothing is left of a refused fit");
     refused(&["fit", &data, "-o", &run, "--top-k", "1"], 2, &["top_k"]);
+    refused(&["fit", &data, "-o", &run, "--width", "100000"], 2, &["width"]);
     refused(&["fit", &folder.path("nothing"), "-o", &run], 2, &["nothing"]);
     let empty = tempfile::tempdir().unwrap();
     refused(&["fit", &empty.path().to_string_lossy(), "-o", &run], 2, &["no camera file"]);
@@ -216,6 +219,15 @@ fn runs_and_models_that_are_none_are_named() {
     assert!(fit.status.success(), "{}", String::from_utf8_lossy(&fit.stderr));
     refused(&["fit", "--resume", "-o", &run, "--batch", "32"], 2, &["fit.toml", "batch", "32", "16"]);
     assert!(dsdf(&["fit", "--resume", "-o", &run, "--batch", "16", "--iterations", "3"]).status.success());
+    refused(&["fit", "--resume", "-o", &run, "--iterations", "1"], 2, &["fit.toml", "iterations", "at least the 3"]);
+    let state = folder.path("run/checkpoint/state.safetensors");
+    let mut bytes = fs::read(&state).unwrap();
+    let end = bytes.len() - 4;
+    bytes[end..].copy_from_slice(&f32::NAN.to_le_bytes());
+    fs::write(&state, bytes).unwrap();
+    refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "NaN"]);
+    let options = fs::read_to_string(folder.path("run/fit.toml")).unwrap();
+    assert!(options.contains("iterations = 3"), "a refused run keeps its options: {options}");
     fs::write(folder.path("run/checkpoint/state.safetensors"), b"junk").unwrap();
     refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "whole checkpoint"]);
 }
@@ -235,6 +247,10 @@ fn weights_of_a_wrong_shape_are_named() {
     let words = ["m.safetensors", "layers.1.weight", "[33, 20]", "[33, 47]"];
     refused(&["query", &folder.path("m.safetensors"), &points.to_string_lossy(), "-o", &out], 2, &words);
     let mut neural = scene();
+    let mut huge = scene();
+    huge["sdf"]["radius"] = json!(1e200);
+    let path = folder.write("scene.json", &huge);
+    refused(&["synth", &path, "-o", &folder.path("d"), "--views", "2"], 2, &["scene.json", "/sdf"]);
     neural["sdf"] = json!({"type": "neural", "weights": "m.safetensors"});
     let path = folder.write("scene.json", &neural);
     refused(&["render", &path, "-o", &folder.path("o.png")], 2, &words);

@@ -75,7 +75,7 @@ impl Fit {
         let toml = self.output.join("fit.toml");
         file.options.validate(&toml)?;
         self.refuse_changes(&file, &toml)?;
-        if let Some(path) = self.dataset.as_ref().filter(|p| **p != file.dataset) {
+        if let Some(path) = self.dataset.as_ref().filter(|p| absolute(p) != absolute(&file.dataset)) {
             let expected = format!("{}, as the run was started with", file.dataset.display());
             return Err(InputError::new(toml, "dataset", path.display(), expected).into());
         }
@@ -105,6 +105,11 @@ impl Fit {
     }
 }
 
+/// A path that means the same from any folder.
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
 /// Loads a data set and settles its bounding sphere and background.
 pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Dataset, RunFile)> {
     let dataset = data::load(path, &LoadOptions { downscale: options.downscale })?;
@@ -112,7 +117,7 @@ pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Datase
     data::check_cameras(&dataset, &bounds)?;
     let center = bounds.center;
     let file = RunFile {
-        dataset: path.to_owned(),
+        dataset: absolute(path),
         bounds: [center.x, center.y, center.z, bounds.radius],
         background: background.color,
         background_spread: background.spread,
@@ -123,14 +128,10 @@ pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Datase
 }
 
 /// Makes the run's folders and its `fit.toml`.
-fn prepare(run: &Path, file: &RunFile, resume: bool) -> anyhow::Result<()> {
+fn prepare(run: &Path, file: &RunFile) -> anyhow::Result<()> {
     for folder in [run.to_owned(), run.join("checkpoint"), run.join("preview")] {
         std::fs::create_dir_all(&folder)
             .map_err(|e| InputError::new(&folder, "run", e, "a folder that can be written"))?;
-    }
-    if !resume && run.join("checkpoint/state.safetensors").exists() {
-        let expected = "an empty folder, or --resume to go on";
-        return Err(InputError::new(run, "run", "a run with a checkpoint", expected).into());
     }
     file.save(run)
 }
@@ -143,8 +144,13 @@ pub(super) fn fit(
     resume: bool,
     global: &Global,
 ) -> anyhow::Result<Report> {
-    prepare(run, &file, resume)?;
+    if !resume && run.join("checkpoint/state.safetensors").exists() {
+        let expected = "an empty folder, or --resume to go on";
+        return Err(InputError::new(run, "run", "a run with a checkpoint", expected).into());
+    }
+    // What can be refused is refused before anything is written.
     let mut fitting = Fitting::new(run, dataset, file, resume)?;
+    prepare(run, &fitting.file)?;
     let stop = on_interrupt()?;
     let mut metrics = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let bar = progress_bar(global);

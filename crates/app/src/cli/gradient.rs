@@ -192,6 +192,11 @@ impl Gradient {
             return Err(InputError::new(&self.scene, "/sdf/type", "an analytic shape", "neural, for --target").into());
         };
         let (target, _) = read_image(path)?;
+        if let Some(bad) = target.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+            let (x, y) = (bad as u32 % target.width, bad as u32 / target.width);
+            let found = format!("{:?}", target.pixels[bad]);
+            return Err(InputError::new(path, format!("pixel ({x}, {y})"), found, "finite numbers").into());
+        }
         let size = (scene.camera.width, scene.camera.height);
         if (target.width, target.height) != size {
             let found = format!("{} x {} pixels", target.width, target.height);

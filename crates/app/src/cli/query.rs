@@ -49,10 +49,17 @@ impl Query {
         let (mut f, mut g) = (vec![0.0; n], vec![Vec3::ZERO; n]);
         if self.gradient {
             field.value_gradient(&points, &mut f, &mut g);
+        } else {
+            field.value(&points, &mut f);
+        }
+        if let Some(bad) = (0..n).find(|&i| !f[i].is_finite() || !g[i].is_finite()) {
+            let expected = "a point where the network is finite";
+            return Err(InputError::new(&self.points, format!("point {bad}"), points[bad], expected).into());
+        }
+        if self.gradient {
             let rows: Vec<f32> = f.iter().zip(&g).flat_map(|(f, g)| [*f, g.x, g.y, g.z]).collect();
             write_npy(&self.output, &[n, 4], &rows)?;
         } else {
-            field.value(&points, &mut f);
             write_npy(&self.output, &[n], &f)?;
         }
         global.report(&Report { points: n }, || format!("{n} points: {}", self.output.display()))

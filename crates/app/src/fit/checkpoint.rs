@@ -66,7 +66,11 @@ impl State {
                 let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
                 return Err(error(name, found, &format!("F32 of shape [{count}], as fit.toml says")));
             }
-            Ok(bytemuck::allocation::pod_collect_to_vec(view.data()))
+            let numbers: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
+            match numbers.iter().position(|v| !v.is_finite()) {
+                Some(i) => Err(error(name, format!("{} at element {i}", numbers[i]), "finite numbers")),
+                None => Ok(numbers),
+            }
         };
         Ok(State {
             iteration: number("iteration")? as u64,

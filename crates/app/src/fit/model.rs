@@ -66,7 +66,14 @@ impl RunFile {
         let path = run.join("fit.toml");
         let text =
             std::fs::read_to_string(&path).map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
-        toml::from_str(&text).map_err(|e| InputError::new(&path, "fit.toml", e.message(), "the options of a fit"))
+        let file: RunFile = toml::from_str(&text)
+            .map_err(|e| InputError::new(&path, "fit.toml", e.message(), "the options of a fit"))?;
+        let sphere = file.sphere();
+        if !(sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0) {
+            let found = format!("{:?}", file.bounds);
+            return Err(InputError::new(&path, "bounds", found, "x, y, z and a radius above 0"));
+        }
+        Ok(file)
     }
 
     /// Writes `fit.toml` of a run folder.

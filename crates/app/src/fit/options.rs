@@ -123,8 +123,8 @@ impl FitOptions {
         let checks = [
             at_least_one("iterations", self.iterations.unwrap_or(1)),
             at_least_one("downscale", self.downscale.into()),
-            at_least_one("width", self.width as u64),
-            at_least_one("layers", self.layers as u64),
+            ("width", self.width.to_string(), (1..=4096).contains(&self.width), "1 to 4096"),
+            ("layers", self.layers.to_string(), (1..=64).contains(&self.layers), "1 to 64"),
             ("bands", self.bands.to_string(), self.bands <= 12, "at most 12"),
             positive("beta", self.beta),
             ("initial_radius", radius.to_string(), radius > 0.0 && radius < 1.0, "a fraction between 0 and 1"),

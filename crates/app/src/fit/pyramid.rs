@@ -71,7 +71,6 @@ impl Level {
     }
 
     /// The number of pixels that can see the object.
-    #[cfg(test)]
     pub(crate) fn pixel_count(&self) -> usize {
         self.pixels.len()
     }
@@ -119,6 +118,10 @@ pub(crate) fn pyramid(views: &[View], bounds: &Sphere<f64>, levels: usize) -> Ve
             break;
         }
         let next = last.halved(bounds);
+        // A small sphere may fall between the centres of large pixels.
+        if next.pixels.is_empty() {
+            break;
+        }
         out.push(next);
     }
     out

@@ -15,6 +15,7 @@ use super::step::{Batch, LIMIT, Tally, gradient};
 use super::{DEFAULT_ITERATIONS, schedule, write_preview};
 use crate::camera::Camera;
 use crate::data::Dataset;
+use crate::error::InputError;
 use crate::estimate::Setup;
 use crate::metrics::psnr;
 use crate::sampler::mix;
@@ -90,6 +91,12 @@ impl Fit {
             vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
         );
         let levels = pyramid(&dataset.train, &bounds, LEVELS);
+        if levels[0].pixel_count() == 0 {
+            let expected = "a sphere in sight of the cameras (see --bounds)";
+            return Err(
+                InputError::new(&file.dataset, "bounds", "no pixel whose ray meets the sphere", expected).into()
+            );
+        }
         let mut fit = Fit {
             file,
             model,
@@ -116,6 +123,10 @@ impl Fit {
 
     fn restore(&mut self) -> anyhow::Result<()> {
         let state = State::load(&self.checkpoint_path(), self.parameters.len())?;
+        if let Some(budget) = self.file.options.iterations.filter(|n| *n < state.iteration) {
+            let expected = format!("at least the {} that are done", state.iteration);
+            return Err(InputError::new(self.folder.join("fit.toml"), "iterations", budget, expected).into());
+        }
         self.adam.restore(&state.first, &state.second, state.steps)?;
         self.model.set_parameters(&state.parameters);
         self.parameters = state.parameters;

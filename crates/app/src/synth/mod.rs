@@ -74,6 +74,10 @@ pub fn synthesise(
     let Some(ball) = scene.sdf.build::<f64>()?.bounds() else {
         return Err(InputError::new(source, "/sdf", "an unbounded solid", "a solid that a sphere can hold").into());
     };
+    if !(ball.center.is_finite() && ((ball.radius * ball.radius) as f32).is_normal()) {
+        let found = format!("a solid of radius {:e}", ball.radius);
+        return Err(InputError::new(source, "/sdf", found, "a size that single precision can square").into());
+    }
     let shader = scene.shader::<f32>(&*field)?;
     let held_out = options.views.div_ceil(8);
     let sets = [("train", options.views, 0.0), ("test", held_out, 1.0)];
