@@ -1,5 +1,6 @@
 //! Running the `dsdf` binary in tests, as a user would.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -15,7 +16,8 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     if file.exists() {
         return Some(file);
     }
-    eprintln!("SKIPPED: {path} is not here; this test needs the shared references");
+    // Not `eprintln!`, which the test harness swallows.
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {path} is not here; this test needs the shared references");
     None
 }
 

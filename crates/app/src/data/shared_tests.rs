@@ -1,5 +1,6 @@
 //! What is found in real data sets; skipped where they are not there.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use super::*;
@@ -10,7 +11,8 @@ fn shared(name: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    eprintln!("SKIPPED: no data set {}", path.display());
+    // Not `eprintln!`, which the test harness swallows.
+    let _ = writeln!(std::io::stderr(), "SKIPPED: no data set {}", path.display());
     None
 }
 
