@@ -66,6 +66,9 @@ const APPROACH_LIMIT: u32 = 16;
 /// A minimum of a parabola that predicted its last point to this part of its value is taken for a minimum of f.
 const AGREEMENT: f64 = 0.1;
 
+/// A vertex is tried if it is this part of the interval away from the lowest point.
+const APART: f64 = 0.05;
+
 /// A first trial keeps this part of the interval away from its ends.
 const MARGIN: f64 = 0.1;
 
@@ -185,9 +188,22 @@ impl<R: Real> Approach<R> {
         if bound.f > R::zero() {
             return None;
         }
-        // Parabolas and lines take turns: whichever fits f converges.
-        let parabola = vertex(self.a, low, self.b).filter(|v| !self.left.is_multiple_of(3) && v.t != low.t);
-        Some(parabola.map_or((bound.t, None), |v| (v.t, Some(v.f))))
+        // Parabolas and lines take turns: whichever fits f converges. A vertex next to the lowest point would agree with
+        // it in value whatever f does, and tell nothing.
+        let apart = R::of(APART) * (self.b.t - self.a.t);
+        let parabola =
+            vertex(self.a, low, self.b).filter(|v| !self.left.is_multiple_of(3) && (v.t - low.t).abs() > apart);
+        Some(parabola.map_or((bound.t, None), |v| (v.t, Some(v.f).filter(|_| self.rounded(low)))))
+    }
+
+    /// Whether the parabola through both ends and `low` bends no further than a convex f can with its slopes outside them.
+    /// Through the points of a kink it does, and may agree with one more of them by chance.
+    fn rounded(&self, low: Point<R>) -> bool {
+        let (left, right) = (low.t - self.a.t, self.b.t - low.t);
+        let (down, up) = ((low.f - self.a.f) / left, (self.b.f - low.f) / right);
+        let curvature = (up - down) / (left + right);
+        let slack = R::of(AGREEMENT) * curvature * (left + right);
+        down - curvature * left >= self.slopes[0] - slack && up + curvature * right <= self.slopes[1] + slack
     }
 }
 

@@ -74,6 +74,27 @@ fn unit() -> impl Strategy<Value = DVec3> {
         .prop_map(DVec3::normalize)
 }
 
+/// The direction of a ray about an edge of a box, and where along the edge it passes.
+fn edge() -> impl Strategy<Value = (f64, f64)> {
+    (0.2..1.3f64, -0.8..0.8f64)
+}
+
+/// A ray that passes the edge (0.7, 0.5, along) of a box in the plane z = along, at a distance of 10^offset.
+fn past_an_edge(
+    (yaw, along): (f64, f64),
+    offset: f64,
+    inside: bool,
+    factor: f64,
+    relaxation: f64,
+) -> Intersection<f64> {
+    let field = Scaled(Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.9])), factor);
+    let side = DVec3::new(yaw.cos(), yaw.sin(), 0.0);
+    let past = f64::powf(10.0, offset) * if inside { -1.0 } else { 1.0 };
+    let direction = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
+    let on_ray = DVec3::new(0.7, 0.5, along) + past * side;
+    find_relaxed(&field, on_ray - 4.0 * direction, direction, relaxation)
+}
+
 proptest! {
     #[test]
     fn hits_are_first_crossings(from in unit(), aim in prop::array::uniform3(-0.8..0.8f64), factor in prop::sample::select(vec![0.3, 1.0, 1.8])) {
@@ -97,14 +118,16 @@ proptest! {
     }
 
     #[test]
-    fn edges_of_a_box_are_silhouettes(yaw in 0.2..1.3f64, offset in -5.0..-1.5f64, inside in any::<bool>(), along in -0.8..0.8f64, factor in prop::sample::select(vec![0.5, 1.0, 3.0])) {
-        // The edge (0.7, 0.5, along) of the box, passed by in the plane z = along at a distance of 10^offset.
-        let field = Scaled(Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.9])), factor);
-        let side = DVec3::new(yaw.cos(), yaw.sin(), 0.0);
-        let past = f64::powf(10.0, offset) * if inside { -1.0 } else { 1.0 };
-        let direction = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
-        let on_ray = DVec3::new(0.7, 0.5, along) + past * side;
-        let found = find(&field, on_ray - 4.0 * direction, direction);
+    fn edges_of_a_box_are_silhouettes(edge in edge(), offset in -7.0..-1.5f64, inside in any::<bool>(), factor in prop::sample::select(vec![0.5, 1.0, 3.0])) {
+        let found = past_an_edge(edge, offset, inside, factor, f64::min(1.0, 1.0 / factor));
+        prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
+        prop_assert!(found.steps < 120, "{} steps", found.steps);
+    }
+
+    #[test]
+    fn edges_of_an_unannounced_steep_field_are_seen(edge in edge(), offset in -4.0..-1.5f64, inside in any::<bool>()) {
+        // The slope beyond the edge is in no value before it: a chord of less than a fiftieth of min_step may be missed.
+        let found = past_an_edge(edge, offset, inside, 3.0, 1.0);
         prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
         prop_assert!(found.steps < 120, "{} steps", found.steps);
     }
