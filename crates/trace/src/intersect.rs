@@ -30,6 +30,8 @@ pub struct Intersection<R> {
     /// The smallest f/t at a closest approach of f that the ray passed by: the tangent of the angle by which the ray clears
     /// the solid. For a hit, only approaches before it count; infinite if there was none.
     pub clearance: R,
+    /// The distance of that closest approach; 0 if there was none.
+    pub nearest: R,
     /// Evaluations of f.
     pub steps: u32,
 }
@@ -90,8 +92,14 @@ pub fn intersect<R: Real>(
     options: &Options<R>,
     out: &mut Vec<Intersection<R>>,
 ) {
-    let unknown =
-        Intersection { outcome: Outcome::Miss, t: R::zero(), f: R::infinity(), clearance: R::infinity(), steps: 0 };
+    let unknown = Intersection {
+        outcome: Outcome::Miss,
+        t: R::zero(),
+        f: R::infinity(),
+        clearance: R::infinity(),
+        nearest: R::zero(),
+        steps: 0,
+    };
     out.clear();
     out.resize(rays.len(), unknown);
     let start = |ray: usize| State {
@@ -157,7 +165,10 @@ impl<R: Real> Tracer<'_, R> {
     /// Remembers a closest approach.
     fn pass(&mut self, p: Point<R>) {
         self.note(p);
-        self.out.clearance = self.out.clearance.min(p.f / p.t.max(R::min_positive_value()));
+        let clearance = p.f / p.t.max(R::min_positive_value());
+        if clearance < self.out.clearance {
+            (self.out.clearance, self.out.nearest) = (clearance, p.t);
+        }
     }
 
     fn march(&mut self, s: &mut State<R>, here: Point<R>) -> bool {

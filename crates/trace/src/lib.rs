@@ -54,10 +54,12 @@ mod intersect;
 mod options;
 mod ray;
 mod refine;
+mod silhouette;
 mod visit;
 
 pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_derivative, hit_vjp};
 pub use intersect::{Intersection, Outcome, intersect};
 pub use options::{InvalidOptions, Options};
 pub use ray::Ray;
+pub use silhouette::{Start, Tangency, Turn, tangencies};
 pub use visit::{Visited, Visits, visit};

@@ -1,0 +1,116 @@
+//! Silhouette points against closed forms and differences.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use approx::assert_relative_eq;
+use field::{Counted, Csg, Field, Kind, Real, Shape, Vector3};
+use glam::DVec3;
+use proptest::prelude::*;
+use trace::{Start, Tangency, Turn, tangencies};
+
+/// A ray that turns in the plane of two orthogonal unit vectors: s is the angle from the first.
+struct Plane {
+    origin: DVec3,
+    ahead: DVec3,
+    aside: DVec3,
+}
+
+impl<R: Real> Turn<R> for Plane {
+    fn origin(&self, _: usize) -> R::Vec3 {
+        R::Vec3::of(self.origin)
+    }
+    fn direction(&self, _: usize, s: R) -> (R::Vec3, R::Vec3) {
+        let (ahead, aside) = (R::Vec3::of(self.ahead), R::Vec3::of(self.aside));
+        let (sin, cos) = s.sin_cos();
+        (ahead * cos + aside * sin, aside * cos - ahead * sin)
+    }
+}
+
+fn plane(aside: DVec3) -> Plane {
+    let ahead = -DVec3::Z;
+    Plane { origin: DVec3::new(0.0, 0.0, 4.0), ahead, aside: aside.reject_from_normalized(ahead).normalize() }
+}
+
+fn find<R: Real>(field: &dyn Field<R>, turn: &Plane, s: f64) -> Option<Tangency<R>> {
+    let start = Start { s: R::of(s), t: R::of(4.0), range: [R::zero(), R::of(0.5)], reach: R::of(0.1) };
+    tangencies(field, turn, &[start], R::of(1e-6).max(R::epsilon() * R::of(8.0)))[0]
+}
+
+fn aside() -> impl Strategy<Value = DVec3> {
+    (0.0..std::f64::consts::TAU).prop_map(|angle| DVec3::new(angle.cos(), angle.sin(), 0.0))
+}
+
+/// min f along the ray at s, by brute force around distance 4.
+fn lowest(field: &dyn Field<f64>, turn: &Plane, s: f64) -> f64 {
+    let (d, _) = Turn::<f64>::direction(turn, 0, s);
+    let x: Vec<DVec3> = (0..40_001).map(|i| turn.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
+    let mut f = vec![0.0; x.len()];
+    field.value(&x, &mut f);
+    f.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+proptest! {
+    #[test]
+    fn a_balls_silhouette_is_the_tangent_from_the_eye(aside in aside(), radius in 0.3..1.0f64, off in -0.3..0.6f64) {
+        let turn = plane(aside);
+        let exact = (radius / 4.0).asin();
+        let ball = Counted::new(Shape::<f64>::sphere([0.0; 3], radius));
+        let found = find(&ball, &turn, exact * (1.0 + off)).unwrap();
+        assert_relative_eq!(found.s, exact, epsilon = 1e-6);
+        assert_relative_eq!(found.t, (16.0 - radius * radius).sqrt(), epsilon = 1e-3);
+        // ∂m/∂s is the distance, and the normal is orthogonal to the ray.
+        assert_relative_eq!(found.slope, found.t, epsilon = 1e-3);
+        prop_assert!(ball.evaluations().gradient <= 24, "{:?}", ball.evaluations());
+        let single = find(&Shape::<f32>::sphere([0.0; 3], radius), &turn, exact * (1.0 + off)).unwrap();
+        prop_assert!((f64::from(single.s) - exact).abs() < 1e-5);
+    }
+
+    #[test]
+    fn slopes_and_zeros_are_those_of_the_minimum(aside in aside(), s in 0.05..0.25f64, shape in 0usize..4) {
+        let torus = || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.6, 0.6, 0.2]));
+        let capsule = || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.5, 0.0, 0.2, 0.4, 0.3, -0.3, 0.2]));
+        let field: Box<dyn Field<f64>> = match shape {
+            0 => torus(),
+            1 => capsule(),
+            2 => Box::new(Shape::new(Kind::Box, &[0.05, 0.0, 0.0, 0.6, 0.5, 0.4])),
+            _ => Box::new(Csg::smooth_union(0.2, vec![torus(), capsule()])),
+        };
+        let turn = plane(aside);
+        if let Some(found) = find(&*field, &turn, s) {
+            let (d, _) = Turn::<f64>::direction(&turn, 0, found.s);
+            prop_assert!(found.gradient.dot(d).abs() < 1e-5 * found.gradient.length().max(1.0));
+            let value = |x: DVec3| { let mut f = [0.0]; field.value(&[x], &mut f); f[0] };
+            prop_assert!(value(turn.origin + d * found.t).abs() < 1e-4, "f {}", value(turn.origin + d * found.t));
+            // Where nothing else is in the way, ∂m/∂s is that of the minimum by brute force.
+            let h = 1e-4;
+            let (plus, minus) = (lowest(&*field, &turn, found.s + h), lowest(&*field, &turn, found.s - h));
+            let (middle, difference) = (lowest(&*field, &turn, found.s), (plus - minus) / (2.0 * h));
+            let smooth = (plus + minus - 2.0 * middle).abs() < 1e-3 * h;
+            if middle.abs() < 1e-6 && smooth {
+                prop_assert!((found.slope - difference).abs() < 2e-2 * difference.abs(), "{} against {difference}", found.slope);
+            }
+        }
+    }
+
+    #[test]
+    fn a_search_finds_the_edge_of_a_box(yaw in 0.3..1.2f64, off in -0.02..0.02f64) {
+        // The edge at (0.5, 0.5) of a column, seen from the side at an angle.
+        let column = Shape::<f64>::new(Kind::Box, &[0.0, 0.0, 0.0, 0.5, 9.0, 0.5]);
+        let eye = DVec3::new(yaw.sin(), 0.0, yaw.cos()) * 4.0;
+        let ahead = -eye.normalize();
+        let aside = DVec3::Y.cross(-ahead);
+        let turn = Plane { origin: eye, ahead, aside };
+        let edge = DVec3::new(0.5, 0.0, -0.5) - eye;
+        let exact = edge.dot(aside).atan2(edge.dot(ahead));
+        let found = find(&column, &turn, exact + off).unwrap();
+        prop_assert!((found.s - exact).abs() < 1e-6, "{} against {exact}", found.s);
+        // It moves as the corner does: the gradient by the column's half sizes says so, 1/|m'| of the corner's motion.
+        let f_dot: f64 = found.points.iter().zip(found.weights).map(|(x, w)| {
+            let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
+            column.parameter_jvp(&[*x], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &mut f, &mut g);
+            w * f[0]
+        }).sum();
+        let across = aside * exact.cos() - ahead * exact.sin();
+        let moved = DVec3::X.dot(across) / edge.length();
+        prop_assert!((-f_dot / found.slope - moved).abs() < 1e-3, "{} against {moved}", -f_dot / found.slope);
+    }
+}
