@@ -24,6 +24,13 @@ pub fn sobol<const D: usize>(index: u32, stream: u64) -> [f64; D] {
     std::array::from_fn(|d| f64::from(sobol_burley::sample(index % SOBOL_LENGTH, d as u32, scramble)))
 }
 
+/// Two independent standard normal numbers from a point of the unit square (Box and Muller).
+pub fn gaussian([a, b]: [f64; 2]) -> [f64; 2] {
+    let radius = (-2.0 * (1.0 - a).ln()).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * b).sin_cos();
+    [radius * cos, radius * sin]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,6 +45,17 @@ mod tests {
             }
             assert_eq!(count, [16; 4]);
         }
+    }
+
+    #[test]
+    fn gaussian_numbers_have_unit_variance() {
+        let points: Vec<[f64; 2]> = (0..4096).map(|i| gaussian(sobol(i, 3))).collect();
+        for d in 0..2 {
+            let mean = points.iter().map(|p| p[d]).sum::<f64>() / 4096.0;
+            let square = points.iter().map(|p| p[d] * p[d]).sum::<f64>() / 4096.0;
+            assert!(mean.abs() < 0.01 && (square - 1.0).abs() < 0.02, "mean {mean}, variance {square}");
+        }
+        assert!(gaussian([0.0, 0.3])[0].is_finite());
     }
 
     #[test]

@@ -51,6 +51,12 @@ impl Edge {
         self.outside
     }
 
+    /// The same edge with its pixels under other numbers.
+    #[must_use]
+    pub fn renamed(self, name: impl Fn(usize) -> usize) -> Self {
+        Edge { inside: self.inside.map(&name), outside: self.outside.map(&name), ..self }
+    }
+
     /// The unit normal on the film.
     pub fn normal(&self) -> [f64; 2] {
         std::array::from_fn(|e| if e == self.axis { 1.0 } else { 0.0 })

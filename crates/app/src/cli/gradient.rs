@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
 use crate::error::InputError;
-use crate::estimate::{Derivative, Direction, Estimator, Sampling, Setup, differentiate, target_gradient};
+use crate::estimate::{Derivative, Direction, Filter, Method, Sampling, Setup, differentiate, target_gradient};
 use crate::io::{read_image, write_image};
 use crate::scene::{Appearance, Precision, Scene, Sdf};
 
@@ -27,8 +27,8 @@ pub(crate) struct Gradient {
     /// Where to write: .npy or .exr for --wrt, .safetensors for --target
     #[arg(short, long)]
     output: PathBuf,
-    /// The silhouette estimator: paper, or interior for none
-    #[arg(long, default_value = "paper")]
+    /// The estimator: refined, paper, paper-all, interior, gaussian, was, loubet, band, contour or fd
+    #[arg(long, default_value = "refined")]
     estimator: String,
     /// Samples a pixel
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
@@ -51,9 +51,9 @@ pub(crate) struct Gradient {
     /// ε: guard inside the weights, in world units
     #[arg(long, default_value_t = 1e-6)]
     epsilon: f64,
-    /// Pixel filter
-    #[arg(long, default_value = "box")]
-    filter: String,
+    /// Pixel filter, box or gaussian [default: the estimator's]
+    #[arg(long)]
+    filter: Option<String>,
     /// Seed of the samples
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -120,16 +120,16 @@ impl Gradient {
     }
 
     fn sampling(&self) -> Result<Sampling, InputError> {
-        let estimator = match self.estimator.as_str() {
-            "paper" => Estimator::Paper,
-            "interior" => Estimator::Interior,
-            other => return Err(InputError::new(ARGUMENTS, "--estimator", other, "paper or interior")),
-        };
-        if self.filter != "box" {
-            return Err(InputError::new(ARGUMENTS, "--filter", &self.filter, "box"));
+        let method = self.estimator.parse::<Method>();
+        let method = method.map_err(|e| InputError::new(ARGUMENTS, "--estimator", &self.estimator, e))?;
+        let own = if method.filter() == Filter::Box { "box" } else { "gaussian" };
+        if self.filter.as_ref().is_some_and(|filter| filter != own) {
+            let found = self.filter.as_deref().unwrap_or_default();
+            let expected = format!("{own}, the filter of --estimator {}", method.name());
+            return Err(InputError::new(ARGUMENTS, "--filter", found, expected));
         }
         let edge_samples = self.edge_samples.unwrap_or_else(|| self.spp.div_ceil(2));
-        Ok(Sampling { estimator, spp: self.spp, edge_samples, seed: self.seed })
+        Ok(Sampling { method, spp: self.spp, edge_samples, seed: self.seed })
     }
 
     fn warp_options<R: Precision>(&self) -> Result<warp::Options<R>, InputError> {

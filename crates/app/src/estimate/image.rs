@@ -1,14 +1,12 @@
 //! Derivative images: d(pixel)/d(number), forward mode.
 
-use boundary::{Edge, Edges};
 use field::{Real, Vector3};
 use rayon::prelude::*;
 
-use super::pixels::{CHUNK, check_valid, pixel_samples};
-use super::{Primary, Sample, Setup};
+use super::{Adjoints, Area, Control, Estimator, Method, Pass, Pixel, Record, Setup};
 use crate::error::InvalidField;
 use crate::film::Film;
-use crate::sampler::{mix, sobol};
+use crate::sampler::mix;
 
 /// What an image is differentiated by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,21 +19,11 @@ pub enum Direction {
     Background(usize),
 }
 
-/// How the silhouette's part of a derivative is estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Estimator {
-    /// Not at all: what backpropagation through the hit point gives.
-    Interior,
-    /// As published: the warp over the points of the sphere tracer, its divergence over the pixel, the flux through the
-    /// pixel's border.
-    Paper,
-}
-
-/// How much is sampled.
+/// What is sampled, and how much.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
-    /// The silhouette estimator.
-    pub estimator: Estimator,
+    /// The estimator.
+    pub method: Method,
     /// Samples a pixel.
     pub spp: u32,
     /// Samples on each edge between pixels.
@@ -53,33 +41,56 @@ pub struct Derivative {
     pub standard_error: Option<f64>,
 }
 
+/// The side of a tile, in pixels: enough samples to fill the field's blocks, few enough to balance threads.
+const TILE: usize = 8;
+
 /// Independent replicates that samples are divided over, for the standard error.
 const REPLICATES: u32 = 4;
 
-type Image = Vec<[f64; 3]>;
+pub(super) type Image = Vec<[f64; 3]>;
+
+impl Sampling {
+    /// Independent parts of the same total, for standard errors: each with its number of samples.
+    pub(super) fn replicates(self) -> Vec<Sampling> {
+        let replicates = REPLICATES.min(self.spp);
+        let share = |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
+        let part = |r: u32| Sampling {
+            spp: share(self.spp, r),
+            edge_samples: share(self.edge_samples, r),
+            seed: mix(self.seed, u64::from(r)),
+            ..self
+        };
+        (0..replicates).map(part).collect()
+    }
+
+    /// The estimator.
+    ///
+    /// # Panics
+    /// For finite differences, which are none of a field.
+    pub(super) fn estimator<R: Real>(&self) -> Box<dyn Estimator<R>> {
+        let estimator = self.method.estimator(self.spp, self.edge_samples, Control::Background);
+        estimator.unwrap_or_else(|| panic!("{} needs a scene", self.method.name()))
+    }
+}
 
 /// Differentiates the image of the setup's first camera in each direction.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity.
+///
+/// # Panics
+/// For finite differences, which are none of a field.
 pub fn differentiate<R: Real>(
     setup: &Setup<'_, R>,
     directions: &[Direction],
     sampling: Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<Derivative>, InvalidField> {
-    let replicates = REPLICATES.min(sampling.spp);
-    let shares = |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
+    let parts = sampling.replicates();
     let mut runs = Vec::new();
-    for r in 0..replicates {
-        let part = Sampling {
-            spp: shares(sampling.spp, r),
-            edge_samples: shares(sampling.edge_samples, r),
-            seed: mix(sampling.seed, u64::from(r)),
-            ..sampling
-        };
-        let tell = |fraction: f64| progress((f64::from(r) + fraction) / f64::from(replicates));
-        runs.push((f64::from(part.spp), replicate(setup, directions, part, &tell)?));
+    for (r, part) in parts.iter().enumerate() {
+        let tell = |fraction: f64| progress((r as f64 + fraction) / parts.len() as f64);
+        runs.push((f64::from(part.spp), replicate(setup, directions, *part, &tell)?));
     }
     let camera = &setup.cameras[0];
     Ok((0..directions.len())
@@ -91,7 +102,7 @@ pub fn differentiate<R: Real>(
 }
 
 /// The weighted mean of replicates, and the relative L2 of its standard error.
-fn combine(width: u32, height: u32, images: &[(f64, &Image)]) -> Derivative {
+pub(super) fn combine(width: u32, height: u32, images: &[(f64, &Image)]) -> Derivative {
     let total: f64 = images.iter().map(|(w, _)| w).sum();
     let mut film = Film::new(width, height);
     let (mut square, mut error) = (0.0, 0.0);
@@ -112,6 +123,18 @@ fn combine(width: u32, height: u32, images: &[(f64, &Image)]) -> Derivative {
     Derivative { film, standard_error }
 }
 
+/// The film of camera 0 in square tiles: most edges between pixels lie inside one.
+pub(super) fn tiles(width: u32, height: u32) -> Vec<Vec<Pixel>> {
+    let corners = (0..height).step_by(TILE).flat_map(|y| (0..width).step_by(TILE).map(move |x| (x, y)));
+    let side = TILE as u32;
+    corners
+        .map(|(x0, y0)| {
+            let rows = y0..(y0 + side).min(height);
+            rows.flat_map(|y| (x0..(x0 + side).min(width)).map(move |x| Pixel { camera: 0, x, y })).collect()
+        })
+        .collect()
+}
+
 /// One independent estimate of all derivative images.
 fn replicate<R: Real>(
     setup: &Setup<'_, R>,
@@ -120,216 +143,89 @@ fn replicate<R: Real>(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<Image>, InvalidField> {
     let camera = &setup.cameras[0];
-    let pixels = camera.width as usize * camera.height as usize;
-    let chunks = pixels.div_ceil(CHUNK);
+    let estimator = sampling.estimator::<R>();
+    let tiles = tiles(camera.width, camera.height);
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let area: Vec<Vec<Image>> = (0..chunks)
-        .into_par_iter()
-        .map(|chunk| {
-            let image = area(setup, directions, sampling, chunk * CHUNK..((chunk + 1) * CHUNK).min(pixels));
+    let parts: Vec<Vec<Image>> = tiles
+        .par_iter()
+        .map(|pixels| {
+            let record = estimator.record(setup, pixels, sampling.seed)?;
+            let image = forward(setup, &record, pixels.len(), directions);
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress(0.8 * done as f64 / chunks as f64);
-            image
+            progress(done as f64 / tiles.len() as f64);
+            Ok(image)
         })
         .collect::<Result<_, _>>()?;
-    let mut images = vec![Image::with_capacity(pixels); directions.len()];
-    for chunk in area {
-        for (image, part) in images.iter_mut().zip(chunk) {
-            image.extend(part);
+    let mut images = vec![vec![[0.0; 3]; camera.width as usize * camera.height as usize]; directions.len()];
+    for (pixels, part) in tiles.iter().zip(parts) {
+        for (image, part) in images.iter_mut().zip(part) {
+            for (pixel, value) in pixels.iter().zip(part) {
+                image[pixel.y as usize * camera.width as usize + pixel.x as usize] = value;
+            }
         }
     }
-    if sampling.estimator == Estimator::Paper {
-        add_boundary(setup, directions, sampling, &mut images)?;
-    }
-    progress(1.0);
     Ok(images)
 }
 
-/// The area integral of a run of pixels, for every direction.
-fn area<R: Real>(
-    setup: &Setup<'_, R>,
-    directions: &[Direction],
-    sampling: Sampling,
-    pixels: std::ops::Range<usize>,
-) -> Result<Vec<Image>, InvalidField> {
-    let (width, spp) = (setup.cameras[0].width as usize, sampling.spp as usize);
-    let samples: Vec<Sample> = pixels
-        .clone()
-        .flat_map(|p| pixel_samples(0, (p % width) as u32, (p / width) as u32, sampling.spp, sampling.seed))
-        .collect();
-    let primary = setup.primary(&samples);
-    check_valid(setup, &samples, primary.invalid)?;
-    let shading = Shading::new(setup, &samples, &primary);
-    let warped = (sampling.estimator == Estimator::Paper).then(|| setup.warp(&samples, &primary.rays, true));
-    let mean = |sum: [f64; 3]| sum.map(|c| c / spp as f64);
-    Ok(directions
+/// The derivatives of the record's pixels in every direction.
+fn forward<R: Real>(setup: &Setup<'_, R>, record: &Record<R>, pixels: usize, directions: &[Direction]) -> Vec<Image> {
+    // The rows of the Jacobian, a channel at a time; their points are the same.
+    let rows: [Adjoints<R>; 3] = std::array::from_fn(|c| {
+        let (mut row, mut ignored) = (Adjoints::default(), vec![R::zero(); setup.shader.parameter_count()]);
+        record.vjp(setup, &vec![unit::<R>(c); pixels], Pass::PerPixel, &mut ignored, &mut row);
+        row
+    });
+    let n = rows[0].x.len();
+    let (mut f, mut g) = (vec![R::zero(); n], vec![R::Vec3::zero(); n]);
+    directions
         .iter()
         .map(|direction| {
-            let mut change = shading.change(setup, &primary, *direction, samples.len());
-            if let (Some(warped), Direction::Field(index)) = (&warped, direction) {
-                let (velocity, divergence) = warped.forward(setup, *index, samples.len());
-                for (i, change) in change.iter_mut().enumerate() {
-                    let carried = setup.excess(primary.radiance[i]).to_array().map(|l| (l * divergence[i]).to_double());
-                    *change = std::array::from_fn(|c| change[c] + carried[c]);
+            let mut image = vec![[0.0; 3]; pixels];
+            match *direction {
+                Direction::Field(index) => {
+                    let mut tangent = vec![R::zero(); setup.field.parameter_count()];
+                    tangent[index] = R::one();
+                    setup.field.parameter_jvp(&rows[0].x, &tangent, &mut f, &mut g);
+                    for (c, row) in rows.iter().enumerate() {
+                        for i in 0..n {
+                            let change = row.alpha[i] * f[i] + row.c[i].dot(g[i]);
+                            image[row.pixel[i] as usize][c] += change.to_double();
+                        }
+                    }
                 }
-                for (hit, &i) in primary.hits.iter().enumerate() {
-                    let slope = |c: usize| {
-                        let film = shading.film[c][hit];
-                        (film[0] * velocity[i][0] + film[1] * velocity[i][1]).to_double()
-                    };
-                    change[i] = std::array::from_fn(|c| change[i][c] + slope(c));
-                }
+                Direction::Shader(index) => record.area.iter().for_each(|a| shader(setup, a, index, &mut image)),
+                Direction::Background(c) => record.area.iter().for_each(|a| background(a, c, &mut image)),
             }
-            change
-                .chunks(spp)
-                .map(|c| mean(c.iter().fold([0.0; 3], |s, c| std::array::from_fn(|i| s[i] + c[i]))))
-                .collect()
+            image
         })
-        .collect())
+        .collect()
 }
 
-/// The Jacobian of a batch's radiance, a channel at a time, as coefficients on f and ∇f at the hits.
-struct Shading<R: Real> {
-    alpha: [Vec<R>; 3],
-    c: [Vec<R::Vec3>; 3],
-    film: [Vec<[R; 2]>; 3],
+/// The unit vector of a channel.
+fn unit<R: Real>(channel: usize) -> R::Vec3 {
+    R::Vec3::from_array(std::array::from_fn(|c| if c == channel { R::one() } else { R::zero() }))
 }
 
-impl<R: Real> Shading<R> {
-    fn new(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>) -> Self {
-        let mut ignored = vec![R::zero(); setup.shader.parameter_count()];
-        let [r, g, b] = std::array::from_fn(|c| {
-            let unit: [R; 3] = std::array::from_fn(|i| if i == c { R::one() } else { R::zero() });
-            let adjoint = vec![R::Vec3::from_array(unit); primary.hits.len()];
-            setup.surface_vjp(samples, primary, &adjoint, &mut ignored)
-        });
-        Shading { alpha: [r.alpha, g.alpha, b.alpha], c: [r.c, g.c, b.c], film: [r.film, g.film, b.film] }
-    }
-
-    /// ∂L of every sample at a fixed film position.
-    fn change(
-        &self,
-        setup: &Setup<'_, R>,
-        primary: &Primary<R>,
-        direction: Direction,
-        samples: usize,
-    ) -> Vec<[f64; 3]> {
-        let mut change = vec![[0.0; 3]; samples];
-        match direction {
-            Direction::Background(channel) => {
-                change.iter_mut().for_each(|c| c[channel] = 1.0);
-                primary.hits.iter().for_each(|&i| change[i][channel] = 0.0);
-            }
-            Direction::Field(index) => {
-                let n = primary.hits.len();
-                let (mut f, mut g) = (vec![R::zero(); n], vec![R::Vec3::zero(); n]);
-                let tangent = one_hot(setup.field.parameter_count(), index);
-                setup.field.parameter_jvp(&primary.x, &tangent, &mut f, &mut g);
-                for (hit, &i) in primary.hits.iter().enumerate() {
-                    let along = |c: usize| self.alpha[c][hit] * f[hit] + self.c[c][hit].dot(g[hit]);
-                    change[i] = std::array::from_fn(|c| along(c).to_double());
-                }
-            }
-            Direction::Shader(index) => {
-                for (hit, &i) in primary.hits.iter().enumerate() {
-                    change[i] = std::array::from_fn(|c| shader_slope(setup, primary, hit, c, index).to_double());
-                }
-            }
-        }
-        change
+/// Adds the change of area samples with the background's channel.
+fn background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
+    let mut misses = vec![true; area.samples.len()];
+    area.primary.hits.iter().for_each(|&i| misses[i] = false);
+    for i in (0..misses.len()).filter(|&i| misses[i]) {
+        image[area.pixel[i] as usize][channel] += area.weight[i].to_double();
     }
 }
 
-/// The change of channel `c` of one hit with the shader's parameter `index`.
-fn shader_slope<R: Real>(setup: &Setup<'_, R>, primary: &Primary<R>, hit: usize, c: usize, index: usize) -> R {
+/// Adds the change of area samples with the shader's parameter `index`.
+fn shader<R: Real>(setup: &Setup<'_, R>, area: &Area<R>, index: usize, image: &mut Image) {
+    let primary = &area.primary;
     let mut row = vec![R::zero(); setup.shader.parameter_count()];
-    let unit: [R; 3] = std::array::from_fn(|i| if i == c { R::one() } else { R::zero() });
     let zero = || [R::Vec3::zero()];
-    let (x, n, d) = ([primary.x[hit]], [primary.normal[hit]], [primary.direction[hit]]);
-    let adjoint = [R::Vec3::from_array(unit)];
-    setup.shader.vjp(&x, &n, &d, &adjoint, &mut zero(), &mut zero(), &mut zero(), &mut row);
-    row[index]
-}
-
-/// The unit vector of a parameter.
-pub(super) fn one_hot<R: Real>(length: usize, index: usize) -> Vec<R> {
-    let mut tangent = vec![R::zero(); length];
-    tangent[index] = R::one();
-    tangent
-}
-
-/// Adds the flux through the pixels' borders to the images.
-fn add_boundary<R: Real>(
-    setup: &Setup<'_, R>,
-    directions: &[Direction],
-    sampling: Sampling,
-    images: &mut [Image],
-) -> Result<(), InvalidField> {
-    let camera = &setup.cameras[0];
-    let edges = Edges::film(camera.width, camera.height);
-    let edges = edges.as_slice();
-    let fluxes: Vec<Vec<Image>> = (0..edges.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let start = chunk * CHUNK;
-            boundary(setup, directions, sampling, start, &edges[start..(start + CHUNK).min(edges.len())])
-        })
-        .collect::<Result<_, _>>()?;
-    for (chunk, fluxes) in edges.chunks(CHUNK).zip(fluxes) {
-        for (image, flux) in images.iter_mut().zip(fluxes) {
-            for (edge, flux) in chunk.iter().zip(flux) {
-                edge.scatter(flux, image);
-            }
+    for (hit, &i) in primary.hits.iter().enumerate() {
+        let (x, n, d) = ([primary.x[hit]], [primary.normal[hit]], [primary.direction[hit]]);
+        for c in 0..3 {
+            row.fill(R::zero());
+            setup.shader.vjp(&x, &n, &d, &[unit::<R>(c)], &mut zero(), &mut zero(), &mut zero(), &mut row);
+            image[area.pixel[i] as usize][c] += (row[index] * area.weight[i]).to_double();
         }
     }
-    Ok(())
-}
-
-/// The samples on a run of edges, the first of which has number `first`.
-pub(super) fn edge_samples(edges: &[Edge], camera: usize, first: usize, count: u32, stream: u64) -> Vec<Sample> {
-    // The film's area samples use the streams of pixels; edges use their own, told apart by this constant.
-    const EDGES: u64 = 0xed6e;
-    let mut samples = Vec::with_capacity(edges.len() * count as usize);
-    for (i, edge) in edges.iter().enumerate() {
-        let stream = mix(mix(stream, EDGES), (first + i) as u64);
-        samples.extend((0..count).map(|s| {
-            let [along] = sobol(s, stream);
-            Sample { camera, u: edge.point(along).into() }
-        }));
-    }
-    samples
-}
-
-/// The mean of L V·n over each of a run of edges, for every direction.
-fn boundary<R: Real>(
-    setup: &Setup<'_, R>,
-    directions: &[Direction],
-    sampling: Sampling,
-    first: usize,
-    edges: &[Edge],
-) -> Result<Vec<Image>, InvalidField> {
-    let count = sampling.edge_samples as usize;
-    let samples = edge_samples(edges, 0, first, sampling.edge_samples, sampling.seed);
-    let primary = setup.primary(&samples);
-    check_valid(setup, &samples, primary.invalid)?;
-    let warped = setup.warp(&samples, &primary.rays, false);
-    Ok(directions
-        .iter()
-        .map(|direction| {
-            let Direction::Field(index) = direction else { return vec![[0.0; 3]; edges.len()] };
-            let (velocity, _) = warped.forward(setup, *index, samples.len());
-            let flux = |e: usize| {
-                let span = e * count..(e + 1) * count;
-                velocity[span.clone()].iter().zip(&primary.radiance[span]).fold(
-                    [0.0; 3],
-                    |sum, (velocity, radiance)| {
-                        let crossing = velocity[edges[e].axis()];
-                        let carried = setup.excess(*radiance).to_array();
-                        std::array::from_fn(|c| sum[c] + (carried[c] * crossing).to_double() / count as f64)
-                    },
-                )
-            };
-            (0..edges.len()).map(flux).collect()
-        })
-        .collect())
 }

@@ -1,18 +1,37 @@
 //! Estimators: radiance of film samples, and its derivatives forward (to images) and in reverse (to parameters).
 
+mod adjoints;
+mod band;
+mod contour;
+mod convolution;
+mod estimator;
 mod image;
+mod lines;
+mod near;
 mod parallel;
 mod pixels;
 mod primary;
+mod record;
+mod refined;
 mod surface;
 mod target;
+mod warped;
 mod warping;
 
-pub use image::{Derivative, Direction, Estimator, Sampling, differentiate};
+pub use adjoints::Adjoints;
+pub use band::Band;
+pub use contour::Contour;
+pub use convolution::Convolution;
+pub use estimator::{Estimator, Filter, Method, Pixel};
+pub use image::{Derivative, Direction, Sampling, differentiate};
+pub(crate) use near::near_silhouettes;
 pub use parallel::ordered_sum;
 pub(crate) use pixels::check_valid;
 pub use pixels::{Render, render};
 pub use primary::{Primary, Sample, Setup};
+pub use record::{Area, AreaWarp, Border, Pass, Record, Silhouettes};
+pub use refined::Refined;
 pub use surface::SurfaceAdjoint;
 pub use target::{TargetGradient, target_gradient};
-pub use warping::{Adjoints, Warped};
+pub use warped::{Control, FILTER_DEVIATION, WarpedArea};
+pub use warping::Warped;

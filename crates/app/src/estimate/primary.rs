@@ -72,6 +72,37 @@ fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     f[0].max(R::zero()) * R::of(0.5)
 }
 
+impl<R: Real> Primary<R> {
+    /// Keeps some samples.
+    pub(super) fn retain(&mut self, keep: &[bool]) {
+        let mut number = 0;
+        let renamed: Vec<usize> = keep
+            .iter()
+            .map(|keep| {
+                number += usize::from(*keep);
+                number.wrapping_sub(1)
+            })
+            .collect();
+        let hits: Vec<bool> = self.hits.iter().map(|&i| keep[i]).collect();
+        filter(&mut self.rays, keep);
+        filter(&mut self.found, keep);
+        filter(&mut self.radiance, keep);
+        filter(&mut self.hits, &hits);
+        filter(&mut self.x, &hits);
+        filter(&mut self.gradient, &hits);
+        filter(&mut self.normal, &hits);
+        filter(&mut self.direction, &hits);
+        filter(&mut self.t, &hits);
+        self.hits.iter_mut().for_each(|i| *i = renamed[*i]);
+    }
+}
+
+/// Keeps the elements that are flagged.
+pub(super) fn filter<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    values.retain(|_| keep.next() == Some(&true));
+}
+
 impl<'a, R: Real> Setup<'a, R> {
     /// A setup with the default tracer and the published warp.
     pub fn new(
@@ -116,15 +147,21 @@ impl<R: Real> Setup<'_, R> {
             .collect()
     }
 
-    /// Traces and shades a batch.
-    pub fn primary(&self, samples: &[Sample]) -> Primary<R> {
+    /// The ray of every sample, and what the tracer found along it; `None` where there is no ray.
+    #[allow(clippy::type_complexity, reason = "two columns")]
+    pub fn find(&self, samples: &[Sample]) -> (Vec<Option<Ray<R>>>, Vec<Option<Intersection<R>>>) {
         let rays = self.rays(samples);
         let traced: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
         let mut intersections = Vec::with_capacity(traced.len());
         trace::intersect(self.field, &traced, &self.trace, &mut intersections);
         let mut next = intersections.into_iter();
-        let found: Vec<_> = rays.iter().map(|ray| ray.and_then(|_| next.next())).collect();
+        let found = rays.iter().map(|ray| ray.and_then(|_| next.next())).collect();
+        (rays, found)
+    }
 
+    /// Traces and shades a batch.
+    pub fn primary(&self, samples: &[Sample]) -> Primary<R> {
+        let (rays, found) = self.find(samples);
         let (mut hits, mut x, mut direction, mut t) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut invalid = None;
         for (i, (ray, found)) in rays.iter().zip(&found).enumerate() {
@@ -142,8 +179,7 @@ impl<R: Real> Setup<'_, R> {
         }
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
         self.field.value_gradient(&x, &mut f, &mut gradient);
-        let normal: Vec<_> =
-            gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect();
+        let normal = normals::<R>(&gradient);
         let mut rgb = vec![R::Vec3::zero(); x.len()];
         self.shader.radiance(&x, &normal, &direction, &mut rgb);
         let mut radiance = vec![self.background; samples.len()];
@@ -152,4 +188,18 @@ impl<R: Real> Setup<'_, R> {
         }
         Primary { rays, found, radiance, hits, x, gradient, normal, direction, t, invalid }
     }
+
+    /// The radiance of points, each seen along a direction.
+    pub fn shade(&self, x: &[R::Vec3], direction: &[R::Vec3]) -> Vec<R::Vec3> {
+        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+        self.field.value_gradient(x, &mut f, &mut gradient);
+        let mut rgb = vec![R::Vec3::zero(); x.len()];
+        self.shader.radiance(x, &normals::<R>(&gradient), direction, &mut rgb);
+        rgb
+    }
+}
+
+/// Unit normals from gradients.
+pub(super) fn normals<R: Real>(gradient: &[R::Vec3]) -> Vec<R::Vec3> {
+    gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect()
 }

@@ -1,12 +1,9 @@
 //! The gradient of an image loss by all parameters of the field, reverse mode.
 
-use boundary::Edges;
 use field::{Real, Vector3};
 
-use super::image::edge_samples;
-use super::pixels::{CHUNK, check_valid, pixel_samples};
-use super::warping::Adjoints;
-use super::{Estimator, Sample, Sampling, Setup, ordered_sum, render};
+use super::image::tiles;
+use super::{Adjoints, Pass, Sampling, Setup, ordered_sum, render};
 use crate::error::InvalidField;
 use crate::film::Film;
 use crate::sampler::mix;
@@ -21,8 +18,6 @@ pub struct TargetGradient<R> {
     /// The estimated standard error: relative L2 over the parameters, from independent replicates.
     pub standard_error: Option<f64>,
 }
-
-const REPLICATES: u32 = 4;
 
 /// The gradient of ½ Σ (I − target)², summed over pixels and channels, for the setup's first camera.
 ///
@@ -53,17 +48,11 @@ pub fn target_gradient<R: Real>(
         })
         .collect();
 
-    let replicates = REPLICATES.min(sampling.spp);
+    let parts = sampling.replicates();
     let mut runs = Vec::new();
-    for r in 0..replicates {
-        let part = Sampling {
-            spp: (sampling.spp / replicates).max(1),
-            edge_samples: (sampling.edge_samples / replicates).max(1),
-            seed: mix(sampling.seed, u64::from(2 + r)),
-            ..sampling
-        };
-        runs.push(replicate(setup, &adjoint, part)?);
-        progress(0.2 + 0.8 * f64::from(r + 1) / f64::from(replicates));
+    for (r, part) in parts.iter().enumerate() {
+        runs.push(replicate(setup, &adjoint, Sampling { seed: mix(part.seed, 2), ..*part })?);
+        progress(0.2 + 0.8 * (r + 1) as f64 / parts.len() as f64);
     }
     let (parameters, standard_error) = mean(&runs);
     Ok(TargetGradient { loss, parameters, standard_error })
@@ -87,82 +76,24 @@ fn mean<R: Real>(runs: &[Vec<R>]) -> (Vec<R>, Option<f64>) {
 
 fn replicate<R: Real>(setup: &Setup<'_, R>, adjoint: &[R::Vec3], sampling: Sampling) -> Result<Vec<R>, InvalidField> {
     let camera = &setup.cameras[0];
-    let pixels = camera.width as usize * camera.height as usize;
-    let edges = Edges::film(camera.width, camera.height);
-    let area = pixels.div_ceil(CHUNK);
-    let borders = if sampling.estimator == Estimator::Paper { edges.as_slice().len().div_ceil(CHUNK) } else { 0 };
-    let (sum, _) = ordered_sum(area + borders, setup.field.parameter_count(), |chunk, sum| {
-        let adjoints = if chunk < area {
-            area_vjp(setup, adjoint, sampling, chunk * CHUNK..((chunk + 1) * CHUNK).min(pixels))?
-        } else {
-            boundary_vjp(setup, adjoint, sampling, (chunk - area) * CHUNK, edges.as_slice())?
-        };
+    let (estimator, tiles) = (sampling.estimator::<R>(), tiles(camera.width, camera.height));
+    let (sum, _) = ordered_sum(tiles.len(), setup.field.parameter_count(), |tile, sum| {
+        let pixels = &tiles[tile];
+        let record = estimator.record(setup, pixels, sampling.seed)?;
+        let delta: Vec<R::Vec3> =
+            pixels.iter().map(|p| adjoint[p.y as usize * camera.width as usize + p.x as usize]).collect();
+        let (mut adjoints, mut ignored) = (Adjoints::default(), vec![R::zero(); setup.shader.parameter_count()]);
+        record.vjp(setup, &delta, Pass::Sum, &mut ignored, &mut adjoints);
         adjoints.backward(setup.field, sum);
         Ok(())
     })?;
     Ok(sum)
 }
 
-fn area_vjp<R: Real>(
-    setup: &Setup<'_, R>,
-    adjoint: &[R::Vec3],
-    sampling: Sampling,
-    pixels: std::ops::Range<usize>,
-) -> Result<Adjoints<R>, InvalidField> {
-    let (width, spp) = (setup.cameras[0].width as usize, sampling.spp as usize);
-    let first = pixels.start;
-    let samples: Vec<Sample> = pixels
-        .flat_map(|p| pixel_samples(0, (p % width) as u32, (p / width) as u32, sampling.spp, sampling.seed))
-        .collect();
-    let primary = setup.primary(&samples);
-    check_valid(setup, &samples, primary.invalid)?;
-    let weight = R::one() / R::of(f64::from(sampling.spp));
-    let delta = |i: usize| adjoint[first + i / spp] * weight;
-    let hit_adjoint: Vec<_> = primary.hits.iter().map(|&i| delta(i)).collect();
-    let mut shader = vec![R::zero(); setup.shader.parameter_count()];
-    let surface = setup.surface_vjp(&samples, &primary, &hit_adjoint, &mut shader);
-    let mut out = Adjoints::default();
-    for hit in 0..primary.hits.len() {
-        out.push(primary.x[hit], surface.alpha[hit], surface.c[hit]);
-    }
-    if sampling.estimator == Estimator::Paper {
-        let scalar: Vec<R> = (0..samples.len()).map(|i| delta(i).dot(setup.excess(primary.radiance[i]))).collect();
-        let mut film = vec![[R::zero(); 2]; samples.len()];
-        primary.hits.iter().zip(surface.film).for_each(|(&i, f)| film[i] = f);
-        setup.warp(&samples, &primary.rays, true).area_vjp(&scalar, &film, &mut out);
-    }
-    Ok(out)
-}
-
-fn boundary_vjp<R: Real>(
-    setup: &Setup<'_, R>,
-    adjoint: &[R::Vec3],
-    sampling: Sampling,
-    first: usize,
-    edges: &[boundary::Edge],
-) -> Result<Adjoints<R>, InvalidField> {
-    let count = sampling.edge_samples as usize;
-    let edges = &edges[first..(first + CHUNK).min(edges.len())];
-    let samples = edge_samples(edges, 0, first, sampling.edge_samples, sampling.seed);
-    let primary = setup.primary(&samples);
-    check_valid(setup, &samples, primary.invalid)?;
-    let weight = R::one() / R::of(f64::from(sampling.edge_samples));
-    let (flux, axis): (Vec<R>, Vec<usize>) = (0..samples.len())
-        .map(|i| {
-            let edge = &edges[i / count];
-            let excess = setup.excess(primary.radiance[i]);
-            (edge.gather(|p| adjoint[p].dot(excess)) * weight, edge.axis())
-        })
-        .unzip();
-    let mut out = Adjoints::default();
-    setup.warp(&samples, &primary.rays, false).flux_vjp(&flux, &axis, &mut out);
-    Ok(out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::{Direction, differentiate};
+    use crate::estimate::{Direction, Method, differentiate};
     use crate::scene::Scene;
     use serde_json::json;
     use std::path::Path;
@@ -194,14 +125,20 @@ mod tests {
         let shader = here.shader::<f64>(&*field).unwrap();
         let setup = Setup::new(&*field, &*shader, &cameras, &here.bounds, here.background.into());
         let image = render(&setup, 0, 1024, 6, &|_| {}).unwrap().film;
-        let sampling = Sampling { estimator: Estimator::Paper, spp: 256, edge_samples: 256, seed: 1 };
-        let reverse = target_gradient(&setup, &target, sampling, &|_| {}).unwrap();
+        for method in [Method::Paper, Method::Refined, Method::Band, Method::Was, Method::Loubet, Method::Gaussian] {
+            agree(&setup, &image, &target, method);
+        }
+    }
+
+    fn agree(setup: &Setup<'_, f64>, image: &Film, target: &Film, method: Method) {
+        let sampling = Sampling { method, spp: 256, edge_samples: 256, seed: 1 };
+        let reverse = target_gradient(setup, target, sampling, &|_| {}).unwrap();
         let directions: Vec<Direction> = [0, 2, 3, 4, 9, 10, 11, 12]
             .into_iter()
             .filter(|j| *j < reverse.parameters.len())
             .map(Direction::Field)
             .collect();
-        let forward = differentiate(&setup, &directions, sampling, &|_| {}).unwrap();
+        let forward = differentiate(setup, &directions, sampling, &|_| {}).unwrap();
         for (direction, derivative) in directions.iter().zip(&forward) {
             let Direction::Field(j) = *direction else { continue };
             let (mut sum, mut scale) = (0.0, 0.0);
@@ -214,7 +151,10 @@ mod tests {
                 }
             }
             let got = reverse.parameters[j];
-            assert!((got - sum).abs() < 0.05 * scale, "parameter {j}: reverse {got}, forward {sum}, of {scale}");
+            assert!(
+                (got - sum).abs() < 0.05 * scale,
+                "{method:?}, parameter {j}: reverse {got}, forward {sum}, of {scale}"
+            );
         }
     }
 }

@@ -1,47 +1,11 @@
 //! From the tracer's record to the warp of film samples, and from there to the field's parameters.
 
-use field::{Field, Real, Vector3};
+use field::{Real, Vector3};
 use trace::{Ray, entry_derivative, exit_derivative, visit};
 use warp::{Kept, WarpedRay};
 
-use super::image::one_hot;
+use super::adjoints::Adjoints;
 use super::{Sample, Setup};
-
-/// Points at which the parameter gradient of α f + c·∇f is to be added up.
-#[derive(Clone, Debug)]
-pub struct Adjoints<R: Real> {
-    x: Vec<R::Vec3>,
-    alpha: Vec<R>,
-    c: Vec<R::Vec3>,
-}
-
-impl<R: Real> Default for Adjoints<R> {
-    fn default() -> Self {
-        Adjoints { x: Vec::new(), alpha: Vec::new(), c: Vec::new() }
-    }
-}
-
-impl<R: Real> Adjoints<R> {
-    /// Adds a point.
-    pub fn push(&mut self, x: R::Vec3, alpha: R, c: R::Vec3) {
-        self.x.push(x);
-        self.alpha.push(alpha);
-        self.c.push(c);
-    }
-
-    /// Adds the parameter gradient of all points to `sum`, in one pass. Points without weight cost nothing.
-    pub fn backward(mut self, field: &dyn Field<R>, sum: &mut [R]) {
-        let keep: Vec<bool> =
-            self.alpha.iter().zip(&self.c).map(|(a, c)| *a != R::zero() || *c != R::Vec3::zero()).collect();
-        let mut flags = keep.iter();
-        self.x.retain(|_| flags.next() == Some(&true));
-        let mut flags = keep.iter();
-        self.alpha.retain(|_| flags.next() == Some(&true));
-        let mut flags = keep.iter();
-        self.c.retain(|_| flags.next() == Some(&true));
-        field.parameter_vjp(&self.x, &self.alpha, &self.c, sum);
-    }
-}
 
 /// The warp of a batch of film samples.
 pub struct Warped<R: Real> {
@@ -85,31 +49,18 @@ impl<R: Real> Setup<'_, R> {
 }
 
 impl<R: Real> Warped<R> {
-    /// V and, if it was asked for, ∇·V of each of `samples` samples, by the field's parameter `index`.
-    pub(super) fn forward(&self, setup: &Setup<'_, R>, index: usize, samples: usize) -> (Vec<[R; 2]>, Vec<R>) {
-        let n = self.kept.points.len();
-        let (mut f, mut g) = (vec![R::zero(); n], vec![R::Vec3::zero(); n]);
-        let tangent = one_hot(setup.field.parameter_count(), index);
-        setup.field.parameter_jvp(&self.kept.points, &tangent, &mut f, &mut g);
-        let (mut velocity, mut divergence) = (vec![[R::zero(); 2]; samples], vec![R::zero(); samples]);
-        for (v, &i) in self.kept.velocity(&f).into_iter().zip(&self.sample) {
-            velocity[i] = v;
-        }
-        if self.kept.divergence_a.len() == n {
-            for (d, &i) in self.kept.divergence(&f, &g).into_iter().zip(&self.sample) {
-                divergence[i] = d;
-            }
-        }
-        (velocity, divergence)
+    /// The warp that a batch of points makes: `sample` is the sample of each of its rays.
+    pub(super) fn new(kept: Kept<R>, sample: Vec<usize>) -> Self {
+        Warped { kept, sample }
     }
 
-    /// Reverse mode of area samples; see [`Kept::area_vjp`]. One adjoint a sample.
-    pub fn area_vjp(&self, scalar: &[R], film: &[[R; 2]], out: &mut Adjoints<R>) {
+    /// Reverse mode of area samples; see [`Kept::area_vjp`]. One adjoint and one pixel a sample.
+    pub fn area_vjp(&self, scalar: &[R], film: &[[R; 2]], pixel: &[u32], out: &mut Adjoints<R>) {
         let scalar: Vec<R> = self.sample.iter().map(|&i| scalar[i]).collect();
         let film: Vec<[R; 2]> = self.sample.iter().map(|&i| film[i]).collect();
         let (alpha, c) = self.kept.area_vjp(&scalar, &film);
-        for ((x, alpha), c) in self.kept.points.iter().zip(alpha).zip(c) {
-            out.push(*x, alpha, c);
+        for (i, (alpha, c)) in alpha.into_iter().zip(c).enumerate() {
+            out.push(pixel[self.sample[self.kept.ray[i]]], self.kept.points[i], alpha, c);
         }
     }
 
@@ -123,12 +74,12 @@ impl<R: Real> Warped<R> {
         }
     }
 
-    /// Reverse mode of boundary samples; see [`Kept::flux_vjp`]. One adjoint and one axis a sample.
-    pub fn flux_vjp(&self, flux: &[R], axis: &[usize], out: &mut Adjoints<R>) {
-        let of = |values: &[usize]| self.sample.iter().map(|&i| values[i]).collect::<Vec<_>>();
-        let flux: Vec<R> = self.sample.iter().map(|&i| flux[i]).collect();
-        for (x, alpha) in self.kept.points.iter().zip(self.kept.flux_vjp(&flux, &of(axis))) {
-            out.push(*x, alpha, R::Vec3::zero());
+    /// Reverse mode of boundary samples; see [`Kept::flux_vjp`]. One adjoint, one axis and one pixel a sample.
+    pub fn flux_vjp(&self, flux: &[R], axis: &[usize], pixel: &[u32], out: &mut Adjoints<R>) {
+        let own: Vec<R> = self.sample.iter().map(|&i| flux[i]).collect();
+        let axis: Vec<usize> = self.sample.iter().map(|&i| axis[i]).collect();
+        for (i, alpha) in self.kept.flux_vjp(&own, &axis).into_iter().enumerate() {
+            out.push(pixel[self.sample[self.kept.ray[i]]], self.kept.points[i], alpha, R::Vec3::zero());
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Reconstruction: from posed photographs to a signed distance network and a radiance head.
 
 mod checkpoint;
-mod edges;
 mod loss;
 mod model;
 mod options;

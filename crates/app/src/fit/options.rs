@@ -8,6 +8,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::error::InputError;
+use crate::estimate::{Control, Estimator, Method};
 
 /// Options of `dsdf fit`. The defaults need no tuning; a run's `fit.toml` records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
@@ -55,6 +56,9 @@ pub struct FitOptions {
     /// Pixels an iteration
     #[arg(long, default_value_t = 1024)]
     pub batch: usize,
+    /// How pixels are differentiated that a silhouette may cross: see `dsdf gradient --estimator`
+    #[arg(long, default_value = "refined")]
+    pub estimator: Method,
     /// Samples of a pixel that a silhouette may cross
     #[arg(long, default_value_t = 4)]
     pub edge_rays: u32,
@@ -130,6 +134,12 @@ impl FitOptions {
             ("initial_radius", radius.to_string(), radius > 0.0 && radius < 1.0, "a fraction between 0 and 1"),
             positive("learning_rate", self.learning_rate),
             at_least_one("batch", self.batch as u64),
+            (
+                "estimator",
+                self.estimator.name().to_owned(),
+                self.estimator != Method::FiniteDifferences,
+                "an estimator of parameter gradients",
+            ),
             at_least_one("edge_rays", self.edge_rays.into()),
             at_least_one("edge_samples", self.edge_samples.into()),
             at_least_one("steps", self.steps as u64),
@@ -146,6 +156,15 @@ impl FitOptions {
             Some((name, found, _, expected)) => Err(InputError::new(source, name, found, expected)),
             None => Ok(()),
         }
+    }
+
+    /// The estimator of pixels that a silhouette may cross.
+    ///
+    /// # Panics
+    /// For options that [`validate`](Self::validate) refuses.
+    pub(crate) fn estimator(&self) -> Box<dyn Estimator<f32>> {
+        let estimator = self.estimator.estimator(self.edge_rays, self.edge_samples, Control::Mean);
+        estimator.unwrap_or_else(|| panic!("{} is no estimator of parameter gradients", self.estimator.name()))
     }
 
     /// The bounding sphere asked for, if any.

@@ -209,6 +209,7 @@ impl Fit {
         let (pixels, weights) =
             (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
         let background = self.file.background();
+        let estimator = options.estimator();
         let batch = Batch {
             setup: self.setup(&self.levels[level].cameras),
             level: &self.levels[level],
@@ -216,8 +217,7 @@ impl Fit {
             background: &background,
             use_masks: options.use_masks,
             weights,
-            edge_rays: options.edge_rays,
-            edge_samples: options.edge_samples,
+            estimator: &*estimator,
             limit: LIMIT,
             seed,
         };

@@ -1,16 +1,16 @@
 //! One iteration's gradient: photometric, silhouette, eikonal and background terms over a batch of pixels.
 
-use boundary::Edges;
 use field::Vector3;
 use glam::{DVec2, DVec3, Vec3};
 
-use super::edges::silhouette_pixels;
 use super::loss::{Target, photometric, squared_error};
 use super::pyramid::{Level, Pixel};
 use crate::data::Background;
 use crate::error::InvalidField;
-use crate::estimate::{Adjoints, Primary, Sample, Setup, check_valid, ordered_sum};
-use crate::sampler::{mix, sobol, unit};
+use crate::estimate::{
+    self, Adjoints, Area, Estimator, Pass, Primary, Sample, Setup, check_valid, near_silhouettes, ordered_sum,
+};
+use crate::sampler::{mix, unit};
 
 /// Pixels a chunk of an iteration.
 const CHUNK: usize = 256;
@@ -40,11 +40,9 @@ pub(crate) struct Batch<'a> {
     pub(crate) use_masks: bool,
     /// Weights of the terms.
     pub(crate) weights: Weights,
-    /// Samples of a pixel that a silhouette may cross.
-    pub(crate) edge_rays: u32,
-    /// Samples on each border edge of such a pixel.
-    pub(crate) edge_samples: u32,
-    /// How many silhouettes across the whole pixel one sample's coefficient may be worth; see [`Chunk::limit`].
+    /// How pixels are differentiated that a silhouette may cross.
+    pub(crate) estimator: &'a dyn Estimator<f32>,
+    /// How many silhouettes across the whole pixel one sample's coefficient may be worth.
     pub(crate) limit: f32,
     /// Seed of this iteration.
     pub(crate) seed: u64,
@@ -119,14 +117,12 @@ impl<'a> Chunk<'a> {
         let first = setup.primary(&samples);
         check_valid(setup, &samples, first.invalid)?;
         self.tally.rays += samples.len() as u64;
-        let crossed = silhouette_pixels(setup, &samples, &first);
-        self.inside(&samples, &first, &crossed, shader);
+        let crossed = near_silhouettes(setup, &samples, &first);
         self.clear_background(&samples, &first);
         self.eikonal(&first);
-        let edge: Vec<usize> = (0..self.pixels.len()).filter(|&i| crossed[i]).collect();
-        let look: Vec<Vec3> = edge.iter().map(|&i| first.radiance[i]).collect();
-        let edge: Vec<Pixel> = edge.into_iter().map(|i| self.pixels[i]).collect();
-        self.silhouettes(&edge, &look, shader)
+        self.inside(samples, first, &crossed, shader);
+        let edge: Vec<Pixel> = (0..self.pixels.len()).filter(|&i| crossed[i]).map(|i| self.pixels[i]).collect();
+        self.silhouettes(&edge, shader)
     }
 
     /// One sample somewhere in every pixel.
@@ -152,8 +148,9 @@ impl<'a> Chunk<'a> {
     }
 
     /// Pixels without silhouettes: the derivative through the hit point is all there is.
-    fn inside(&mut self, samples: &[Sample], first: &Primary<f32>, crossed: &[bool], shader: &mut [f32]) {
-        let mut delta = vec![Vec3::ZERO; samples.len()];
+    fn inside(&mut self, samples: Vec<Sample>, first: Primary<f32>, crossed: &[bool], shader: &mut [f32]) {
+        let n = samples.len();
+        let mut delta = vec![Vec3::ZERO; n];
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
             delta[i] = self.score(first.radiance[i].into(), *pixel);
         }
@@ -161,55 +158,8 @@ impl<'a> Chunk<'a> {
         for &i in &first.hits {
             delta[i] *= 1.0 - self.batch.weights.trust * self.background_probability(self.pixels[i]);
         }
-        self.surface(samples, first, &delta, shader);
-    }
-
-    /// Reverse mode of the hits of pixels without silhouettes.
-    fn surface(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], shader: &mut [f32]) {
-        let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
-        let surface = self.batch.setup.surface_vjp(samples, primary, &adjoint, shader);
-        for (hit, &i) in primary.hits.iter().enumerate() {
-            let limit = self.limit(&samples[i], primary.t[hit], delta[i]);
-            let scale = limit / surface.alpha[hit].abs().max(limit).max(f32::MIN_POSITIVE);
-            self.adjoints.push(primary.x[hit], surface.alpha[hit] * scale, surface.c[hit] * scale);
-        }
-    }
-
-    /// The largest coefficient of f that one sample may have: that of a silhouette which crosses the whole pixel at full
-    /// contrast, a few times over. The estimators' tails have no variance to speak of (1/distance next to a silhouette,
-    /// 1/cosine at a grazing hit), and single samples would undo a hundred iterations.
-    fn limit(&self, sample: &Sample, t: f32, delta: Vec3) -> f32 {
-        let pixels_per_unit =
-            self.batch.setup.cameras[sample.camera].focal.max_element() as f32 / t.max(f32::MIN_POSITIVE);
-        self.batch.limit * pixels_per_unit * delta.length()
-    }
-
-    /// Reverse mode of the samples of pixels that a silhouette may cross: hit and warp together, since what blows up in the
-    /// one at a grazing hit cancels in the other.
-    fn area(&mut self, samples: &[Sample], primary: &Primary<f32>, delta: &[Vec3], scalar: &[f32], shader: &mut [f32]) {
-        let setup = &self.batch.setup;
-        let adjoint: Vec<Vec3> = primary.hits.iter().map(|&i| delta[i]).collect();
-        let surface = setup.surface_vjp(samples, primary, &adjoint, shader);
-        let mut film = vec![[0.0; 2]; samples.len()];
-        let mut total = vec![0.0; samples.len()];
-        for (hit, &i) in primary.hits.iter().enumerate() {
-            film[i] = surface.film[hit];
-            total[i] = surface.alpha[hit];
-        }
-        let warped = setup.warp(samples, &primary.rays, true);
-        warped.add_area_totals(scalar, &film, &mut total);
-        let scale: Vec<f32> = (0..samples.len())
-            .map(|i| {
-                let limit = primary.found[i].map_or(0.0, |found| self.limit(&samples[i], found.t, delta[i]));
-                limit / total[i].abs().max(limit).max(f32::MIN_POSITIVE)
-            })
-            .collect();
-        for (hit, &i) in primary.hits.iter().enumerate() {
-            self.adjoints.push(primary.x[hit], surface.alpha[hit] * scale[i], surface.c[hit] * scale[i]);
-        }
-        let scaled: Vec<f32> = scalar.iter().zip(&scale).map(|(s, k)| s * k).collect();
-        film.iter_mut().zip(&scale).for_each(|(f, k)| *f = f.map(|v| v * k));
-        warped.area_vjp(&scaled, &film, &mut self.adjoints);
+        let area = Area { samples, primary: first, pixel: (0..n as u32).collect(), weight: vec![1.0; n], warp: None };
+        area.vjp(&self.batch.setup, &delta, Pass::Limited(self.batch.limit), shader, &mut self.adjoints);
     }
 
     /// Probability that a pixel shows the background, and how far to trust it.
@@ -234,15 +184,15 @@ impl<'a> Chunk<'a> {
         for (i, pixel) in self.pixels.iter().enumerate() {
             let probability = self.background_probability(*pixel);
             if let Some(h) = hit[i] {
-                self.adjoints.push(first.x[h], -weight * probability, Vec3::ZERO);
+                self.adjoints.push(0, first.x[h], -weight * probability, Vec3::ZERO);
             } else if let (Some(ray), Some(found)) = (first.rays[i], first.found[i]) {
                 if found.outcome == trace::Outcome::Inside {
                     // The solid has reached the bounding sphere, where nothing is seen any more: back.
-                    self.adjoints.push(ray.at(found.t), -weight, Vec3::ZERO);
+                    self.adjoints.push(0, ray.at(found.t), -weight, Vec3::ZERO);
                     continue;
                 }
                 let nearest = ray.origin + ray.direction * found.t;
-                self.adjoints.push(nearest, weight * (1.0 - probability), Vec3::ZERO);
+                self.adjoints.push(0, nearest, weight * (1.0 - probability), Vec3::ZERO);
             }
         }
     }
@@ -262,7 +212,7 @@ impl<'a> Chunk<'a> {
             let length = g.length();
             let excess = length - 1.0;
             self.tally.eikonal += f64::from(excess * excess);
-            self.adjoints.push(x, 0.0, g * (2.0 * weight * excess / length.max(f32::MIN_POSITIVE)));
+            self.adjoints.push(0, x, 0.0, g * (2.0 * weight * excess / length.max(f32::MIN_POSITIVE)));
         }
     }
 
@@ -272,80 +222,17 @@ impl<'a> Chunk<'a> {
             * unit(mix(self.seed, 0x77 + i)) as f32
     }
 
-    /// Pixels that a silhouette may cross: several samples, the warp inside, the flux through the border. `look` is the
-    /// radiance of an earlier sample of each.
-    fn silhouettes(&mut self, pixels: &[Pixel], look: &[Vec3], shader: &mut [f32]) -> Result<(), InvalidField> {
-        let (setup, count) = (&self.batch.setup, self.batch.edge_rays as usize);
-        self.tally.edge_pixels += pixels.len() as u64;
-        let mut samples = Vec::with_capacity(pixels.len() * count);
-        for (i, p) in pixels.iter().enumerate() {
-            let stream = mix(self.seed, 0x51 + i as u64);
-            samples.extend((0..self.batch.edge_rays).map(|s| {
-                let [a, b] = sobol(s, stream);
-                Sample { camera: p.view as usize, u: DVec2::new(f64::from(p.x) + a, f64::from(p.y) + b) }
-            }));
-        }
-        let primary = setup.primary(&samples);
-        check_valid(setup, &samples, primary.invalid)?;
-        self.tally.rays += samples.len() as u64;
-        let mut pixel_delta = Vec::with_capacity(pixels.len());
-        for (p, radiance) in pixels.iter().zip(primary.radiance.chunks(count)) {
-            let mean = radiance.iter().sum::<Vec3>() / count as f32;
-            pixel_delta.push(self.score(mean.into(), *p));
-        }
-        let delta: Vec<Vec3> = (0..samples.len()).map(|i| pixel_delta[i / count] / count as f32).collect();
-        // The control variate c_p: the pixel's mean radiance, for an area sample without that sample itself.
-        let sums: Vec<Vec3> =
-            primary.radiance.chunks(count).zip(look).map(|(own, look)| *look + own.iter().sum::<Vec3>()).collect();
-        let others = |i: usize| (sums[i / count] - primary.radiance[i]) / count as f32;
-        // At the bounding sphere's outline the warp ends: nothing but background may be carried there.
-        let leaves: Vec<bool> = primary.rays.chunks(count).map(|rays| rays.iter().any(Option::is_none)).collect();
-        let scalar: Vec<f32> = (0..samples.len())
-            .map(|i| {
-                let constant = if leaves[i / count] { setup.background } else { others(i) };
-                delta[i].dot(primary.radiance[i] - constant)
-            })
-            .collect();
-        let constant: Vec<Vec3> = (0..pixels.len())
-            .map(|p| if leaves[p] { setup.background } else { sums[p] / (count + 1) as f32 })
-            .collect();
-        self.area(&samples, &primary, &delta, &scalar, shader);
-        self.borders(pixels, &pixel_delta, &constant)
-    }
-
-    /// The flux through the borders of pixels with adjoints `delta` and control variates `constant`.
-    fn borders(&mut self, pixels: &[Pixel], delta: &[Vec3], constant: &[Vec3]) -> Result<(), InvalidField> {
+    /// Pixels that a silhouette may cross.
+    fn silhouettes(&mut self, pixels: &[Pixel], shader: &mut [f32]) -> Result<(), InvalidField> {
         let setup = &self.batch.setup;
-        let (mut samples, mut owners, mut axis) = (Vec::new(), Vec::new(), Vec::new());
-        let views = self.batch.level.cameras.len();
-        let by_view: Vec<Vec<usize>> =
-            (0..views).map(|view| (0..pixels.len()).filter(|&i| pixels[i].view as usize == view).collect()).collect();
-        for (view, of_view) in by_view.iter().enumerate().filter(|(_, of_view)| !of_view.is_empty()) {
-            let camera = &self.batch.level.cameras[view];
-            let places: Vec<(u32, u32)> = of_view.iter().map(|&i| (pixels[i].x.into(), pixels[i].y.into())).collect();
-            for (e, edge) in Edges::of(&places, camera.width, camera.height).as_slice().iter().enumerate() {
-                let stream = mix(mix(self.seed, 0xed6e + view as u64), e as u64);
-                for s in 0..self.batch.edge_samples {
-                    let [along] = sobol(s, stream);
-                    samples.push(Sample { camera: view, u: edge.point(along).into() });
-                    owners.push((*edge, view));
-                    axis.push(edge.axis());
-                }
-            }
-        }
-        let primary = setup.primary(&samples);
-        check_valid(setup, &samples, primary.invalid)?;
-        self.tally.rays += samples.len() as u64;
-        let weight = 1.0 / self.batch.edge_samples as f32;
-        let flux: Vec<f32> = owners
-            .iter()
-            .zip(&primary.radiance)
-            .map(|((edge, view), radiance)| {
-                let carried = |p: usize| delta[by_view[*view][p]].dot(*radiance - constant[by_view[*view][p]]);
-                edge.gather(carried) * weight
-            })
-            .collect();
-        setup.warp(&samples, &primary.rays, false).flux_vjp(&flux, &axis, &mut self.adjoints);
+        self.tally.edge_pixels += pixels.len() as u64;
+        let places: Vec<estimate::Pixel> =
+            pixels.iter().map(|p| estimate::Pixel { camera: p.view as usize, x: p.x.into(), y: p.y.into() }).collect();
+        let record = self.batch.estimator.record(setup, &places, mix(self.seed, 0x51))?;
+        self.tally.rays += record.rays;
+        let delta: Vec<Vec3> =
+            pixels.iter().zip(&record.radiance).map(|(p, radiance)| self.score((*radiance).into(), *p)).collect();
+        record.vjp(setup, &delta, Pass::Limited(self.batch.limit), shader, &mut self.adjoints);
         Ok(())
     }
 }

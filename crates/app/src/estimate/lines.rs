@@ -1,0 +1,269 @@
+//! Silhouettes along lines of the film.
+
+use field::{Real, Vector3};
+use glam::DVec2;
+use trace::{Intersection, Outcome, Start, Tangency, Turn, tangencies};
+
+use super::{Sample, Setup};
+use crate::error::InvalidField;
+
+use super::pixels::check_valid;
+
+/// A line across a pixel along a film axis: s in [0, 1] runs from one border to the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Line {
+    pub(super) pixel: u32,
+    pub(super) camera: usize,
+    /// The film axis that s runs along.
+    pub(super) axis: usize,
+    pub(super) start: DVec2,
+    /// The part of the pixel that the line stands for.
+    pub(super) share: f64,
+}
+
+impl Line {
+    /// The film sample at s.
+    pub(super) fn at(&self, s: f64) -> Sample {
+        let mut u = self.start;
+        u[self.axis] += s;
+        Sample { camera: self.camera, u }
+    }
+}
+
+/// A place where a line crosses a silhouette that is seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing<R: Real> {
+    pub(super) line: usize,
+    pub(super) s: f64,
+    /// Whether the solid is left as s grows.
+    pub(super) leaves: bool,
+    /// The points on both sides of the minimum of f, with their weights.
+    pub(super) points: [R::Vec3; 2],
+    pub(super) weights: [R; 2],
+    /// ∇_u m of m = min_t f, per pixel.
+    pub(super) rise: [R; 2],
+    /// What is seen inside less what is seen outside.
+    pub(super) contrast: R::Vec3,
+}
+
+/// How well a crossing is known, in pixels. A silhouette that is off by so much changes nothing that an image shows.
+const TOLERANCE: f64 = 1e-4;
+
+/// How far outside of a silhouette it is looked past it, in pixels.
+const ASIDE: f64 = 1e-3;
+
+/// A ray of a line.
+#[derive(Clone, Copy, Debug)]
+struct Probe<R> {
+    s: f64,
+    found: Option<Intersection<R>>,
+}
+
+impl<R: Real> Probe<R> {
+    fn hits(&self) -> bool {
+        self.found.is_some_and(|f| f.outcome == Outcome::Hit)
+    }
+}
+
+/// The probes of every line, in order.
+struct Probes<R> {
+    of_line: Vec<Vec<Probe<R>>>,
+    rays: u64,
+}
+
+/// What a search belongs to.
+#[derive(Clone, Copy, Debug)]
+struct Origin {
+    line: usize,
+    /// The probes that it lies between.
+    between: [f64; 2],
+}
+
+/// The rays of searches: a film line each.
+struct Fans<'a, R: Real> {
+    setup: &'a Setup<'a, R>,
+    lines: Vec<Line>,
+}
+
+impl<R: Real> Turn<R> for Fans<'_, R> {
+    fn origin(&self, index: usize) -> R::Vec3 {
+        R::Vec3::of(self.setup.cameras[self.lines[index].camera].eye)
+    }
+    fn direction(&self, index: usize, s: R) -> (R::Vec3, R::Vec3) {
+        let line = &self.lines[index];
+        let sample = line.at(s.to_double());
+        let (d, du) = self.setup.cameras[sample.camera].direction_du(sample.u);
+        (R::Vec3::of(d), R::Vec3::of(du[line.axis]))
+    }
+}
+
+/// A silhouette that a line crosses, whether it is seen or not.
+#[derive(Clone, Copy, Debug)]
+struct Found<R: Real> {
+    line: usize,
+    tangency: Tangency<R>,
+}
+
+/// Rounds of halving an interval whose ends see different things before it is left alone.
+const HALVINGS: u32 = 10;
+
+/// Finds the visible silhouettes that lines cross. `inner` are the places of a line's probes between its ends, the same
+/// number for each line. Also counts the rays.
+///
+/// A silhouette is found from a ray that passes it by with nothing in between (the tracer's record of its closest approach),
+/// by Newton's method; where one ray hits and the next does not, and no search explains it, rays are added halfway.
+/// What lies between two probes and shows in neither is not found: more probes find it.
+pub(super) fn crossings<R: Real>(
+    setup: &Setup<'_, R>,
+    lines: &[Line],
+    inner: &[Vec<f64>],
+) -> Result<(Vec<Crossing<R>>, u64), InvalidField> {
+    let places = |line: usize| std::iter::once(0.0).chain(inner[line].iter().copied()).chain(std::iter::once(1.0));
+    let all: Vec<(usize, f64)> = (0..lines.len()).flat_map(|l| places(l).map(move |s| (l, s))).collect();
+    let mut probes = Probes { of_line: vec![Vec::new(); lines.len()], rays: 0 };
+    probes.add(setup, lines, &all)?;
+    let mut found: Vec<Found<R>> = Vec::new();
+    let mut fresh: Vec<(usize, f64)> = all;
+    for _ in 0..HALVINGS {
+        search(setup, lines, &probes, &fresh, &mut found);
+        fresh = probes.unexplained(&found);
+        if fresh.is_empty() {
+            break;
+        }
+        probes.add(setup, lines, &fresh)?;
+    }
+    let seen = visible(setup, lines, &found)?;
+    Ok((seen, probes.rays + found.len() as u64))
+}
+
+impl<R: Real> Probes<R> {
+    fn add(&mut self, setup: &Setup<'_, R>, lines: &[Line], places: &[(usize, f64)]) -> Result<(), InvalidField> {
+        let samples: Vec<Sample> = places.iter().map(|(line, s)| lines[*line].at(*s)).collect();
+        let (_, found) = setup.find(&samples);
+        let invalid = found.iter().position(|f| f.is_some_and(|f| f.outcome == Outcome::Invalid));
+        check_valid(setup, &samples, invalid)?;
+        self.rays += samples.len() as u64;
+        for ((line, s), found) in places.iter().zip(found) {
+            self.of_line[*line].push(Probe { s: *s, found });
+        }
+        self.of_line.iter_mut().for_each(|line| line.sort_unstable_by(|a, b| a.s.total_cmp(&b.s)));
+        Ok(())
+    }
+
+    /// The middles of intervals with a hit at one end only and no silhouette inside.
+    fn unexplained(&self, found: &[Found<R>]) -> Vec<(usize, f64)> {
+        let mut known = vec![Vec::new(); self.of_line.len()];
+        found.iter().for_each(|f| known[f.line].push(f.tangency.s.to_double()));
+        let mut middles = Vec::new();
+        for (line, probes) in self.of_line.iter().enumerate() {
+            for pair in probes.windows(2) {
+                let (from, to) = (pair[0].s - 2.0 * TOLERANCE, pair[1].s + 2.0 * TOLERANCE);
+                let explained = known[line].iter().any(|s| *s >= from && *s <= to);
+                if pair[0].hits() != pair[1].hits() && !explained && pair[1].s - pair[0].s > TOLERANCE {
+                    middles.push((line, (pair[0].s + pair[1].s) * 0.5));
+                }
+            }
+        }
+        middles
+    }
+}
+
+/// Searches from the closest approaches of the probes at `places`, and adds what was not known.
+fn search<R: Real>(
+    setup: &Setup<'_, R>,
+    lines: &[Line],
+    probes: &Probes<R>,
+    places: &[(usize, f64)],
+    found: &mut Vec<Found<R>>,
+) {
+    let (mut starts, mut origins) = (Vec::new(), Vec::new());
+    for &(line, s) in places {
+        let of_line = &probes.of_line[line];
+        let Some(at) = of_line.iter().position(|p| p.s == s) else { continue };
+        let Some(approach) = of_line[at].found.filter(|f| f.clearance.is_finite()) else { continue };
+        let before = if at > 0 { of_line[at - 1].s } else { s };
+        let after = of_line.get(at + 1).map_or(s, |p| p.s);
+        let away = (approach.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
+        // No part of the silhouette is nearer than this, along the line or not; a little room for f that is no distance.
+        if away > 2.0 * (s - before).max(after - s) {
+            continue;
+        }
+        let room = [before - 2.0 * TOLERANCE, after + 2.0 * TOLERANCE];
+        starts.push(Start {
+            s: R::of(s),
+            t: approach.nearest,
+            range: room.map(R::of),
+            reach: (approach.clearance * approach.nearest).max(setup.bounds.radius * R::of(REACH)),
+        });
+        origins.push(Origin { line, between: room });
+    }
+    let fans = Fans { setup, lines: origins.iter().map(|o| lines[o.line]).collect() };
+    let tolerance = R::of(TOLERANCE).max(R::epsilon() * R::of(1e4));
+    for (tangency, origin) in tangencies(setup.field, &fans, &starts, tolerance).into_iter().zip(&origins) {
+        let Some(tangency) = tangency else { continue };
+        let s = tangency.s.to_double();
+        let inside = s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s);
+        let near = |other: &Found<R>| {
+            other.line == origin.line
+                && (other.tangency.s - tangency.s).to_double().abs() < 10.0 * TOLERANCE
+                && (other.tangency.t - tangency.t).abs() < setup.bounds.radius * R::of(SAME)
+        };
+        if inside && !found.iter().any(near) {
+            found.push(Found { line: origin.line, tangency });
+        }
+    }
+}
+
+/// The first guess at the width of a minimum of f along a ray, in bounding radii.
+const REACH: f64 = 0.02;
+
+/// Silhouettes of one line that are this close in depth, in bounding radii, and as close on the film as they are known, are one.
+const SAME: f64 = 0.02;
+
+/// Looks past every silhouette, and keeps those that nothing hides.
+fn visible<R: Real>(
+    setup: &Setup<'_, R>,
+    lines: &[Line],
+    found: &[Found<R>],
+) -> Result<Vec<Crossing<R>>, InvalidField> {
+    let aside = ASIDE.max(R::epsilon().to_double() * 1e5);
+    let outside = |f: &Found<R>| {
+        let away = if f.tangency.slope > R::zero() { aside } else { -aside };
+        lines[f.line].at(f.tangency.s.to_double() + away)
+    };
+    let samples: Vec<Sample> = found.iter().map(outside).collect();
+    let beyond = setup.primary(&samples);
+    check_valid(setup, &samples, beyond.invalid)?;
+    let mut seen = Vec::with_capacity(found.len());
+    let (mut x, mut normal, mut direction) = (Vec::new(), Vec::new(), Vec::new());
+    for (f, (radiance, hit)) in found.iter().zip(beyond.radiance.iter().zip(&beyond.found)) {
+        let (line, tangency) = (&lines[f.line], &f.tangency);
+        let hidden = hit
+            .is_some_and(|hit| hit.outcome != Outcome::Miss && hit.t < tangency.t - setup.bounds.radius * R::of(SAME));
+        if hidden {
+            continue;
+        }
+        let sample = line.at(tangency.s.to_double());
+        let camera = &setup.cameras[sample.camera];
+        let (d, du) = camera.direction_du(sample.u);
+        let rise = du.map(|du| tangency.gradient.dot(R::Vec3::of(du)) * tangency.t);
+        let d = R::Vec3::of(d);
+        x.push(R::Vec3::of(camera.eye) + d * tangency.t);
+        direction.push(d);
+        let length = tangency.gradient.length().max(R::min_positive_value());
+        normal.push(tangency.gradient * (R::one() / length));
+        seen.push(Crossing {
+            line: f.line,
+            s: tangency.s.to_double(),
+            leaves: tangency.slope > R::zero(),
+            points: tangency.points,
+            weights: tangency.weights,
+            rise,
+            contrast: -*radiance,
+        });
+    }
+    let mut rgb = vec![R::Vec3::zero(); x.len()];
+    setup.shader.radiance(&x, &normal, &direction, &mut rgb);
+    seen.iter_mut().zip(rgb).for_each(|(crossing, rgb)| crossing.contrast += rgb);
+    Ok(seen)
+}

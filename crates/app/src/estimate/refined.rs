@@ -1,0 +1,252 @@
+//! The estimator that is the default: silhouettes integrated where they are.
+
+use std::ops::Range;
+
+use field::{Real, Vector3};
+use glam::DVec2;
+
+use super::lines::{Crossing, Line, crossings};
+use super::near::near_silhouettes;
+use super::pixels::{check_valid, pixel_samples};
+use super::{Area, Estimator, Filter, Pixel, Record, Setup};
+use crate::error::InvalidField;
+use crate::sampler::{mix, sobol};
+
+/// Area samples for what is smooth, and random lines of the film for silhouettes.
+///
+/// The part of a pixel's derivative that comes from silhouettes is ∮ ΔL v dl over those inside the pixel, v their normal velocity
+/// −∂_θ f/|∇_u m| (m = min_t f, by the envelope theorem) and ΔL the contrast. With n = ∇_u m/|∇_u m| and 1 = n_x² + n_y² it is the sum of
+/// two integrals over crossings with lines along the axes,
+/// ∫ dy Σ ΔL v |n_x| + ∫ dx Σ ΔL v |n_y|:
+/// no factor grows where a silhouette runs along a line. Nothing depends on a number N of points along a ray.
+///
+/// It is what a warp field tends to that falls off ever faster away from silhouettes, with samples on the silhouettes.
+#[derive(Clone, Copy, Debug)]
+pub struct Refined {
+    /// Area samples a pixel.
+    pub spp: u32,
+    /// Lines along each axis of a pixel that a silhouette may cross.
+    pub lines: u32,
+}
+
+/// Probes of a line between its ends.
+const PROBES: u32 = 2;
+
+/// One in so many of a pixel's samples looks whether a silhouette may cross it. The others are spared if so.
+const SCOUTS: u32 = 4;
+
+/// Samples of the smooth part on a line; at least one between two silhouettes.
+const SEGMENT_RAYS: u32 = 2;
+
+impl Refined {
+    /// An estimator with as many lines a pixel as edges would have samples.
+    pub fn new(spp: u32, edge_samples: u32) -> Self {
+        Refined { spp, lines: edge_samples.div_ceil(LINE_COST) }
+    }
+}
+
+/// Samples on edges that one line along each axis stands for.
+const LINE_COST: u32 = 2;
+
+/// Where a line is probed, for a uniform number.
+fn probe_places(along: f64) -> Vec<f64> {
+    (0..PROBES).map(|j| (f64::from(j) + along) / f64::from(PROBES)).collect()
+}
+
+/// The lines of a pixel, with a uniform number each.
+fn pixel_lines(index: u32, pixel: &Pixel, count: u32, seed: u64, lines: &mut Vec<Line>, along: &mut Vec<f64>) {
+    for axis in 0..2 {
+        let stream = mix(mix(seed, 0x11e5 + axis as u64), u64::from(pixel.y) << 32 | u64::from(pixel.x));
+        for i in 0..count {
+            let [across, place] = sobol(i, stream);
+            let mut start = DVec2::new(f64::from(pixel.x), f64::from(pixel.y));
+            start[1 - axis] += across;
+            lines.push(Line { pixel: index, camera: pixel.camera, axis, start, share: 1.0 / f64::from(count) });
+            along.push(place);
+        }
+    }
+}
+
+impl<R: Real> Estimator<R> for Refined {
+    fn filter(&self) -> Filter {
+        Filter::Box
+    }
+
+    fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
+        let all: Vec<u32> = (0..pixels.len() as u32).collect();
+        let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
+        let scouts = self.spp.div_ceil(SCOUTS);
+        let (crossed, mut rest) = self.scout(setup, pixels, &all, 0..scouts, seed, &mut record)?;
+        let mut near = crossed;
+        if self.spp > scouts {
+            let (crossed, smooth) = self.scout(setup, pixels, &rest, scouts..self.spp, seed, &mut record)?;
+            near.extend(crossed);
+            rest = smooth;
+        }
+        drop_pixels(&mut record, &near);
+        let share = R::one() / R::of(f64::from(self.spp));
+        for area in &record.area {
+            for (radiance, &pixel) in area.primary.radiance.iter().zip(&area.pixel) {
+                record.radiance[pixel as usize] += *radiance * share;
+            }
+        }
+        debug_assert_eq!(near.len() + rest.len(), pixels.len());
+        near.sort_unstable();
+        self.silhouettes(setup, pixels, &near, seed, &mut record)?;
+        Ok(record)
+    }
+}
+
+impl Refined {
+    /// Samples pixels; returns those that a silhouette may cross, and the others.
+    #[allow(clippy::type_complexity, reason = "two lists")]
+    fn scout<R: Real>(
+        &self,
+        setup: &Setup<'_, R>,
+        pixels: &[Pixel],
+        which: &[u32],
+        range: Range<u32>,
+        seed: u64,
+        record: &mut Record<R>,
+    ) -> Result<(Vec<u32>, Vec<u32>), InvalidField> {
+        let of = |&i: &u32| {
+            let p = &pixels[i as usize];
+            pixel_samples(p.camera, p.x, p.y, range.end, seed).skip(range.start as usize)
+        };
+        let samples: Vec<_> = which.iter().flat_map(of).collect();
+        let primary = setup.primary(&samples);
+        check_valid(setup, &samples, primary.invalid)?;
+        record.rays += samples.len() as u64;
+        let near = near_silhouettes(setup, &samples, &primary);
+        let count = range.len();
+        let (crossed, smooth) =
+            (0..which.len()).partition::<Vec<_>, _>(|i| near[i * count..(i + 1) * count].contains(&true));
+        let n = samples.len();
+        record.area.push(Area {
+            samples,
+            primary,
+            pixel: (0..n).map(|i| which[i / count]).collect(),
+            weight: vec![R::one() / R::of(f64::from(self.spp)); n],
+            warp: None,
+        });
+        let name = |list: Vec<usize>| list.into_iter().map(|i| which[i]).collect();
+        Ok((name(crossed), name(smooth)))
+    }
+
+    /// Pixels that a silhouette may cross: all by lines.
+    fn silhouettes<R: Real>(
+        &self,
+        setup: &Setup<'_, R>,
+        pixels: &[Pixel],
+        near: &[u32],
+        seed: u64,
+        record: &mut Record<R>,
+    ) -> Result<(), InvalidField> {
+        let (mut lines, mut probes) = (Vec::new(), Vec::new());
+        for &i in near {
+            pixel_lines(i, &pixels[i as usize], self.lines, seed, &mut lines, &mut probes);
+        }
+        let places: Vec<Vec<f64>> = probes.iter().map(|along| probe_places(*along)).collect();
+        let (mut crossings, rays) = crossings(setup, &lines, &places)?;
+        record.rays += rays;
+        for crossing in &crossings {
+            let line = &lines[crossing.line];
+            let share = R::of(line.share);
+            let [x, y] = crossing.rise;
+            let square = (x * x + y * y).max(R::min_positive_value());
+            let rgb = crossing.contrast * (crossing.rise[line.axis].abs() / square * share);
+            for (point, weight) in crossing.points.into_iter().zip(crossing.weights) {
+                record.silhouettes.push(line.pixel, point, rgb * weight);
+            }
+        }
+        crossings.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
+        between(setup, &lines, (&probes, SEGMENT_RAYS), &crossings, record)
+    }
+}
+
+/// The smooth part of pixels that a silhouette may cross: stratified samples of the lines' visible segments.
+///
+/// Inside a silhouette at distance s the derivative of the hit grows as 1/√s, and its square has no mean. Samples that are dense as 1/√s
+/// there have bounded weights times it. As for silhouettes themselves, a line counts by the square of the
+/// normal's component along it, so that lines that run along a silhouette, which no crossing tells of, do not matter.
+/// A line has a uniform number that places its samples, and a number of samples per pixel.
+pub(super) fn between<R: Real>(
+    setup: &Setup<'_, R>,
+    lines: &[Line],
+    (along, rays): (&[f64], u32),
+    crossings: &[Crossing<R>],
+    record: &mut Record<R>,
+) -> Result<(), InvalidField> {
+    let (mut samples, mut pixel, mut axis, mut weight) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut next = crossings.iter().peekable();
+    for (i, line) in lines.iter().enumerate() {
+        let (mut from, mut dense) = (0.0, false);
+        let mut segment = |from: f64, to: f64, dense: [bool; 2]| {
+            let count = ((to - from) * f64::from(rays)).ceil().max(1.0);
+            for j in 0..count as u32 {
+                let (s, rate) = placed((f64::from(j) + along[i]) / count, dense);
+                samples.push(line.at(from + (to - from) * s));
+                pixel.push(line.pixel);
+                axis.push(line.axis);
+                weight.push(R::of((to - from) * rate / count * line.share));
+            }
+        };
+        while let Some(crossing) = next.next_if(|c| c.line == i) {
+            segment(from, crossing.s, [dense, crossing.leaves]);
+            (from, dense) = (crossing.s, !crossing.leaves);
+        }
+        segment(from, 1.0, [dense, false]);
+    }
+    let primary = setup.primary(&samples);
+    check_valid(setup, &samples, primary.invalid)?;
+    record.rays += samples.len() as u64;
+    for i in 0..samples.len() {
+        weight[i] *= R::of(0.5);
+        record.radiance[pixel[i] as usize] += primary.radiance[i] * weight[i];
+    }
+    for (hit, &i) in primary.hits.iter().enumerate() {
+        let (_, du) = setup.cameras[samples[i].camera].direction_du(samples[i].u);
+        let rise = du.map(|du| primary.normal[hit].dot(R::Vec3::of(du)));
+        let square = rise[0] * rise[0] + rise[1] * rise[1];
+        if square > R::zero() {
+            weight[i] *= rise[axis[i]] * rise[axis[i]] / square * R::of(2.0);
+        }
+    }
+    record.area.push(Area { samples, primary, pixel, weight, warp: None });
+    Ok(())
+}
+
+/// Where in a segment of length 1 the sample with the uniform number w lies, and how sparse samples are there; denser towards
+/// the ends for which it is asked.
+fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
+    match dense {
+        [false, false] => (w, 1.0),
+        [true, false] => (w * w, 2.0 * w),
+        [false, true] => (1.0 - (1.0 - w) * (1.0 - w), 2.0 * (1.0 - w)),
+        [true, true] => (w * w * (3.0 - 2.0 * w), 6.0 * w * (1.0 - w)),
+    }
+}
+
+/// Takes pixels out of the area samples.
+fn drop_pixels<R: Real>(record: &mut Record<R>, pixels: &[u32]) {
+    let dropped: std::collections::HashSet<u32> = pixels.iter().copied().collect();
+    for area in &mut record.area {
+        area.retain(|pixel| !dropped.contains(&pixel));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn placed_samples_integrate() {
+        for dense in [[false, false], [true, false], [false, true], [true, true]] {
+            let n = 1000;
+            let each = (0..n).map(|i| placed((f64::from(i) + 0.5) / f64::from(n), dense));
+            let sum: f64 = each.map(|(s, rate)| rate * s.cos()).sum();
+            assert_relative_eq!(sum / f64::from(n), 1f64.sin(), epsilon = 1e-5);
+        }
+    }
+}
