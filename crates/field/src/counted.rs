@@ -17,6 +17,15 @@ pub struct Evaluations {
     pub parameter: u64,
 }
 
+impl std::ops::AddAssign for Evaluations {
+    fn add_assign(&mut self, other: Self) {
+        self.value += other.value;
+        self.gradient += other.gradient;
+        self.hessian_vector += other.hessian_vector;
+        self.parameter += other.parameter;
+    }
+}
+
 /// A field that counts what is asked of it; shared by all threads, read with [`Counted::evaluations`].
 #[derive(Debug)]
 pub struct Counted<F> {

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use field::Counted;
+use field::{Counted, Evaluations};
 use serde::Serialize;
 
 use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
 use crate::error::InputError;
-use crate::estimate::{Derivative, Direction, Filter, Method, Sampling, Setup, differentiate, target_gradient};
+use crate::estimate::{
+    Derivative, Direction, Filter, Method, Sampling, Setup, differentiate, finite_difference, render, target_gradient,
+};
 use crate::io::{read_image, write_image};
 use crate::scene::{Appearance, Precision, Scene, Sdf};
 
@@ -73,6 +75,10 @@ struct Report {
     loss: Option<f64>,
 }
 
+/// How far finite differences move a surface, in pixels, and other numbers.
+const STEP_PIXELS: f64 = 0.05;
+const STEP: f64 = 1e-2;
+
 /// What the messages about flags name as their file.
 const ARGUMENTS: &str = "arguments";
 
@@ -86,6 +92,10 @@ impl Gradient {
 
     fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let sampling = self.sampling()?;
+        if sampling.method == Method::FiniteDifferences && self.target.is_some() {
+            let expected = "another one with --target: weights are too many for differences";
+            return Err(InputError::new(ARGUMENTS, "--estimator", "fd", expected).into());
+        }
         match &self.target {
             Some(target) => check_extension(&self.output, &["safetensors"]).map(|()| Some(target))?,
             None => check_extension(&self.output, &["npy", "exr"]).map(|()| None)?,
@@ -104,14 +114,20 @@ impl Gradient {
         let bar = global.progress("gradient");
         let start = Instant::now();
         let invalid = |e| InputError::new(&self.scene, "/sdf", e, "a finite field");
+        let mut evaluations = Evaluations::default();
         let mut report = if let Some(path) = &self.target {
             self.with_target(&scene, &setup, path, sampling, &mover(&bar))?
         } else {
             let directions = self.directions(&scene)?;
-            let derivatives = differentiate(&setup, &directions, sampling, &mover(&bar)).map_err(invalid)?;
+            let derivatives = if sampling.method == Method::FiniteDifferences {
+                self.differences::<R>(&scene, sampling, &mover(&bar), &mut evaluations)?
+            } else {
+                differentiate(&setup, &directions, sampling, &mover(&bar)).map_err(invalid)?
+            };
             self.write_images(&derivatives, start.elapsed().as_secs_f64())?
         };
-        report.evaluations = field.evaluations().into();
+        evaluations += field.evaluations();
+        report.evaluations = evaluations.into();
         bar.finish_and_clear();
         global.report(&report, || {
             let error = report.standard_error.map_or("unknown".to_owned(), |e| format!("{:.3} %", 100.0 * e));
@@ -168,6 +184,41 @@ impl Gradient {
         self.wrt.iter().map(named).collect()
     }
 
+    /// Finite differences: the scene file with one number changed, rendered.
+    fn differences<R: Precision>(
+        &self,
+        scene: &Scene,
+        sampling: Sampling,
+        progress: &(dyn Fn(f64) + Sync),
+        evaluations: &mut Evaluations,
+    ) -> anyhow::Result<Vec<Derivative>> {
+        let text = std::fs::read_to_string(&self.scene)?;
+        let value: serde_json::Value = serde_json::from_str(&text)?;
+        let camera = &scene.camera;
+        let pixel = camera.pixel_angle() * (camera.eye - scene.bounds.center).length();
+        let (mut derivatives, counted) = (Vec::new(), std::cell::RefCell::new(evaluations));
+        for (done, wrt) in self.wrt.iter().enumerate() {
+            let step = if wrt.starts_with("/sdf/") { STEP_PIXELS * pixel } else { STEP };
+            let share = |fraction: f64| progress((done as f64 + fraction) / self.wrt.len() as f64);
+            derivatives.push(finite_difference(sampling, step, &share, |offset, part| {
+                let mut value = value.clone();
+                let number = value.pointer_mut(wrt);
+                if let Some(number) = number {
+                    *number = (number.as_f64().unwrap_or_default() + offset).into();
+                }
+                let moved = Scene::from_value(&self.scene, &value)?;
+                let field = Counted::new(moved.sdf.build::<R>()?);
+                let shader = moved.shader::<R>(&field)?;
+                let cameras = [moved.camera];
+                let setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(moved.background));
+                let image = render(&setup, 0, part.spp, part.seed, &|_| {});
+                **counted.borrow_mut() += field.evaluations();
+                anyhow::Ok(image.map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?.film)
+            })?);
+        }
+        Ok(derivatives)
+    }
+
     fn write_images(&self, derivatives: &[Derivative], seconds: f64) -> anyhow::Result<Report> {
         let mut outputs = Vec::new();
         for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
@@ -177,7 +228,7 @@ impl Gradient {
         }
         let standard_error =
             derivatives.iter().map(|d| d.standard_error).try_fold(0.0, |worst, e| e.map(|e| e.max(worst)));
-        Ok(Report { seconds, evaluations: field::Evaluations::default().into(), standard_error, outputs, loss: None })
+        Ok(Report { seconds, evaluations: Evaluations::default().into(), standard_error, outputs, loss: None })
     }
 
     fn with_target<R: Precision>(
@@ -212,7 +263,7 @@ impl Gradient {
         crate::io::atomic_write(&self.output, |out| Ok(out.write_all(&bytes)?))?;
         Ok(Report {
             seconds,
-            evaluations: field::Evaluations::default().into(),
+            evaluations: Evaluations::default().into(),
             standard_error: gradient.standard_error,
             outputs: vec![self.output.clone()],
             loss: Some(gradient.loss),

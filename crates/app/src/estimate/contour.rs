@@ -5,7 +5,7 @@ use glam::DVec2;
 use trace::Outcome;
 
 use super::lines::{Crossing, Line};
-use super::pixels::check_valid;
+use super::pixels::{check_valid, first_invalid};
 use super::refined::between;
 use super::{Estimator, Filter, Pixel, Record, Sample, Setup};
 use crate::error::InvalidField;
@@ -165,8 +165,7 @@ impl<R: Real> Estimator<R> for Contour {
 /// The depths that film positions see; infinite where there is nothing.
 fn depths<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]) -> Result<Vec<R>, InvalidField> {
     let (_, found) = setup.find(samples);
-    let invalid = found.iter().position(|f| f.is_some_and(|f| f.outcome == Outcome::Invalid));
-    check_valid(setup, samples, invalid)?;
+    check_valid(setup, samples, first_invalid(&found))?;
     Ok(found.into_iter().map(|f| f.filter(|f| f.outcome == Outcome::Hit).map_or(R::infinity(), |f| f.t)).collect())
 }
 

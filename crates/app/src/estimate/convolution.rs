@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use warp::{Kept, Projection};
 
-use super::pixels::check_valid;
+use super::pixels::{check_valid, first_invalid};
 use super::record::AreaWarp;
 use super::warped::{gaussian_samples, means, plain_area};
 use super::{Estimator, Filter, Pixel, Record, Sample, Setup, Warped};
@@ -136,8 +136,7 @@ fn push<R: Real>(kept: &mut Kept<R>, ray: usize, seen: &[Option<Seen<R>>], terms
 /// The surface points that rays hit.
 fn see<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]) -> Result<Vec<Option<Seen<R>>>, InvalidField> {
     let (rays, found) = setup.find(samples);
-    let invalid = found.iter().position(|f| f.is_some_and(|f| f.outcome == trace::Outcome::Invalid));
-    check_valid(setup, samples, invalid)?;
+    check_valid(setup, samples, first_invalid(&found))?;
     let mut x: Vec<R::Vec3> = Vec::new();
     let hits: Vec<Option<usize>> = rays
         .iter()

@@ -52,7 +52,8 @@ pub(super) type Image = Vec<[f64; 3]>;
 impl Sampling {
     /// Independent parts of the same total, for standard errors: each with its number of samples.
     pub(super) fn replicates(self) -> Vec<Sampling> {
-        let replicates = REPLICATES.min(self.spp);
+        // A grid is the same for every seed.
+        let replicates = if self.method == Method::Contour { 1 } else { REPLICATES.min(self.spp) };
         let share = |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
         let part = |r: u32| Sampling {
             spp: share(self.spp, r),

@@ -2,12 +2,12 @@
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use trace::{Intersection, Outcome, Start, Tangency, Turn, tangencies};
+use trace::{Outcome, Start, Tangency, Turn, tangencies};
 
 use super::{Sample, Setup};
 use crate::error::InvalidField;
 
-use super::pixels::check_valid;
+use super::pixels::{check_valid, first_invalid};
 
 /// A line across a pixel along a film axis: s in [0, 1] runs from one border to the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,17 +52,17 @@ const TOLERANCE: f64 = 1e-4;
 /// How far outside of a silhouette it is looked past it, in pixels.
 const ASIDE: f64 = 1e-3;
 
-/// A ray of a line.
+/// What a place of a line sees: a ray of its own, or one side of a crossing.
 #[derive(Clone, Copy, Debug)]
 struct Probe<R> {
     s: f64,
-    found: Option<Intersection<R>>,
-}
-
-impl<R: Real> Probe<R> {
-    fn hits(&self) -> bool {
-        self.found.is_some_and(|f| f.outcome == Outcome::Hit)
-    }
+    /// The depth of the surface; infinite if there is none.
+    depth: R,
+    /// The distance of the closest approach and the angle by which the ray clears it; infinite if there is none.
+    nearest: R,
+    clearance: R,
+    /// Whether this is the near side of a crossing, and the next probe its far side.
+    crosses: bool,
 }
 
 /// The probes of every line, in order.
@@ -105,13 +105,13 @@ struct Found<R: Real> {
 }
 
 /// Rounds of halving an interval whose ends see different things before it is left alone.
-const HALVINGS: u32 = 10;
+const HALVINGS: u32 = 12;
 
 /// Finds the visible silhouettes that lines cross. `inner` are the places of a line's probes between its ends, the same
 /// number for each line. Also counts the rays.
 ///
 /// A silhouette is found from a ray that passes it by with nothing in between (the tracer's record of its closest approach),
-/// by Newton's method; where one ray hits and the next does not, and no search explains it, rays are added halfway.
+/// by Newton's method; where two rays see different surfaces and no crossing explains it, rays are added halfway.
 /// What lies between two probes and shows in neither is not found: more probes find it.
 pub(super) fn crossings<R: Real>(
     setup: &Setup<'_, R>,
@@ -122,50 +122,78 @@ pub(super) fn crossings<R: Real>(
     let all: Vec<(usize, f64)> = (0..lines.len()).flat_map(|l| places(l).map(move |s| (l, s))).collect();
     let mut probes = Probes { of_line: vec![Vec::new(); lines.len()], rays: 0 };
     probes.add(setup, lines, &all)?;
-    let mut found: Vec<Found<R>> = Vec::new();
+    let (mut known, mut seen): (Vec<Found<R>>, Vec<Crossing<R>>) = (Vec::new(), Vec::new());
     let mut fresh: Vec<(usize, f64)> = all;
     for _ in 0..HALVINGS {
-        search(setup, lines, &probes, &fresh, &mut found);
-        fresh = probes.unexplained(&found);
+        let before = known.len();
+        search(setup, lines, &probes, &fresh, &mut known);
+        for (crossing, inside, outside) in visible(setup, lines, &known[before..])? {
+            probes.close(&crossing, inside, outside);
+            seen.push(crossing);
+        }
+        fresh = probes.unexplained(setup, lines);
         if fresh.is_empty() {
             break;
         }
         probes.add(setup, lines, &fresh)?;
     }
-    let seen = visible(setup, lines, &found)?;
-    Ok((seen, probes.rays + found.len() as u64))
+    Ok((seen, probes.rays + known.len() as u64))
 }
 
 impl<R: Real> Probes<R> {
     fn add(&mut self, setup: &Setup<'_, R>, lines: &[Line], places: &[(usize, f64)]) -> Result<(), InvalidField> {
         let samples: Vec<Sample> = places.iter().map(|(line, s)| lines[*line].at(*s)).collect();
         let (_, found) = setup.find(&samples);
-        let invalid = found.iter().position(|f| f.is_some_and(|f| f.outcome == Outcome::Invalid));
-        check_valid(setup, &samples, invalid)?;
+        check_valid(setup, &samples, first_invalid(&found))?;
         self.rays += samples.len() as u64;
         for ((line, s), found) in places.iter().zip(found) {
-            self.of_line[*line].push(Probe { s: *s, found });
+            let depth = found.filter(|f| f.outcome == Outcome::Hit).map_or(R::infinity(), |f| f.t);
+            let (nearest, clearance) = found.map_or((R::zero(), R::infinity()), |f| (f.nearest, f.clearance));
+            self.insert(*line, Probe { s: *s, depth, nearest, clearance, crosses: false });
         }
-        self.of_line.iter_mut().for_each(|line| line.sort_unstable_by(|a, b| a.s.total_cmp(&b.s)));
         Ok(())
     }
 
-    /// The middles of intervals with a hit at one end only and no silhouette inside.
-    fn unexplained(&self, found: &[Found<R>]) -> Vec<(usize, f64)> {
-        let mut known = vec![Vec::new(); self.of_line.len()];
-        found.iter().for_each(|f| known[f.line].push(f.tangency.s.to_double()));
+    /// Inserts a probe behind those that are not further along its line.
+    fn insert(&mut self, line: usize, probe: Probe<R>) {
+        let of_line = &mut self.of_line[line];
+        let at = of_line.partition_point(|p| p.s <= probe.s);
+        of_line.insert(at, probe);
+    }
+
+    /// Tells what is seen on both sides of a crossing.
+    fn close(&mut self, crossing: &Crossing<R>, inside: R, outside: R) {
+        let (first, second) = if crossing.leaves { (inside, outside) } else { (outside, inside) };
+        let side =
+            |depth, crosses| Probe { s: crossing.s, depth, nearest: R::zero(), clearance: R::infinity(), crosses };
+        self.insert(crossing.line, side(first, true));
+        self.insert(crossing.line, side(second, false));
+    }
+
+    /// The middles of intervals whose ends see different surfaces, with no crossing to tell why.
+    fn unexplained(&self, setup: &Setup<'_, R>, lines: &[Line]) -> Vec<(usize, f64)> {
         let mut middles = Vec::new();
         for (line, probes) in self.of_line.iter().enumerate() {
             for pair in probes.windows(2) {
-                let (from, to) = (pair[0].s - 2.0 * TOLERANCE, pair[1].s + 2.0 * TOLERANCE);
-                let explained = known[line].iter().any(|s| *s >= from && *s <= to);
-                if pair[0].hits() != pair[1].hits() && !explained && pair[1].s - pair[0].s > TOLERANCE {
+                let width = pair[1].s - pair[0].s;
+                if width > TOLERANCE && !pair[0].crosses && jumps(setup, &lines[line], pair, width) {
                     middles.push((line, (pair[0].s + pair[1].s) * 0.5));
                 }
             }
         }
         middles
     }
+}
+
+/// Whether two probes at a distance of `width` pixels see different surfaces: one and none, or depths that differ by more than
+/// those of a ball as large as the bounds, from its silhouette on inwards, can.
+fn jumps<R: Real>(setup: &Setup<'_, R>, line: &Line, pair: &[Probe<R>], width: f64) -> bool {
+    let (a, b) = (pair[0].depth, pair[1].depth);
+    if a.is_infinite() || b.is_infinite() {
+        return a != b;
+    }
+    let world = R::of(width * setup.cameras[line.camera].pixel_angle()) * a.min(b);
+    (a - b).abs() > (setup.bounds.radius * world * R::of(8.0)).sqrt()
 }
 
 /// Searches from the closest approaches of the probes at `places`, and adds what was not known.
@@ -179,10 +207,10 @@ fn search<R: Real>(
     let (mut starts, mut origins) = (Vec::new(), Vec::new());
     for &(line, s) in places {
         let of_line = &probes.of_line[line];
-        let Some(at) = of_line.iter().position(|p| p.s == s) else { continue };
-        let Some(approach) = of_line[at].found.filter(|f| f.clearance.is_finite()) else { continue };
-        let before = if at > 0 { of_line[at - 1].s } else { s };
-        let after = of_line.get(at + 1).map_or(s, |p| p.s);
+        let Some(at) = of_line.iter().position(|p| p.s == s && p.clearance.is_finite()) else { continue };
+        let approach = of_line[at];
+        let before = of_line[..at].iter().rev().map(|p| p.s).find(|p| *p < s).unwrap_or(s);
+        let after = of_line[at..].iter().map(|p| p.s).find(|p| *p > s).unwrap_or(s);
         let away = (approach.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
         // No part of the silhouette is nearer than this, along the line or not; a little room for f that is no distance.
         if away > 2.0 * (s - before).max(after - s) {
@@ -220,12 +248,13 @@ const REACH: f64 = 0.02;
 /// Silhouettes of one line that are this close in depth, in bounding radii, and as close on the film as they are known, are one.
 const SAME: f64 = 0.02;
 
-/// Looks past every silhouette, and keeps those that nothing hides.
+/// Looks past every silhouette, and keeps those that nothing hides, with the depths seen inside and outside.
+#[allow(clippy::type_complexity, reason = "a crossing with its two sides")]
 fn visible<R: Real>(
     setup: &Setup<'_, R>,
     lines: &[Line],
     found: &[Found<R>],
-) -> Result<Vec<Crossing<R>>, InvalidField> {
+) -> Result<Vec<(Crossing<R>, R, R)>, InvalidField> {
     let aside = ASIDE.max(R::epsilon().to_double() * 1e5);
     let outside = |f: &Found<R>| {
         let away = if f.tangency.slope > R::zero() { aside } else { -aside };
@@ -236,11 +265,13 @@ fn visible<R: Real>(
     check_valid(setup, &samples, beyond.invalid)?;
     let mut seen = Vec::with_capacity(found.len());
     let (mut x, mut normal, mut direction) = (Vec::new(), Vec::new(), Vec::new());
-    for (f, (radiance, hit)) in found.iter().zip(beyond.radiance.iter().zip(&beyond.found)) {
+    for (i, f) in found.iter().enumerate() {
         let (line, tangency) = (&lines[f.line], &f.tangency);
-        let hidden = hit
-            .is_some_and(|hit| hit.outcome != Outcome::Miss && hit.t < tangency.t - setup.bounds.radius * R::of(SAME));
-        if hidden {
+        let depth = match beyond.found[i] {
+            Some(hit) if hit.outcome != Outcome::Miss => hit.t,
+            _ => R::infinity(),
+        };
+        if depth < tangency.t - setup.bounds.radius * R::of(SAME) {
             continue;
         }
         let sample = line.at(tangency.s.to_double());
@@ -252,18 +283,19 @@ fn visible<R: Real>(
         direction.push(d);
         let length = tangency.gradient.length().max(R::min_positive_value());
         normal.push(tangency.gradient * (R::one() / length));
-        seen.push(Crossing {
+        let crossing = Crossing {
             line: f.line,
             s: tangency.s.to_double(),
             leaves: tangency.slope > R::zero(),
             points: tangency.points,
             weights: tangency.weights,
             rise,
-            contrast: -*radiance,
-        });
+            contrast: -beyond.radiance[i],
+        };
+        seen.push((crossing, tangency.t, depth));
     }
     let mut rgb = vec![R::Vec3::zero(); x.len()];
     setup.shader.radiance(&x, &normal, &direction, &mut rgb);
-    seen.iter_mut().zip(rgb).for_each(|(crossing, rgb)| crossing.contrast += rgb);
+    seen.iter_mut().zip(rgb).for_each(|((crossing, ..), rgb)| crossing.contrast += rgb);
     Ok(seen)
 }

@@ -3,6 +3,7 @@
 use field::{Real, Vector3};
 use glam::DVec2;
 use rayon::prelude::*;
+use trace::{Intersection, Outcome};
 
 use super::{Sample, Setup};
 use crate::error::InvalidField;
@@ -44,6 +45,11 @@ pub(crate) fn check_valid<R: Real>(
             Err(InvalidField { camera, u, eye, direction })
         }
     }
+}
+
+/// The first ray on which a NaN or an infinity was met.
+pub(crate) fn first_invalid<R: Real>(found: &[Option<Intersection<R>>]) -> Option<usize> {
+    found.iter().position(|f| f.is_some_and(|f| f.outcome == Outcome::Invalid))
 }
 
 /// Renders camera `camera` of the setup with `spp` samples a pixel. `progress` is told the fraction done.

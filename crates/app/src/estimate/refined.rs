@@ -1,14 +1,16 @@
 //! The estimator that is the default: silhouettes integrated where they are.
 
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use field::{Real, Vector3};
 use glam::DVec2;
+use trace::Outcome;
 
 use super::lines::{Crossing, Line, crossings};
 use super::near::near_silhouettes;
-use super::pixels::{check_valid, pixel_samples};
-use super::{Area, Estimator, Filter, Pixel, Record, Setup};
+use super::pixels::{check_valid, first_invalid, pixel_samples};
+use super::{Area, Estimator, Filter, Pixel, Record, Sample, Setup};
 use crate::error::InvalidField;
 use crate::sampler::{mix, sobol};
 
@@ -34,6 +36,10 @@ const PROBES: u32 = 2;
 
 /// One in so many of a pixel's samples looks whether a silhouette may cross it. The others are spared if so.
 const SCOUTS: u32 = 4;
+
+/// A corner's ray that passes a surface by less than this, in pixels, makes its pixels suspect: no place in a pixel is further
+/// from all corners.
+const CORNER_REACH: f64 = 0.75;
 
 /// Samples of the smooth part on a line; at least one between two silhouettes.
 const SEGMENT_RAYS: u32 = 2;
@@ -78,6 +84,9 @@ impl<R: Real> Estimator<R> for Refined {
         let scouts = self.spp.div_ceil(SCOUTS);
         let (crossed, mut rest) = self.scout(setup, pixels, &all, 0..scouts, seed, &mut record)?;
         let mut near = crossed;
+        let cornered = corners(setup, pixels, &rest, &mut record)?;
+        rest.retain(|pixel| !cornered.contains(pixel));
+        near.extend(cornered);
         if self.spp > scouts {
             let (crossed, smooth) = self.scout(setup, pixels, &rest, scouts..self.spp, seed, &mut record)?;
             near.extend(crossed);
@@ -118,9 +127,14 @@ impl Refined {
         check_valid(setup, &samples, primary.invalid)?;
         record.rays += samples.len() as u64;
         let near = near_silhouettes(setup, &samples, &primary);
+        let mut hit = vec![false; samples.len()];
+        primary.hits.iter().for_each(|&i| hit[i] = true);
         let count = range.len();
-        let (crossed, smooth) =
-            (0..which.len()).partition::<Vec<_>, _>(|i| near[i * count..(i + 1) * count].contains(&true));
+        let mixed = |own: &[bool]| own.contains(&true) && own.contains(&false);
+        let (crossed, smooth) = (0..which.len()).partition::<Vec<_>, _>(|i| {
+            let own = i * count..(i + 1) * count;
+            near[own.clone()].contains(&true) || mixed(&hit[own])
+        });
         let n = samples.len();
         record.area.push(Area {
             samples,
@@ -216,6 +230,41 @@ pub(super) fn between<R: Real>(
     Ok(())
 }
 
+/// The pixels among `which` at whose corners different things are seen, or a surface is passed closely: a silhouette without
+/// curvature (an edge of a solid) that cuts a corner shows in no other ray of the pixel.
+fn corners<R: Real>(
+    setup: &Setup<'_, R>,
+    pixels: &[Pixel],
+    which: &[u32],
+    record: &mut Record<R>,
+) -> Result<Vec<u32>, InvalidField> {
+    let mut known = HashMap::new();
+    let mut samples = Vec::new();
+    let mut corner = |camera: usize, x: u32, y: u32| {
+        *known.entry((camera, x, y)).or_insert_with(|| {
+            samples.push(Sample { camera, u: DVec2::new(f64::from(x), f64::from(y)) });
+            samples.len() - 1
+        })
+    };
+    let of_pixel: Vec<[usize; 4]> = which
+        .iter()
+        .map(|&i| {
+            let Pixel { camera, x, y } = pixels[i as usize];
+            [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| corner(camera, x, y))
+        })
+        .collect();
+    let (_, found) = setup.find(&samples);
+    check_valid(setup, &samples, first_invalid(&found))?;
+    record.rays += samples.len() as u64;
+    let hits = |i: usize| found[i].is_some_and(|f| f.outcome == Outcome::Hit);
+    let close = |i: usize| {
+        let cone = R::of(setup.cameras[samples[i].camera].pixel_angle() * CORNER_REACH);
+        found[i].is_some_and(|f| f.clearance < cone)
+    };
+    let crossed = |four: &[usize; 4]| four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
+    Ok(which.iter().zip(&of_pixel).filter(|(_, four)| crossed(four)).map(|(&i, _)| i).collect())
+}
+
 /// Where in a segment of length 1 the sample with the uniform number w lies, and how sparse samples are there; denser towards
 /// the ends for which it is asked.
 fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
@@ -229,7 +278,7 @@ fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
 
 /// Takes pixels out of the area samples.
 fn drop_pixels<R: Real>(record: &mut Record<R>, pixels: &[u32]) {
-    let dropped: std::collections::HashSet<u32> = pixels.iter().copied().collect();
+    let dropped: HashSet<u32> = pixels.iter().copied().collect();
     for area in &mut record.area {
         area.retain(|pixel| !dropped.contains(&pixel));
     }
