@@ -20,7 +20,8 @@ use crate::scene::{Appearance, Precision, Scene, Sdf};
 pub(crate) struct Gradient {
     /// The scene file
     scene: PathBuf,
-    /// JSON pointer of a number in the scene, for example /sdf/radius; may repeat
+    /// JSON pointer of a number in the scene, for example /sdf/radius; may repeat. Of a neural scene, /sdf/weights/N is the Nth
+    /// random direction of unit length in the space of its weights
     #[arg(long, required_unless_present = "target", conflicts_with = "target")]
     wrt: Vec<String>,
     /// Target image of the loss, for the gradient by all weights of a neural scene
@@ -92,8 +93,9 @@ impl Gradient {
 
     fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let sampling = self.sampling()?;
-        if sampling.method == Method::FiniteDifferences && self.target.is_some() {
-            let expected = "another one with --target: weights are too many for differences";
+        let weights = self.wrt.iter().any(|wrt| wrt.starts_with("/sdf/weights/"));
+        if sampling.method == Method::FiniteDifferences && (self.target.is_some() || weights) {
+            let expected = "another one for weights: contour is the reference there";
             return Err(InputError::new(ARGUMENTS, "--estimator", "fd", expected).into());
         }
         match &self.target {
@@ -170,6 +172,11 @@ impl Gradient {
             }
             if let Some(index) = shader.iter().position(|p| p == wrt) {
                 return Ok(Direction::Shader(index));
+            }
+            if let (Sdf::Neural { .. }, Some(number)) = (&scene.sdf, wrt.strip_prefix("/sdf/weights/"))
+                && let Ok(number) = number.parse()
+            {
+                return Ok(Direction::Along(number));
             }
             match wrt.strip_prefix("/background/").and_then(|c| c.parse().ok()) {
                 Some(channel @ 0..3) => Ok(Direction::Background(channel)),

@@ -6,13 +6,15 @@ use rayon::prelude::*;
 use super::{Adjoints, Area, Control, Estimator, Method, Pass, Pixel, Record, Setup};
 use crate::error::InvalidField;
 use crate::film::Film;
-use crate::sampler::mix;
+use crate::sampler::{gaussian, mix, unit as unit_number};
 
 /// What an image is differentiated by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// A parameter of the field.
     Field(usize),
+    /// All parameters of the field at once, along the random unit vector of this number.
+    Along(u64),
     /// A parameter of the shader.
     Shader(usize),
     /// A channel of the background.
@@ -194,12 +196,41 @@ fn forward<R: Real>(setup: &Setup<'_, R>, record: &Record<R>, pixels: usize, dir
                         }
                     }
                 }
+                Direction::Along(number) => {
+                    let tangent = random_unit::<R>(setup.field.parameter_count(), number);
+                    rows.iter().enumerate().for_each(|(c, row)| along(setup, row, &tangent, c, &mut image));
+                }
                 Direction::Shader(index) => record.area.iter().for_each(|a| shader(setup, a, index, &mut image)),
                 Direction::Background(c) => record.area.iter().for_each(|a| background(a, c, &mut image)),
             }
             image
         })
         .collect()
+}
+
+/// The random unit vector of a number.
+pub fn random_unit<R: Real>(length: usize, number: u64) -> Vec<R> {
+    let entry = |i: usize| {
+        let stream = mix(mix(number, 0xa1), i as u64);
+        gaussian([unit_number(mix(stream, 0)), unit_number(mix(stream, 1))])[0]
+    };
+    let vector: Vec<f64> = (0..length).map(entry).collect();
+    let norm = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+    vector.into_iter().map(|v| R::of(v / norm)).collect()
+}
+
+/// Adds the change of every pixel's channel along a tangent. By reverse mode, pixel by pixel: one pass over the parameters
+/// a point, where forward mode without an implementation of its own takes four.
+fn along<R: Real>(setup: &Setup<'_, R>, row: &Adjoints<R>, tangent: &[R], channel: usize, image: &mut Image) {
+    let mut of_pixel = vec![Adjoints::default(); image.len()];
+    for i in 0..row.x.len() {
+        of_pixel[row.pixel[i] as usize].push(0, row.x[i], row.alpha[i], row.c[i]);
+    }
+    for (value, adjoints) in image.iter_mut().zip(of_pixel) {
+        let mut gradient = vec![R::zero(); tangent.len()];
+        adjoints.backward(setup.field, &mut gradient);
+        value[channel] += gradient.iter().zip(tangent).fold(0.0, |sum, (g, t)| sum + (*g * *t).to_double());
+    }
 }
 
 /// The unit vector of a channel.

@@ -1,0 +1,124 @@
+//! The gradient suite: `tests/gradients/suite.toml`, case by case.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use tests::{dsdf_json, npy, root};
+
+#[derive(Deserialize)]
+struct Suite {
+    case: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+struct Case {
+    scene: String,
+    wrt: Vec<String>,
+    #[serde(default = "bias")]
+    bias: f64,
+    #[serde(default = "error")]
+    error: f64,
+}
+
+fn bias() -> f64 {
+    0.01
+}
+
+fn error() -> f64 {
+    0.02
+}
+
+const SEEDS: u32 = 16;
+const SPP: u32 = 256;
+
+fn suite() -> PathBuf {
+    root().join("tests/gradients")
+}
+
+/// The derivative images of a case, one after the other, and the field evaluations they took.
+fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = suite().join(format!("{}.json", case.scene)).to_string_lossy().into_owned();
+    let out = folder.path().join("g.npy").to_string_lossy().into_owned();
+    let (spp, seed) = (spp.to_string(), seed.to_string());
+    let mut arguments = vec!["gradient", &scene, "-o", &out, "--estimator", estimator, "--spp", &spp, "--seed", &seed];
+    case.wrt.iter().for_each(|wrt| arguments.extend(["--wrt", wrt]));
+    let report = dsdf_json(&arguments);
+    let kinds = ["value", "gradient", "hessian_vector"];
+    let evaluations = kinds.iter().map(|kind| report["evaluations"][kind].as_u64().unwrap()).sum();
+    let name = |wrt: &String| folder.path().join(format!("g.{}.npy", wrt.trim_start_matches('/').replace('/', "_")));
+    (case.wrt.iter().map(|wrt| npy(&name(wrt))).collect(), evaluations)
+}
+
+fn distance(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+fn norm(a: &[f32]) -> f64 {
+    a.iter().map(|a| f64::from(*a).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Reference, mean and difference side by side: red above zero, blue below.
+fn leave_pictures(name: &str, reference: &[f32], actual: &[f32]) -> PathBuf {
+    let side = ((reference.len() / 3) as f64).sqrt() as u32;
+    let largest = reference.iter().fold(1e-9f32, |m, v| m.max(v.abs()));
+    let mut picture = image::RgbImage::new(3 * side, side);
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let at = (3 * (y * side + x % side)) as usize;
+        let value = match x / side {
+            0 => reference[at],
+            1 => actual[at],
+            _ => actual[at] - reference[at],
+        } / largest;
+        let fade = (255.0 * (1.0 - value.abs().min(1.0))) as u8;
+        pixel.0 = if value > 0.0 { [255, fade, fade] } else { [fade, fade, 255] };
+    }
+    let path = root().join("target/gradients").join(format!("{name}.png"));
+    std::fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).unwrap();
+    picture.save(&path).unwrap();
+    path
+}
+
+fn check(case: &Case) -> Result<(), String> {
+    let (reference, _) = images(case, "contour", 1024, 0);
+    let runs: Vec<_> = (0..SEEDS).map(|seed| images(case, "refined", SPP, seed)).collect();
+    let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
+    let mut failures = Vec::new();
+    for (i, (wrt, reference)) in case.wrt.iter().zip(&reference).enumerate() {
+        let n = f64::from(SEEDS);
+        let mean: Vec<f32> = (0..reference.len())
+            .map(|p| (runs.iter().map(|(images, _)| f64::from(images[i][p])).sum::<f64>() / n) as f32)
+            .collect();
+        let scale = norm(reference);
+        let spread = runs.iter().map(|(images, _)| distance(&images[i], &mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let (bias, standard_error) = (distance(&mean, reference) / scale, (spread / n).sqrt() / scale);
+        let error =
+            (runs.iter().map(|(images, _)| distance(&images[i], reference).powi(2)).sum::<f64>() / n).sqrt() / scale;
+        let variance = spread * f64::from(SPP) / (scale * scale);
+        println!(
+            "| {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} | {variance:.4} | {evaluations} |",
+            case.scene
+        );
+        if !(bias <= case.bias + 3.0 * standard_error && error <= case.error) {
+            let name = format!("{}{}", case.scene, wrt.replace('/', "_"));
+            let picture = leave_pictures(&name, reference, &mean);
+            failures.push(format!(
+                "{} {wrt}: bias {bias:.4} (allowed {} + 3 x {standard_error:.4}), error {error:.4} (allowed {}); reference, mean and difference: {}",
+                case.scene,
+                case.bias,
+                case.error,
+                picture.display()
+            ));
+        }
+    }
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
+
+#[test]
+fn the_refined_estimator_is_unbiased_on_every_case() {
+    let suite: Suite = toml::from_str(&std::fs::read_to_string(suite().join("suite.toml")).unwrap()).unwrap();
+    println!("| scene | by | bias ± standard error | error at {SPP} spp | variance a sample | field evaluations |");
+    let failures: Vec<String> = suite.case.iter().filter_map(|case| check(case).err()).collect();
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
