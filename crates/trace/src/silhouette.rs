@@ -22,6 +22,9 @@ pub struct Start<R> {
     pub range: [R; 2],
     /// How far along the ray f is to be followed for a minimum, at first: about its width, in world units.
     pub reach: R,
+    /// A ray that falls towards the surface at the start by more than this, as a cosine to its normal, has no silhouette near, and
+    /// its search ends at once. 1 for all rays.
+    pub steepest: R,
 }
 
 /// A ray that touches a surface: f = 0 and f has a minimum along it.
@@ -157,6 +160,10 @@ impl<R: Real> Search<R> {
         if !p.f.is_finite() || !p.gradient.is_finite() || self.inner > INNER_LIMIT {
             return Step::Failed;
         }
+        let start = self.inner == 1 && self.outer == 0;
+        if start && p.slope < -self.start.steepest * p.gradient.length() {
+            return Step::Failed;
+        }
         *(if p.slope < R::zero() { &mut self.before } else { &mut self.after }) = Some(p);
         let (Some(a), Some(b)) = (self.before, self.after) else {
             // The minimum is further along the falling side.
@@ -211,8 +218,9 @@ impl<R: Real> Search<R> {
         }
         let [from, to] = self.start.range;
         if next < from || next > to {
-            // One try at the end of the range; what still leaves it is not here.
-            if self.clamped {
+            // One try at the end of the range; what still leaves it, or leaves it by far, is not here.
+            let far = to - from;
+            if self.clamped || next < from - far || next > to + far {
                 return Step::Failed;
             }
             self.clamped = true;

@@ -31,7 +31,8 @@ fn plane(aside: DVec3) -> Plane {
 }
 
 fn find<R: Real>(field: &dyn Field<R>, turn: &Plane, s: f64) -> Option<Tangency<R>> {
-    let start = Start { s: R::of(s), t: R::of(4.0), range: [R::zero(), R::of(0.5)], reach: R::of(0.1) };
+    let start =
+        Start { s: R::of(s), t: R::of(4.0), range: [R::zero(), R::of(0.5)], reach: R::of(0.1), steepest: R::one() };
     tangencies(field, turn, &[start], R::of(1e-6).max(R::epsilon() * R::of(8.0)))[0]
 }
 

@@ -61,7 +61,9 @@ struct Probe<R> {
     /// The distance of the closest approach and the angle by which the ray clears it; infinite if there is none.
     nearest: R,
     clearance: R,
-    /// Whether this is the near side of a crossing, and the next probe its far side.
+    /// Whether this is a side of a crossing.
+    side: bool,
+    /// Whether the next probe is the far side of the same crossing.
     crosses: bool,
 }
 
@@ -149,7 +151,7 @@ impl<R: Real> Probes<R> {
         for ((line, s), found) in places.iter().zip(found) {
             let depth = found.filter(|f| f.outcome == Outcome::Hit).map_or(R::infinity(), |f| f.t);
             let (nearest, clearance) = found.map_or((R::zero(), R::infinity()), |f| (f.nearest, f.clearance));
-            self.insert(*line, Probe { s: *s, depth, nearest, clearance, crosses: false });
+            self.insert(*line, Probe { s: *s, depth, nearest, clearance, side: false, crosses: false });
         }
         Ok(())
     }
@@ -164,8 +166,14 @@ impl<R: Real> Probes<R> {
     /// Tells what is seen on both sides of a crossing.
     fn close(&mut self, crossing: &Crossing<R>, inside: R, outside: R) {
         let (first, second) = if crossing.leaves { (inside, outside) } else { (outside, inside) };
-        let side =
-            |depth, crosses| Probe { s: crossing.s, depth, nearest: R::zero(), clearance: R::infinity(), crosses };
+        let side = |depth, crosses| Probe {
+            s: crossing.s,
+            depth,
+            nearest: R::zero(),
+            clearance: R::infinity(),
+            side: true,
+            crosses,
+        };
         self.insert(crossing.line, side(first, true));
         self.insert(crossing.line, side(second, false));
     }
@@ -207,23 +215,26 @@ fn search<R: Real>(
     let (mut starts, mut origins) = (Vec::new(), Vec::new());
     for &(line, s) in places {
         let of_line = &probes.of_line[line];
-        let Some(at) = of_line.iter().position(|p| p.s == s && p.clearance.is_finite()) else { continue };
-        let approach = of_line[at];
+        let Some(at) = of_line.iter().position(|p| p.s == s && !p.side) else { continue };
+        let probe = of_line[at];
         let before = of_line[..at].iter().rev().map(|p| p.s).find(|p| *p < s).unwrap_or(s);
         let after = of_line[at..].iter().map(|p| p.s).find(|p| *p > s).unwrap_or(s);
-        let away = (approach.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
-        // No part of the silhouette is nearer than this, along the line or not; a little room for f that is no distance.
-        if away > 2.0 * (s - before).max(after - s) {
-            continue;
-        }
         let room = [before - 2.0 * TOLERANCE, after + 2.0 * TOLERANCE];
-        starts.push(Start {
-            s: R::of(s),
-            t: approach.nearest,
-            range: room.map(R::of),
-            reach: (approach.clearance * approach.nearest).max(setup.bounds.radius * R::of(REACH)),
-        });
-        origins.push(Origin { line, between: room });
+        let least = setup.bounds.radius * R::of(REACH);
+        let mut start = |t: R, reach: R, steepest: f64| {
+            let (s, range) = (R::of(s), room.map(R::of));
+            starts.push(Start { s, t, range, reach, steepest: R::of(steepest) });
+            origins.push(Origin { line, between: room });
+        };
+        // No part of a silhouette is nearer than this, along the line or not; a little room for f that is no distance.
+        let away = (probe.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
+        if away < 2.0 * (s - before).max(after - s) {
+            start(probe.nearest, (probe.clearance * probe.nearest).max(least), 1.0);
+        }
+        // A gap between two surfaces shows in the rays beside it by how these graze.
+        if probe.depth.is_finite() {
+            start(probe.depth, least, GRAZING);
+        }
     }
     let fans = Fans { setup, lines: origins.iter().map(|o| lines[o.line]).collect() };
     let tolerance = R::of(TOLERANCE).max(R::epsilon() * R::of(1e4));
@@ -244,6 +255,9 @@ fn search<R: Real>(
 
 /// The first guess at the width of a minimum of f along a ray, in bounding radii.
 const REACH: f64 = 0.02;
+
+/// A hit whose ray is steeper than this, as a cosine to the normal, is not near a silhouette.
+const GRAZING: f64 = 0.65;
 
 /// Silhouettes of one line that are this close in depth, in bounding radii, and as close on the film as they are known, are one.
 const SAME: f64 = 0.02;

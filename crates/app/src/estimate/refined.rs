@@ -52,7 +52,7 @@ impl Refined {
 }
 
 /// Samples on edges that one line along each axis stands for.
-const LINE_COST: u32 = 2;
+const LINE_COST: u32 = 1;
 
 /// Where a line is probed, for a uniform number.
 fn probe_places(along: f64) -> Vec<f64> {
