@@ -1,9 +1,16 @@
-//! Development commands of dsdf: `cargo xtask ci`.
+//! Development commands of dsdf: `cargo xtask ci` and `cargo xtask figures`.
 
+mod dsdf;
+mod figures;
+mod plot;
+
+use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, bail};
 use clap::{Parser, Subcommand};
+
+use figures::Figure;
 
 /// Development commands of dsdf.
 #[derive(Parser)]
@@ -16,11 +23,20 @@ struct Cli {
 enum Task {
     /// Format, lints, documentation and tests, as the continuous integration runs them
     Ci,
+    /// Measure what the documentation shows, and write its tables and plots
+    Figures {
+        /// What to measure
+        figure: Figure,
+        /// Where to write [default: docs/results/<figure>]
+        #[arg(short, long)]
+        output: Option<PathBuf>,
+    },
 }
 
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Task::Ci => ci(),
+        Task::Figures { figure, output } => figures::run(figure, output),
     }
 }
 
@@ -32,6 +48,7 @@ fn ci() -> anyhow::Result<()> {
     cargo(&["test", "--workspace"], &[])
 }
 
+/// Runs cargo and fails if it does.
 fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
     let line = format!("cargo {}", arguments.join(" "));
     eprintln!("$ {line}");

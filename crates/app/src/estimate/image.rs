@@ -254,10 +254,10 @@ fn shader<R: Real>(setup: &Setup<'_, R>, area: &Area<R>, index: usize, image: &m
     let zero = || [R::Vec3::zero()];
     for (hit, &i) in primary.hits.iter().enumerate() {
         let (x, n, d) = ([primary.x[hit]], [primary.normal[hit]], [primary.direction[hit]]);
-        for c in 0..3 {
+        for (c, value) in image[area.pixel[i] as usize].iter_mut().enumerate() {
             row.fill(R::zero());
             setup.shader.vjp(&x, &n, &d, &[unit::<R>(c)], &mut zero(), &mut zero(), &mut zero(), &mut row);
-            image[area.pixel[i] as usize][c] += (row[index] * area.weight[i]).to_double();
+            *value += (row[index] * area.weight[i]).to_double();
         }
     }
 }

@@ -4,6 +4,7 @@
 
 mod continuity;
 mod derivatives;
+mod lemmas;
 mod poison;
 mod reference;
 mod reverse;

@@ -1,0 +1,213 @@
+//! The supplement's lemmas over random smooth fields and rays.
+
+use field::{Csg, Field, Kind, Shape, Sphere};
+use glam::DVec3;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use trace::{Start, Tangency, Turn, tangencies};
+use warp::{Kept, Options, WarpedRay, evaluate};
+
+use crate::scene::{Pinhole, Scene};
+
+/// Rays along a row of the film.
+struct Row<'a>(&'a Pinhole, f64);
+
+impl Turn<f64> for Row<'_> {
+    fn origin(&self, _: usize) -> DVec3 {
+        self.0.eye
+    }
+    fn direction(&self, _: usize, s: f64) -> (DVec3, DVec3) {
+        (self.0.direction([s, self.1]), self.0.direction_du([s, self.1])[0])
+    }
+}
+
+/// The numbers of a smooth union of a ball, a torus and a capsule.
+fn blob() -> impl Strategy<Value = ([f64; 3], [f64; 3], [f64; 3], f64, f64)> {
+    let place = || prop::array::uniform3(-0.3..0.3f64);
+    (place(), place(), place(), 0.2..0.4f64, 0.15..0.3f64)
+}
+
+fn build((a, b, c, radius, k): ([f64; 3], [f64; 3], [f64; 3], f64, f64)) -> Box<dyn Field<f64>> {
+    let children: Vec<Box<dyn Field<f64>>> = vec![
+        Box::new(Shape::sphere(a, radius)),
+        Box::new(Shape::new(Kind::Torus, &[b[0], b[1], b[2], 0.3, 0.8, 0.5, 0.45, 0.18])),
+        Box::new(Shape::new(Kind::Capsule, &[c[0], c[1], c[2], 0.4, -0.3, 0.2, 0.15])),
+    ];
+    Box::new(Csg::smooth_union(k, children))
+}
+
+fn scene(field: Box<dyn Field<f64>>, points: usize, gamma: f64) -> Scene {
+    let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
+    let options = Options { k: points + 1, gamma, ..Options::default() };
+    Scene { field, camera, bounds: Sphere { center: DVec3::ZERO, radius: 1.6 }, points, options }
+}
+
+/// A silhouette on a row of the film that no part of the solid comes close to hiding, from the right.
+fn outline(scene: &Scene, row: f64) -> Option<Tangency<f64>> {
+    // From outside: the last place from the right whose ray keeps clear.
+    let lowest = |s: f64| scene.record([s, row]).map(|r| (r.f.iter().copied().fold(f64::MAX, f64::min), r));
+    let mut s = 31.0;
+    while s > 1.0 {
+        let (low, record) = lowest(s)?;
+        if low < 0.02 {
+            let at = record.f.iter().position(|f| *f == low)?;
+            let start = Start { s, t: record.t[at], range: [s - 4.0, s + 4.0], reach: 0.02, steepest: 1.0 };
+            return tangencies(scene.field.as_ref(), &Row(&scene.camera, row), &[start], 1e-9)[0];
+        }
+        s -= 0.25;
+    }
+    None
+}
+
+fn kept_at(scene: &Scene, u: [f64; 2]) -> Option<Kept<f64>> {
+    let record = scene.record(u)?;
+    Some(evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false))
+}
+
+/// ∂f at points along a tangent that touches every parameter.
+fn along(field: &dyn Field<f64>, x: &[DVec3]) -> Vec<f64> {
+    let tangent: Vec<f64> = (0..field.parameter_count()).map(|i| if i % 3 == 0 { 1.0 } else { -0.4 }).collect();
+    let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
+    field.parameter_jvp(x, &tangent, &mut f, &mut g);
+    f
+}
+
+/// For N points: |V·n − v| over the silhouette's normal velocity's scale, and the weight further than 0.1 from its point.
+fn at_the_outline(scene: &Scene, row: f64, found: &Tangency<f64>) -> Option<(f64, f64)> {
+    let direction = scene.camera.direction([found.s, row]);
+    let x = scene.camera.eye + direction * found.t;
+    let rise = scene.camera.direction_du([found.s, row]).map(|du| found.gradient.dot(du) * found.t);
+    let square = rise[0] * rise[0] + rise[1] * rise[1];
+    let kept = kept_at(scene, [found.s + 1e-6 * rise[0].signum(), row])?;
+    let v = kept.velocity(&along(scene.field.as_ref(), &kept.points))[0];
+    let expected = -along(scene.field.as_ref(), &[x])[0] / square.sqrt();
+    let normal = (v[0] * rise[0] + v[1] * rise[1]) / square.sqrt();
+    let far: f64 = kept.points.iter().zip(&kept.weight).filter(|(p, _)| p.distance(x) > 0.1).map(|(_, w)| w).sum();
+    Some(((normal - expected).abs() / (expected.abs() + 1.0 / square.sqrt()), far))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Lemmas 3.1 to 3.4: V tends to the silhouette's velocity as u tends to the silhouette and N grows, and the points near the limiting
+/// one take all the weight.
+#[test]
+fn the_warp_is_boundary_consistent_for_random_fields() {
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let counts = [22usize, 64, 200, 600];
+    let (mut errors, mut far) = (vec![Vec::new(); counts.len()], vec![Vec::new(); counts.len()]);
+    for _ in 0..60 {
+        let tree = (blob(), 12.0..20.0f64).new_tree(&mut runner).expect("a field");
+        let (numbers, row) = tree.current();
+        let mut scene = scene(build(numbers), 22, 3.0);
+        let Some(found) = outline(&scene, row) else { continue };
+        let results: Option<Vec<(f64, f64)>> = counts
+            .iter()
+            .map(|&n| {
+                (scene.points, scene.options.k) = (n, n + 1);
+                at_the_outline(&scene, row, &found)
+            })
+            .collect();
+        for (i, (error, weight)) in results.into_iter().flatten().enumerate() {
+            errors[i].push(error);
+            far[i].push(weight);
+        }
+    }
+    assert!(errors[0].len() > 30, "{} silhouettes", errors[0].len());
+    let (errors, far): (Vec<f64>, Vec<f64>) =
+        (errors.into_iter().map(median).collect(), far.into_iter().map(median).collect());
+    for i in 0..counts.len() {
+        println!("N = {:4}: median error of V·n {:.4}, median weight beyond 0.1 {:.5}", counts[i], errors[i], far[i]);
+    }
+    let growth = (counts[3] as f64 / counts[0] as f64).ln();
+    let rate = (errors[0] / errors[3]).ln() / growth;
+    println!("rate: error ~ N^-{rate:.2}, weight ~ N^-{:.2}", (far[0] / far[3].max(1e-12)).ln() / growth);
+    assert!(rate > 0.6 && errors[3] < 0.05, "{errors:?}");
+    assert!(far[3] < 0.02 && far[3] < 0.1 * far[0], "{far:?}");
+}
+
+/// ∫∇·V over a square of the film and ∮V·n over its border, and the scale of both.
+fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
+    let n = 24;
+    let at = |i: usize| (i as f64 + 0.5) / n as f64 * side;
+    let (mut area, mut border, mut scale) = (0.0, 0.0, 0.0);
+    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        let record = scene.record([corner[0] + at(i), corner[1] + at(j)])?;
+        // Only where everything keeps clear of the solid: there is no silhouette.
+        if record.f.iter().any(|f| *f < 0.05) {
+            return None;
+        }
+        let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
+        let tangent: Vec<f64> = (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
+        let (mut f, mut g) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
+        scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
+        let divergence = kept.divergence(&f, &g)[0];
+        area += divergence * (side / n as f64).powi(2);
+        scale += divergence.abs() * (side / n as f64).powi(2);
+    }
+    let m = 400;
+    for i in 0..m {
+        let along_edge = (f64::from(i) + 0.5) / f64::from(m) * side;
+        let edges = [
+            ([corner[0], corner[1] + along_edge], 0, -1.0),
+            ([corner[0] + side, corner[1] + along_edge], 0, 1.0),
+            ([corner[0] + along_edge, corner[1]], 1, -1.0),
+            ([corner[0] + along_edge, corner[1] + side], 1, 1.0),
+        ];
+        for (u, axis, sign) in edges {
+            let kept = kept_at(scene, u)?;
+            let tangent: Vec<f64> = (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
+            let (mut f, mut g) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
+            scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
+            border += sign * kept.velocity(&f)[0][axis] * side / f64::from(m);
+        }
+    }
+    Some([area, border, scale])
+}
+
+#[test]
+fn the_divergence_over_a_pixel_is_the_flux_through_its_border() {
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let mut seen = 0;
+    for _ in 0..40 {
+        let tree =
+            (blob(), 3.0..28.0f64, 3.0..28.0f64, prop::sample::select(vec![5usize, 14, 23])).new_tree(&mut runner);
+        let (numbers, x, y, k) = tree.expect("a field").current();
+        let mut scene = scene(build(numbers), 22, 3.0);
+        scene.options.k = k;
+        let Some([area, border, scale]) = balance(&scene, [x, y], 1.0) else { continue };
+        seen += 1;
+        assert!(
+            (area - border).abs() < 0.01 * scale + 1e-3,
+            "at {x} {y}, k = {k}: {area} against {border}, of {scale}"
+        );
+    }
+    assert!(seen >= 10, "{seen} pixels");
+}
+
+proptest! {
+    /// Lemma 3.3 from both sides: along a ray that touches a ball, the weight of a point at a distance δ from the tangent point
+    /// goes as δ^(2 − γ): without bound above γ = 2, to nothing below.
+    #[test]
+    fn weights_at_a_tangent_grow_above_an_exponent_of_two(gamma in 1.0..5.0f64, radius in 0.2..1.5f64, near in -4.0..-2.5f64) {
+        let ball = Shape::<f64>::sphere([0.0; 3], radius);
+        let (eye, d) = (DVec3::new(radius, 0.0, 5.0), -DVec3::Z);
+        let delta = [f64::powf(10.0, near + 0.5), f64::powf(10.0, near)];
+        let t = delta.map(|delta| 5.0 - delta);
+        let x = t.map(|t| eye + t * d);
+        let (mut f, mut g) = ([0.0; 2], [DVec3::ZERO; 2]);
+        ball.value_gradient(&x, &mut f, &mut g);
+        let camera = Pinhole { eye, right: DVec3::X, down: -DVec3::Y, forward: d, focal: 64.0, principal: [16.0, 16.0] };
+        let ray = WarpedRay {
+            origin: eye, direction: d, direction_du: [DVec3::X, -DVec3::Y], entry_du: [0.0; 2], exit_du: [0.0; 2],
+            t: &t, f: &f, gradient: &g, step: &f, clamped: false, valid: true,
+        };
+        let options = Options { k: 9, gamma, epsilon: 0.0, ..Options::default() };
+        let kept = evaluate(&ball, &options, &[&camera], &[ray], false);
+        let slope = (kept.weight[1] / kept.weight[0]).ln() / (delta[1] / delta[0]).ln();
+        prop_assert!((slope - (2.0 - gamma)).abs() < 0.02 * gamma, "δ^{slope} for γ = {gamma}");
+        prop_assert_eq!(kept.weight[1] > kept.weight[0], gamma > 2.0 + 0.02 * gamma || (gamma > 2.0 && slope < 0.0));
+    }
+}

@@ -1,0 +1,121 @@
+//! Running the binary, and what it leaves.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+use serde::Deserialize;
+use serde_json::Value;
+
+/// The workspace's root folder.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(Path::to_owned).unwrap_or_default()
+}
+
+/// Builds the binary for measurements.
+pub(crate) fn build() -> anyhow::Result<PathBuf> {
+    crate::cargo(&["build", "--release", "--package", "app", "--bin", "dsdf"], &[])?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    Ok(target.join("release").join(format!("dsdf{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// A case of the gradient suite.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct Case {
+    /// The scene's name.
+    pub(crate) scene: String,
+    /// What it is differentiated by.
+    pub(crate) wrt: Vec<String>,
+}
+
+/// The gradient suite.
+pub(crate) fn suite() -> anyhow::Result<Vec<Case>> {
+    #[derive(Deserialize)]
+    struct Suite {
+        case: Vec<Case>,
+    }
+    let path = root().join("tests/gradients/suite.toml");
+    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    Ok(toml::from_str::<Suite>(&text)?.case)
+}
+
+/// A scene of the gradient suite.
+pub(crate) fn scene(name: &str) -> anyhow::Result<Value> {
+    let path = root().join("tests/gradients").join(format!("{name}.json"));
+    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    let mut scene: Value = serde_json::from_str(&text)?;
+    // A scene is run from another folder.
+    if let Some(weights) = scene.pointer_mut("/sdf/weights")
+        && let Some(name) = weights.as_str()
+    {
+        let absolute = root().join("tests/gradients").join(name);
+        *weights = absolute.to_string_lossy().into_owned().into();
+    }
+    Ok(scene)
+}
+
+/// An image of three channels, row-major.
+#[derive(Clone, Debug)]
+pub(crate) struct Image {
+    pub(crate) width: usize,
+    pub(crate) pixels: Vec<[f64; 3]>,
+}
+
+impl Image {
+    pub(crate) fn norm(&self) -> f64 {
+        self.pixels.iter().flatten().map(|v| v * v).sum::<f64>().sqrt()
+    }
+
+    pub(crate) fn distance(&self, other: &Image) -> f64 {
+        let pairs = self.pixels.iter().flatten().zip(other.pixels.iter().flatten());
+        pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    }
+}
+
+/// Derivative images, one for each thing the scene was differentiated by, with the seconds and field evaluations they took.
+pub(crate) struct Derivatives {
+    pub(crate) images: Vec<Image>,
+    pub(crate) seconds: f64,
+    pub(crate) evaluations: u64,
+}
+
+/// Runs `dsdf gradient` on a scene.
+pub(crate) fn gradient(binary: &Path, scene: &Value, wrt: &[String], flags: &[&str]) -> anyhow::Result<Derivatives> {
+    let folder = tempfile::tempdir()?;
+    let (file, out) = (folder.path().join("scene.json"), folder.path().join("g.npy"));
+    std::fs::write(&file, scene.to_string())?;
+    let mut command = Command::new(binary);
+    command.arg("gradient").arg(&file).arg("-o").arg(&out).args(flags).args(["--json", "--quiet"]);
+    wrt.iter().for_each(|wrt| {
+        command.args(["--wrt", wrt]);
+    });
+    let output = command.output()?;
+    if !output.status.success() {
+        bail!("dsdf gradient {}: {}", flags.join(" "), String::from_utf8_lossy(&output.stderr));
+    }
+    let report: Value = serde_json::from_slice(&output.stdout)?;
+    let images = wrt.iter().map(|one| {
+        let suffix = one.trim_start_matches('/').replace('/', "_");
+        read_npy(&if wrt.len() == 1 { out.clone() } else { folder.path().join(format!("g.{suffix}.npy")) })
+    });
+    let kinds = ["value", "gradient", "hessian_vector"];
+    Ok(Derivatives {
+        images: images.collect::<anyhow::Result<_>>()?,
+        seconds: report["seconds"].as_f64().context("seconds in the report")?,
+        evaluations: kinds.iter().filter_map(|kind| report["evaluations"][kind].as_u64()).sum(),
+    })
+}
+
+/// A float32 .npy file of H × W × 3, as dsdf writes it.
+fn read_npy(path: &Path) -> anyhow::Result<Image> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    ensure!(bytes.len() > 10, "{} is cut short", path.display());
+    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = String::from_utf8_lossy(&bytes[10..start]).into_owned();
+    let shape = header.split('(').nth(1).and_then(|s| s.split(')').next()).context("a shape")?;
+    let sizes: Vec<usize> = shape.split(',').filter_map(|s| s.trim().parse().ok()).collect();
+    let numbers: Vec<f64> =
+        bytes[start..].chunks_exact(4).map(|b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))).collect();
+    let width = *sizes.get(1).context("a width")?;
+    Ok(Image { width, pixels: numbers.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect() })
+}

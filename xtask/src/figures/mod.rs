@@ -1,0 +1,50 @@
+//! What the documentation shows, measured.
+
+mod estimators;
+mod filters;
+mod reference;
+mod steps;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::dsdf;
+
+/// A figure of the documentation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Figure {
+    /// Error against seconds, of every estimator on every scene of the gradient suite
+    Estimators,
+    /// Error against the number N of points along a ray, `paper` against `refined`
+    Steps,
+    /// Variance of a Gaussian filter against that of a box with its boundary, pixel by pixel
+    Filters,
+}
+
+/// Measures a figure and writes it.
+pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()> {
+    let name = match figure {
+        Figure::Estimators => "estimators",
+        Figure::Steps => "steps",
+        Figure::Filters => "filters",
+    };
+    let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results").join(name));
+    std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    let binary = dsdf::build()?;
+    match figure {
+        Figure::Estimators => estimators::run(&binary, &folder),
+        Figure::Steps => steps::run(&binary, &folder),
+        Figure::Filters => filters::run(&binary, &folder),
+    }?;
+    eprintln!("{}", folder.display());
+    Ok(())
+}
+
+/// Writes a file of a figure whole.
+fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    std::io::Write::write_all(&mut file, content.as_ref())?;
+    file.persist(folder.join(name)).with_context(|| name.to_owned())?;
+    Ok(())
+}
