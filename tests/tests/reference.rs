@@ -49,22 +49,18 @@ fn the_same_seed_gives_the_same_bits_on_one_and_two_threads() {
         "sdf": {"type": "torus", "center": [0, 0, 0], "axis": [0.2, 1, 0.4], "major": 0.6, "minor": 0.2},
         "appearance": {"type": "normal"}, "background": [0.1, 0.2, 0.3]}"#;
     std::fs::write(&scene, text).unwrap();
-    let run = |threads: &str| {
-        let out = folder.path().join(format!("g{threads}.npy"));
-        let output = dsdf(&[
-            "gradient".as_ref(),
-            scene.as_os_str(),
-            "--wrt".as_ref(),
-            "/sdf/major".as_ref(),
-            "-o".as_ref(),
-            out.as_os_str(),
-            "--threads".as_ref(),
-            threads.as_ref(),
-        ]);
+    let run = |estimator: &str, threads: &str| {
+        let out = folder.path().join(format!("g{threads}.npy")).to_string_lossy().into_owned();
+        let scene = scene.to_string_lossy();
+        let flags = ["--wrt", "/sdf/major", "--spp", "16", "--estimator", estimator, "--threads", threads, "-o", &out];
+        let output = dsdf(&[&["gradient", &scene], &flags[..]].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         std::fs::read(out).unwrap()
     };
-    assert_eq!(run("1"), run("2"));
+    let all = ["refined", "paper", "paper-all", "interior", "gaussian", "was", "loubet", "band", "contour", "fd"];
+    for estimator in all {
+        assert!(run(estimator, "1") == run(estimator, "2"), "{estimator}");
+    }
 }
 
 /// A tiny data set of a sphere.

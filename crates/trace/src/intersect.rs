@@ -27,8 +27,9 @@ pub struct Intersection<R> {
     pub t: R,
     /// f there; for a miss that stayed clear of the surface, as a parabola through the nearest points has it.
     pub f: R,
-    /// The smallest f/t at a closest approach of f that the ray passed by: the tangent of the angle by which the ray clears
-    /// the solid. For a hit, only approaches before it count; infinite if there was none.
+    /// The smallest f/(L t) at a closest approach of f that the ray passed by, L the steepest slope met along it and at least 1:
+    /// the tangent of the angle by which the ray clears the solid. For a hit, only approaches before it count; infinite if
+    /// there was none.
     pub clearance: R,
     /// The distance of that closest approach; 0 if there was none.
     pub nearest: R,
@@ -163,9 +164,9 @@ impl<R: Real> Tracer<'_, R> {
     }
 
     /// Remembers a closest approach.
-    fn pass(&mut self, p: Point<R>) {
+    fn pass(&mut self, p: Point<R>, slope: R) {
         self.note(p);
-        let clearance = p.f / p.t.max(R::min_positive_value());
+        let clearance = p.f / (slope * p.t).max(R::min_positive_value());
         if clearance < self.out.clearance {
             (self.out.clearance, self.out.nearest) = (clearance, p.t);
         }
@@ -207,7 +208,7 @@ impl<R: Real> Tracer<'_, R> {
             && last.f <= before.f
             && last.f < here.f
         {
-            self.pass(vertex(before, last, here).filter(|v| v.f < last.f && v.f > R::zero()).unwrap_or(last));
+            self.pass(vertex(before, last, here).filter(|v| v.f < last.f && v.f > R::zero()).unwrap_or(last), s.slope);
         }
         self.walk(s, here)
     }
@@ -231,7 +232,7 @@ impl<R: Real> Tracer<'_, R> {
         if here.t >= self.ray.far || (last.is_some() && clear >= self.ray.far - here.t) {
             // The rest of the interval is inside the ball that f says is empty. A miss still passes its closest approach.
             let closest = Point { t: self.out.t, f: self.out.f };
-            self.pass(closest);
+            self.pass(closest, s.slope);
             return false;
         }
         step = step.max(self.smallest);
@@ -262,7 +263,7 @@ impl<R: Real> Tracer<'_, R> {
             Next::Clear => {
                 let low = approach.lowest();
                 if low.t < approach.end.t {
-                    self.pass(low);
+                    self.pass(low, s.slope);
                 }
                 s.last = [Some(low).filter(|low| low.t < approach.end.t), None];
                 self.walk(s, approach.end)

@@ -173,7 +173,8 @@ impl<R: Real> Search<R> {
         };
         let minimum = Minimum::of(a, b, self.turn);
         let known = (tolerance * minimum.rate.abs() * R::of(0.5)).max(R::of(ROUGH) * minimum.f.abs());
-        let rounding = R::epsilon() * R::of(4.0) * (b.t.abs() + a.f.abs());
+        // What rounding of the point makes of f.
+        let rounding = R::epsilon() * R::of(4.0) * b.t.abs() * a.gradient.length().max(b.gradient.length());
         let next = self.between(a, b, &minimum);
         if minimum.gap <= known.max(rounding) || next <= a.t || next >= b.t {
             return self.turn_on(turn, a, b, &minimum, tolerance);
@@ -237,7 +238,8 @@ impl<R: Real> Search<R> {
         }
         self.s = next;
         (self.direction, self.turn) = turn.direction(self.index, next);
-        (self.t, self.step) = (minimum.t, (b.t - a.t).max(m.abs()));
+        (self.t, self.step) =
+            (minimum.t, (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value())));
         (self.before, self.after, self.inner) = (None, None, 0);
         Step::Evaluate
     }

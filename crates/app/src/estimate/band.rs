@@ -17,7 +17,7 @@ const WIDTH: f64 = 0.2;
 ///
 /// A ray whose closest approach is m < w clears the silhouette by m/|∇_u m| pixels. As the silhouette moves with −∂_θ f/|∇_u m|, its
 /// integral along the curve becomes one over the area of the band, of ΔL (−∂_θ f)/w: no Jacobian is left (Wang, Deng, Zhang,
-/// Jakob and Marschner 2024, section 4). w is the world size of a fixed fraction of a pixel.
+/// Jakob and Marschner 2024, section 4). w is the world size of a fixed fraction of a pixel, times |∇f|.
 #[derive(Clone, Copy, Debug)]
 pub struct Band {
     /// Samples a pixel.
@@ -33,7 +33,7 @@ struct Approach<R: Real> {
     inverse_width: R,
 }
 
-/// The closest approaches of a batch of samples that lie within the band.
+/// The closest approaches of a batch of samples that may lie within the band.
 fn approaches<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>) -> Vec<Approach<R>> {
     let mut found = Vec::new();
     for (i, sample) in samples.iter().enumerate() {
@@ -65,11 +65,18 @@ impl<R: Real> Estimator<R> for Band {
         let x: Vec<R::Vec3> = near.iter().map(|a| a.x).collect();
         let direction: Vec<R::Vec3> = near.iter().map(|a| a.direction).collect();
         let front = setup.shade(&x, &direction);
+        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+        setup.field.value_gradient(&x, &mut f, &mut gradient);
         let weight = R::one() / R::of(f64::from(self.spp));
         let mut silhouettes = Silhouettes::default();
-        for (approach, front) in near.iter().zip(front) {
+        for (i, (approach, front)) in near.iter().zip(front).enumerate() {
+            // w in units of f.
+            let inverse_width = approach.inverse_width / gradient[i].length().max(R::min_positive_value());
+            if f[i] * inverse_width >= R::one() {
+                continue;
+            }
             let pixel = approach.sample as u32 / self.spp;
-            let rgb = (front - primary.radiance[approach.sample]) * (weight * approach.inverse_width);
+            let rgb = (front - primary.radiance[approach.sample]) * (weight * inverse_width);
             silhouettes.push(pixel, approach.x, rgb);
         }
         let radiance = means::<R>(&primary.radiance, self.spp);

@@ -46,11 +46,11 @@ pub(super) struct Crossing<R: Real> {
     pub(super) contrast: R::Vec3,
 }
 
-/// How well a crossing is known, in pixels. A silhouette that is off by so much changes nothing that an image shows.
-const TOLERANCE: f64 = 1e-4;
-
-/// How far outside of a silhouette it is looked past it, in pixels.
-const ASIDE: f64 = 1e-3;
+/// How well a crossing is known, in pixels: 1e-4, or 1e-3 in single precision. A silhouette that is off by so much changes nothing
+/// that an image shows.
+fn tolerance<R: Real>() -> f64 {
+    (R::epsilon().to_double() * 1e4).max(1e-4)
+}
 
 /// What a place of a line sees: a ray of its own, or one side of a crossing.
 #[derive(Clone, Copy, Debug)]
@@ -184,7 +184,7 @@ impl<R: Real> Probes<R> {
         for (line, probes) in self.of_line.iter().enumerate() {
             for pair in probes.windows(2) {
                 let width = pair[1].s - pair[0].s;
-                if width > TOLERANCE && !pair[0].crosses && jumps(setup, &lines[line], pair, width) {
+                if width > tolerance::<R>() && !pair[0].crosses && jumps(setup, &lines[line], pair, width) {
                     middles.push((line, (pair[0].s + pair[1].s) * 0.5));
                 }
             }
@@ -219,7 +219,7 @@ fn search<R: Real>(
         let probe = of_line[at];
         let before = of_line[..at].iter().rev().map(|p| p.s).find(|p| *p < s).unwrap_or(s);
         let after = of_line[at..].iter().map(|p| p.s).find(|p| *p > s).unwrap_or(s);
-        let room = [before - 2.0 * TOLERANCE, after + 2.0 * TOLERANCE];
+        let room = [before - 2.0 * tolerance::<R>(), after + 2.0 * tolerance::<R>()];
         let least = setup.bounds.radius * R::of(REACH);
         let mut start = |t: R, reach: R, steepest: f64| {
             let (s, range) = (R::of(s), room.map(R::of));
@@ -237,14 +237,14 @@ fn search<R: Real>(
         }
     }
     let fans = Fans { setup, lines: origins.iter().map(|o| lines[o.line]).collect() };
-    let tolerance = R::of(TOLERANCE).max(R::epsilon() * R::of(1e4));
-    for (tangency, origin) in tangencies(setup.field, &fans, &starts, tolerance).into_iter().zip(&origins) {
+    let tolerance = tolerance::<R>();
+    for (tangency, origin) in tangencies(setup.field, &fans, &starts, R::of(tolerance)).into_iter().zip(&origins) {
         let Some(tangency) = tangency else { continue };
         let s = tangency.s.to_double();
         let inside = s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s);
         let near = |other: &Found<R>| {
             other.line == origin.line
-                && (other.tangency.s - tangency.s).to_double().abs() < 10.0 * TOLERANCE
+                && (other.tangency.s - tangency.s).to_double().abs() < 10.0 * tolerance
                 && (other.tangency.t - tangency.t).abs() < setup.bounds.radius * R::of(SAME)
         };
         if inside && !found.iter().any(near) {
@@ -269,7 +269,7 @@ fn visible<R: Real>(
     lines: &[Line],
     found: &[Found<R>],
 ) -> Result<Vec<(Crossing<R>, R, R)>, InvalidField> {
-    let aside = ASIDE.max(R::epsilon().to_double() * 1e5);
+    let aside = 10.0 * tolerance::<R>();
     let outside = |f: &Found<R>| {
         let away = if f.tangency.slope > R::zero() { aside } else { -aside };
         lines[f.line].at(f.tangency.s.to_double() + away)

@@ -65,7 +65,11 @@ pub struct Primary<R: Real> {
     pub invalid: Option<usize>,
 }
 
-/// A camera inside the bounding ball starts half-way to the nearest surface: the chart is singular at the eye.
+/// A camera inside the bounding ball, or this close to it in bounding radii, starts half-way to the nearest surface: the chart
+/// is singular at the eye.
+const AT_THE_EYE: f64 = 1e-3;
+
+/// Half the way from the eye to the nearest surface.
 fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
     field.value(&[eye], &mut f);
@@ -134,13 +138,13 @@ impl<R: Real> Setup<'_, R> {
                 let camera = &self.cameras[sample.camera];
                 let eye = R::Vec3::of(camera.eye);
                 let mut ray = Ray::enter(eye, R::Vec3::of(camera.direction(sample.u)), &self.bounds)?;
-                if ray.near == R::zero() {
+                if ray.near < self.bounds.radius * R::of(AT_THE_EYE) {
                     let clear = match start {
                         Some((index, clear)) if index == sample.camera => clear,
                         _ => clear_of_the_eye(self.field, eye),
                     };
                     start = Some((sample.camera, clear));
-                    ray.near = clear.min(ray.far);
+                    ray.near = clear.max(ray.near).min(ray.far);
                 }
                 Some(ray)
             })

@@ -32,7 +32,7 @@ pub struct Refined {
 }
 
 /// Probes of a line between its ends.
-const PROBES: u32 = 2;
+const PROBES: u32 = 1;
 
 /// One in so many of a pixel's samples looks whether a silhouette may cross it. The others are spared if so.
 const SCOUTS: u32 = 4;
