@@ -20,23 +20,29 @@ fn error(got: &[f32], want: &[f32]) -> f64 {
 
 #[test]
 fn derivative_images_match_independent_ones() {
+    // The published estimator's 22 points are a large bias for motion along the view.
+    let radius_and_sideways = ["/sdf/radius", "/sdf/center/0"];
+    derivative_images_match("refined", &["/sdf/radius", "/sdf/center/0", "/sdf/center/2"], 0.02);
+    derivative_images_match("paper", &radius_and_sideways, 0.05);
+    derivative_images_match("contour", &radius_and_sideways, 0.01);
+}
+
+fn derivative_images_match(estimator: &str, wrt: &[&str], allowed: f64) {
     for scene in ["sphere", "sphere_lambert"] {
         let Some(file) = shared(&format!("reference/gradients/{scene}.json")) else { return };
         let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("g.npy");
-        let (file_text, out_text) = (file.to_string_lossy(), out.to_string_lossy());
-        let arguments =
-            ["gradient", &file_text, "--wrt", "/sdf/radius", "--wrt", "/sdf/center/0", "--spp", "256", "-o", &out_text];
+        let out = folder.path().join("g.npy").to_string_lossy().into_owned();
+        let file_text = file.to_string_lossy();
+        let mut arguments = vec!["gradient", &file_text, "--estimator", estimator, "--spp", "256", "-o", &out];
+        wrt.iter().for_each(|wrt| arguments.extend(["--wrt", wrt]));
         let report = dsdf_json(&arguments);
-        assert!(
-            report["seconds"].as_f64().unwrap() > 0.0 && report["evaluations"]["hessian_vector"].as_u64().unwrap() > 0
-        );
-        for pointer in ["sdf_radius", "sdf_center_0"] {
+        assert!(report["seconds"].as_f64().unwrap() > 0.0 && report["evaluations"]["gradient"].as_u64().unwrap() > 0);
+        for pointer in wrt.iter().map(|wrt| wrt.trim_start_matches('/').replace('/', "_")) {
             let want = npy(&file.with_file_name(format!("{scene}.d_{pointer}.npy")));
             let got = npy(&folder.path().join(format!("g.{pointer}.npy")));
             let error = error(&got, &want);
-            println!("{scene} {pointer}: {error:.4}");
-            assert!(error <= 0.05, "{scene} {pointer}: relative L2 error {error}");
+            println!("{scene} {pointer}, {estimator}: {error:.4}");
+            assert!(error <= allowed, "{scene} {pointer}, {estimator}: relative L2 error {error}");
         }
     }
 }

@@ -3,7 +3,9 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use anyhow::Context;
 use image::{Rgb, RgbImage};
+use serde_json::{Value, json};
 
 use super::reference::box_filtered;
 use crate::dsdf::{Image, gradient, scene};
@@ -12,7 +14,8 @@ const SEEDS: u32 = 32;
 const SPP: &str = "16";
 const SCENES: [&str; 3] = ["disc.constant", "disc.lambert", "torus.constant"];
 const ESTIMATORS: [&str; 3] = ["gaussian", "paper", "refined"];
-const ZOOM: u32 = 12;
+const MORE: u32 = 3;
+const ZOOM: u32 = 5;
 
 pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     let mut table = format!(
@@ -22,10 +25,10 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     let mut csv = String::from("scene,wrt,estimator,interior_variance,silhouette_variance\n");
     for name in SCENES {
         eprintln!("{name}");
-        let scene = scene(name)?;
+        let scene = magnified(scene(name)?)?;
         let wrt = vec![if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" }.to_owned()];
         let reference = box_filtered(binary, &scene, &wrt)?.remove(0);
-        let coverage = mask(&reference, binary, &scene, &wrt)?;
+        let coverage = mask(&reference, binary, &scene)?;
         let scale = reference.norm().powi(2) / reference.pixels.len() as f64;
         let mut variances = Vec::new();
         for estimator in ESTIMATORS {
@@ -40,7 +43,7 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
             let mean = |kind: Kind| {
                 let own: Vec<f64> =
                     variance.iter().zip(&coverage).filter(|(_, k)| **k == kind).map(|(v, _)| *v).collect();
-                own.iter().sum::<f64>() / own.len().max(1) as f64
+                own.iter().fold(0.0, |sum, v| sum + v) / own.len().max(1) as f64
             };
             let (inside, edge) = (mean(Kind::Inside), mean(Kind::Silhouette));
             let _ = writeln!(table, "| {name} | {} | {estimator} | {inside:.3e} | {edge:.3e} |", wrt[0]);
@@ -54,6 +57,17 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     super::write(folder, "filters.md", table)
 }
 
+/// The scene on a film with more pixels, so that there are some far from silhouettes.
+fn magnified(mut scene: Value) -> anyhow::Result<Value> {
+    let camera = scene.get_mut("camera").context("a camera")?;
+    for key in ["width", "height", "focal"] {
+        camera[key] = json!(camera[key].as_f64().context(key)? as u32 * MORE);
+    }
+    let middle = camera["principal"].as_array_mut().context("camera/principal")?;
+    middle.iter_mut().for_each(|v| *v = json!(v.as_f64().unwrap_or_default() * f64::from(MORE)));
+    Ok(scene)
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Inside,
@@ -64,7 +78,7 @@ enum Kind {
 /// What each pixel is: a silhouette crosses it, or one passes within two pixels, or neither and it is covered or not.
 ///
 /// The derivative by a shift of the whole background tells coverage.
-fn mask(reference: &Image, binary: &Path, scene: &serde_json::Value, _: &[String]) -> anyhow::Result<Vec<Kind>> {
+fn mask(reference: &Image, binary: &Path, scene: &Value) -> anyhow::Result<Vec<Kind>> {
     let background = vec!["/background/0".to_owned()];
     let seen = gradient(binary, scene, &background, &["--estimator", "contour", "--spp", "256"])?.images.remove(0);
     let (width, height) = (reference.width as i64, (reference.pixels.len() / reference.width) as i64);
