@@ -119,6 +119,18 @@ fn gradients_of_nothing_are_refused() {
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"], 2, &["top_k"]);
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--gamma", "nan"], 2, &["gamma"]);
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--estimator", "magic"], 2, &["magic", "paper"]);
+    let gradient = |flags: &[&str], words: &[&str]| {
+        refused(&[&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out], flags].concat(), 2, words);
+    };
+    gradient(&["--filter", "tent"], &["--filter", "tent", "box or gaussian"]);
+    gradient(&["--filter", "gaussian", "--estimator", "refined"], &["--filter", "gaussian", "box", "refined"]);
+    gradient(&["--filter", "box", "--estimator", "was"], &["--filter", "box", "gaussian", "was"]);
+    gradient(&["--estimator", "paper", "--top-k", "1"], &["top_k", "1", "leaves one point none"]);
+    refused(
+        &["gradient", &path, "--target", &path, "-o", "g.safetensors", "--estimator", "fd"],
+        2,
+        &["--estimator", "fd"],
+    );
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &folder.path("g.png")], 2, &[".npy"]);
     refused(&["gradient", &path, "-o", &out], 2, &["--wrt"]);
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--steps", "0"], 2, &["--steps"]);

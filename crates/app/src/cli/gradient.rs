@@ -30,16 +30,17 @@ pub(crate) struct Gradient {
     /// Where to write: .npy or .exr for --wrt, .safetensors for --target
     #[arg(short, long)]
     output: PathBuf,
-    /// The estimator: refined, paper, paper-all, interior, gaussian, was, loubet, band, contour or fd
-    #[arg(long, default_value = "refined")]
-    estimator: String,
+    /// The estimator: refined, paper, paper-all, interior, gaussian, was, loubet, band, contour or fd [default: refined, or
+    /// gaussian with --filter gaussian]
+    #[arg(long)]
+    estimator: Option<String>,
     /// Samples a pixel
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
-    /// Samples on each edge between pixels [default: half of --spp]
+    /// Samples on each edge between pixels; with refined, lines along each axis of a pixel [default: half of --spp]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     edge_samples: Option<u32>,
-    /// N: points of the quadrature along a ray
+    /// N: points of the quadrature along a ray; like the four below of the warps alone (paper, paper-all, gaussian)
     #[arg(long, default_value_t = 22, value_parser = clap::value_parser!(u32).range(1..=65536))]
     steps: u32,
     /// k: points that keep a weight
@@ -138,12 +139,21 @@ impl Gradient {
     }
 
     fn sampling(&self) -> Result<Sampling, InputError> {
-        let method = self.estimator.parse::<Method>();
-        let method = method.map_err(|e| InputError::new(ARGUMENTS, "--estimator", &self.estimator, e))?;
-        let own = if method.filter() == Filter::Box { "box" } else { "gaussian" };
-        if self.filter.as_ref().is_some_and(|filter| filter != own) {
+        let gaussian = match self.filter.as_deref() {
+            None | Some("box") => false,
+            Some("gaussian") => true,
+            Some(other) => return Err(InputError::new(ARGUMENTS, "--filter", other, "box or gaussian")),
+        };
+        let name = self.estimator.as_deref().unwrap_or(if gaussian { "gaussian" } else { "refined" });
+        let method = name.parse::<Method>();
+        let mut method = method.map_err(|e| InputError::new(ARGUMENTS, "--estimator", name, e))?;
+        if gaussian && method == Method::Paper {
+            method = Method::Gaussian;
+        }
+        if self.filter.is_some() && gaussian != (method.filter() == Filter::Gaussian) {
+            let own = if gaussian { "box" } else { "gaussian" };
             let found = self.filter.as_deref().unwrap_or_default();
-            let expected = format!("{own}, the filter of --estimator {}", method.name());
+            let expected = format!("{own}, the filter of --estimator {name}");
             return Err(InputError::new(ARGUMENTS, "--filter", found, expected));
         }
         let edge_samples = self.edge_samples.unwrap_or_else(|| self.spp.div_ceil(2));

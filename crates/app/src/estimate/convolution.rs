@@ -187,3 +187,51 @@ impl<R: Real> Estimator<R> for Convolution {
         Ok(Record { radiance, rays, area: vec![area], ..Record::default() })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// Hits at (0.1, 0.2) and so on, one ray that misses.
+    fn cloud() -> Vec<(Option<Seen<f64>>, DVec2)> {
+        let seen = |x: f64, motion, boundary| Some(Seen { x: glam::DVec3::splat(x), motion, boundary });
+        vec![
+            (seen(0.1, [2.0, -1.0], 0.3), DVec2::new(0.1, 0.2)),
+            (seen(0.2, [-0.5, 3.0], 0.01), DVec2::new(-0.15, 0.05)),
+            (None, DVec2::new(0.3, -0.2)),
+            (seen(0.3, [1.0, 1.0], 0.8), DVec2::new(-0.2, -0.25)),
+        ]
+    }
+
+    fn kept(u: DVec2) -> Kept<f64> {
+        // The auxiliary rays stay where they are, and so do the densities that they were drawn by.
+        let (seen, places): (Vec<_>, Vec<_>) = cloud().into_iter().unzip();
+        let density = |at: &DVec2| (-at.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp();
+        let terms: Vec<(f64, [f64; 2])> = seen
+            .iter()
+            .zip(&places)
+            .map(|(seen, at)| {
+                // `harmonic` takes the density at the sample; here it is that at the origin.
+                let (weight, du) = harmonic(seen, u - *at);
+                let here = (-(u - *at).length_squared() / (2.0 * DEVIATION * DEVIATION)).exp() / density(at);
+                (weight * here, du.map(|v| v * here))
+            })
+            .collect();
+        let mut kept = Kept { rays: 1, valid: vec![true], ..Kept::default() };
+        push(&mut kept, 0, &seen, &terms, true);
+        kept
+    }
+
+    #[test]
+    fn the_divergence_of_harmonic_weights_matches_differences() {
+        let f_dot = [0.7, -1.3, 0.4];
+        let (h, here) = (1e-6, kept(DVec2::ZERO));
+        let velocity = |u: DVec2| kept(u).velocity(&f_dot)[0];
+        let difference = (velocity(DVec2::X * h)[0] - velocity(-DVec2::X * h)[0]) / (2.0 * h)
+            + (velocity(DVec2::Y * h)[1] - velocity(-DVec2::Y * h)[1]) / (2.0 * h);
+        let divergence = here.divergence(&f_dot, &[glam::DVec3::ZERO; 3])[0];
+        assert!(difference.abs() > 0.1);
+        assert_relative_eq!(divergence, difference, max_relative = 1e-6);
+    }
+}
