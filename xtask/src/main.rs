@@ -27,7 +27,7 @@ enum Task {
     Figures {
         /// What to measure
         figure: Figure,
-        /// Where to write [default: docs/results/<figure>]
+        /// Where to write [default: docs/results/FIGURE]
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
