@@ -2,6 +2,8 @@
 
 use field::{Field, Real, Vector3};
 
+use super::primary::filter;
+
 /// Points at which the parameter gradient of α f + c·∇f is to be added up.
 #[derive(Clone, Debug)]
 pub struct Adjoints<R: Real> {
@@ -31,12 +33,9 @@ impl<R: Real> Adjoints<R> {
     pub fn backward(mut self, field: &dyn Field<R>, sum: &mut [R]) {
         let keep: Vec<bool> =
             self.alpha.iter().zip(&self.c).map(|(a, c)| *a != R::zero() || *c != R::Vec3::zero()).collect();
-        let mut flags = keep.iter();
-        self.x.retain(|_| flags.next() == Some(&true));
-        let mut flags = keep.iter();
-        self.alpha.retain(|_| flags.next() == Some(&true));
-        let mut flags = keep.iter();
-        self.c.retain(|_| flags.next() == Some(&true));
+        filter(&mut self.x, &keep);
+        filter(&mut self.alpha, &keep);
+        filter(&mut self.c, &keep);
         field.parameter_vjp(&self.x, &self.alpha, &self.c, sum);
     }
 }

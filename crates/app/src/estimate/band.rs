@@ -4,9 +4,10 @@ use field::{Real, Vector3};
 use warp::Projection;
 
 use super::pixels::check_valid;
+use super::primary::normals;
 use super::record::Silhouettes;
 use super::warped::{box_samples, means, plain_area};
-use super::{Estimator, Filter, Pixel, Primary, Record, Sample, Setup};
+use super::{Estimator, Pixel, Primary, Record, Sample, Setup};
 use crate::error::InvalidField;
 
 /// The band's width, in pixels. Silhouettes count where they are, up to half of this further out: a bias. With it the
@@ -53,10 +54,6 @@ fn approaches<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Prima
 }
 
 impl<R: Real> Estimator<R> for Band {
-    fn filter(&self) -> Filter {
-        Filter::Box
-    }
-
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
         let samples = box_samples(pixels, self.spp, seed);
         let primary = setup.primary(&samples);
@@ -64,9 +61,10 @@ impl<R: Real> Estimator<R> for Band {
         let near = approaches(setup, &samples, &primary);
         let x: Vec<R::Vec3> = near.iter().map(|a| a.x).collect();
         let direction: Vec<R::Vec3> = near.iter().map(|a| a.direction).collect();
-        let front = setup.shade(&x, &direction);
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
         setup.field.value_gradient(&x, &mut f, &mut gradient);
+        let mut front = vec![R::Vec3::zero(); x.len()];
+        setup.shader.radiance(&x, &normals::<R>(&gradient), &direction, &mut front);
         let weight = R::one() / R::of(f64::from(self.spp));
         let mut silhouettes = Silhouettes::default();
         for (i, (approach, front)) in near.iter().zip(front).enumerate() {

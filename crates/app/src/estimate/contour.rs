@@ -7,7 +7,7 @@ use trace::Outcome;
 use super::lines::{Crossing, Line};
 use super::pixels::{check_valid, first_invalid};
 use super::refined::between;
-use super::{Estimator, Filter, Pixel, Record, Sample, Setup};
+use super::{Estimator, Pixel, Record, Sample, Setup};
 use crate::error::InvalidField;
 
 /// Silhouettes as polygons through the edges of a grid of cells, and the smooth part along the grid's lines.
@@ -144,10 +144,6 @@ impl Contour {
 }
 
 impl<R: Real> Estimator<R> for Contour {
-    fn filter(&self) -> Filter {
-        Filter::Box
-    }
-
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], _: u64) -> Result<Record<R>, InvalidField> {
         let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
         let mut all = Vec::with_capacity(pixels.len());

@@ -7,7 +7,7 @@ use warp::{Kept, Projection};
 use super::pixels::{check_valid, first_invalid};
 use super::record::AreaWarp;
 use super::warped::{gaussian_samples, means, plain_area};
-use super::{Estimator, Filter, Pixel, Record, Sample, Setup, Warped};
+use super::{Estimator, Pixel, Record, Sample, Setup, Warped};
 use crate::error::InvalidField;
 use crate::sampler::{gaussian, mix, sobol};
 
@@ -170,10 +170,6 @@ fn see<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]) -> Result<Vec<Option<S
 }
 
 impl<R: Real> Estimator<R> for Convolution {
-    fn filter(&self) -> Filter {
-        Filter::Gaussian
-    }
-
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
         let (samples, filter_du) = gaussian_samples(pixels, self.spp, seed);
         let primary = setup.primary(&samples);

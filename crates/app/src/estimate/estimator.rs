@@ -38,9 +38,6 @@ pub enum Filter {
 /// An estimator samples pixels and leaves a [`Record`]: everything that is linear in the pixels' adjoints. Records serve
 /// derivative images and parameter gradients alike, so an estimator is written once.
 pub trait Estimator<R: Real>: Send + Sync {
-    /// The filter of the image whose derivative is estimated.
-    fn filter(&self) -> Filter;
-
     /// Samples pixels. The same pixels and seed give the same bits.
     ///
     /// # Errors
@@ -122,7 +119,7 @@ impl Method {
             Method::Was => Box::new(Convolution::harmonic(spp)),
             Method::Loubet => Box::new(Convolution::mean(spp)),
             Method::Band => Box::new(Band { spp }),
-            Method::Refined => Box::new(Refined::new(spp, edge_samples)),
+            Method::Refined => Box::new(Refined { spp, lines: edge_samples }),
             Method::Contour => Box::new(Contour::new(spp)),
             Method::FiniteDifferences => return None,
         })

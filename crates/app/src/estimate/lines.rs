@@ -4,10 +4,9 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use trace::{Outcome, Start, Tangency, Turn, tangencies};
 
+use super::pixels::{check_valid, first_invalid};
 use super::{Sample, Setup};
 use crate::error::InvalidField;
-
-use super::pixels::{check_valid, first_invalid};
 
 /// A line across a pixel along a film axis: s in [0, 1] runs from one border to the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,8 +108,8 @@ struct Found<R: Real> {
 /// Rounds of halving an interval whose ends see different things before it is left alone.
 const HALVINGS: u32 = 12;
 
-/// Finds the visible silhouettes that lines cross. `inner` are the places of a line's probes between its ends, the same
-/// number for each line. Also counts the rays.
+/// Finds the visible silhouettes that lines cross. `inner` is the place of each line's probe between its ends. Also counts the
+/// rays.
 ///
 /// A silhouette is found from a ray that passes it by with nothing in between (the tracer's record of its closest approach),
 /// by Newton's method; where two rays see different surfaces and no crossing explains it, rays are added halfway.
@@ -118,10 +117,9 @@ const HALVINGS: u32 = 12;
 pub(super) fn crossings<R: Real>(
     setup: &Setup<'_, R>,
     lines: &[Line],
-    inner: &[Vec<f64>],
+    inner: &[f64],
 ) -> Result<(Vec<Crossing<R>>, u64), InvalidField> {
-    let places = |line: usize| std::iter::once(0.0).chain(inner[line].iter().copied()).chain(std::iter::once(1.0));
-    let all: Vec<(usize, f64)> = (0..lines.len()).flat_map(|l| places(l).map(move |s| (l, s))).collect();
+    let all: Vec<(usize, f64)> = (0..lines.len()).flat_map(|l| [0.0, inner[l], 1.0].map(|s| (l, s))).collect();
     let mut probes = Probes { of_line: vec![Vec::new(); lines.len()], rays: 0 };
     probes.add(setup, lines, &all)?;
     let (mut known, mut seen): (Vec<Found<R>>, Vec<Crossing<R>>) = (Vec::new(), Vec::new());

@@ -192,15 +192,6 @@ impl<R: Real> Setup<'_, R> {
         }
         Primary { rays, found, radiance, hits, x, gradient, normal, direction, t, invalid }
     }
-
-    /// The radiance of points, each seen along a direction.
-    pub fn shade(&self, x: &[R::Vec3], direction: &[R::Vec3]) -> Vec<R::Vec3> {
-        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-        self.field.value_gradient(x, &mut f, &mut gradient);
-        let mut rgb = vec![R::Vec3::zero(); x.len()];
-        self.shader.radiance(x, &normals::<R>(&gradient), direction, &mut rgb);
-        rgb
-    }
 }
 
 /// Unit normals from gradients.

@@ -10,7 +10,7 @@ use trace::Outcome;
 use super::lines::{Crossing, Line, crossings};
 use super::near::near_silhouettes;
 use super::pixels::{check_valid, first_invalid, pixel_samples};
-use super::{Area, Estimator, Filter, Pixel, Record, Sample, Setup};
+use super::{Area, Estimator, Pixel, Record, Sample, Setup};
 use crate::error::InvalidField;
 use crate::sampler::{mix, sobol};
 
@@ -31,9 +31,6 @@ pub struct Refined {
     pub lines: u32,
 }
 
-/// Probes of a line between its ends.
-const PROBES: u32 = 1;
-
 /// One in so many of a pixel's samples looks whether a silhouette may cross it. The others are spared if so.
 const SCOUTS: u32 = 4;
 
@@ -44,22 +41,7 @@ const CORNER_REACH: f64 = 0.75;
 /// Samples of the smooth part on a line; at least one between two silhouettes.
 const SEGMENT_RAYS: u32 = 2;
 
-impl Refined {
-    /// An estimator with as many lines a pixel as edges would have samples.
-    pub fn new(spp: u32, edge_samples: u32) -> Self {
-        Refined { spp, lines: edge_samples.div_ceil(LINE_COST) }
-    }
-}
-
-/// Samples on edges that one line along each axis stands for.
-const LINE_COST: u32 = 1;
-
-/// Where a line is probed, for a uniform number.
-fn probe_places(along: f64) -> Vec<f64> {
-    (0..PROBES).map(|j| (f64::from(j) + along) / f64::from(PROBES)).collect()
-}
-
-/// The lines of a pixel, with a uniform number each.
+/// The lines of a pixel, with a uniform number each, which places its probe and its samples.
 fn pixel_lines(index: u32, pixel: &Pixel, count: u32, seed: u64, lines: &mut Vec<Line>, along: &mut Vec<f64>) {
     for axis in 0..2 {
         let stream = mix(mix(seed, 0x11e5 + axis as u64), u64::from(pixel.y) << 32 | u64::from(pixel.x));
@@ -74,10 +56,6 @@ fn pixel_lines(index: u32, pixel: &Pixel, count: u32, seed: u64, lines: &mut Vec
 }
 
 impl<R: Real> Estimator<R> for Refined {
-    fn filter(&self) -> Filter {
-        Filter::Box
-    }
-
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
         let all: Vec<u32> = (0..pixels.len() as u32).collect();
         let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
@@ -156,12 +134,11 @@ impl Refined {
         seed: u64,
         record: &mut Record<R>,
     ) -> Result<(), InvalidField> {
-        let (mut lines, mut probes) = (Vec::new(), Vec::new());
+        let (mut lines, mut along) = (Vec::new(), Vec::new());
         for &i in near {
-            pixel_lines(i, &pixels[i as usize], self.lines, seed, &mut lines, &mut probes);
+            pixel_lines(i, &pixels[i as usize], self.lines, seed, &mut lines, &mut along);
         }
-        let places: Vec<Vec<f64>> = probes.iter().map(|along| probe_places(*along)).collect();
-        let (mut crossings, rays) = crossings(setup, &lines, &places)?;
+        let (mut crossings, rays) = crossings(setup, &lines, &along)?;
         record.rays += rays;
         for crossing in &crossings {
             let line = &lines[crossing.line];
@@ -174,7 +151,7 @@ impl Refined {
             }
         }
         crossings.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
-        between(setup, &lines, (&probes, SEGMENT_RAYS), &crossings, record)
+        between(setup, &lines, (&along, SEGMENT_RAYS), &crossings, record)
     }
 }
 

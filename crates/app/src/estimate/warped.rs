@@ -70,10 +70,6 @@ pub(super) fn plain_area<R: Real>(samples: Vec<Sample>, primary: Primary<R>, spp
 }
 
 impl<R: Real> Estimator<R> for WarpedArea {
-    fn filter(&self) -> Filter {
-        self.filter
-    }
-
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
         let mut setup = *setup;
         if self.all_points {
