@@ -58,6 +58,8 @@ fn scenes_are_read_strictly() {
         cases.push((s, word));
     };
     change("/sdf/radios", json!(1), "/sdf/radios");
+    change("/appearance/radiance", json!([1e38, 1, 1]), "none beyond 1e30");
+    change("/background", json!([0, -1e300, 0]), "none beyond 1e30");
     change("/sdf/radius", json!("big"), "/sdf/radius");
     change("/sdf/radius", json!(-1), "/sdf/radius");
     change("/sdf/type", json!("ball"), "/sdf/type");
@@ -116,7 +118,7 @@ fn gradients_of_nothing_are_refused() {
     let folder = Folder::new();
     let (path, out) = (folder.write("scene.json", &scene()), folder.path("g.npy"));
     refused(&["gradient", &path, "--wrt", "/sdf/height", "-o", &out], 2, &["/sdf/height"]);
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"], 2, &["top_k"]);
+    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"], 2, &["--top-k"]);
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--gamma", "nan"], 2, &["gamma"]);
     refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--estimator", "magic"], 2, &["magic", "paper"]);
     let gradient = |flags: &[&str], words: &[&str]| {
@@ -125,7 +127,10 @@ fn gradients_of_nothing_are_refused() {
     gradient(&["--filter", "tent"], &["--filter", "tent", "box or gaussian"]);
     gradient(&["--filter", "gaussian", "--estimator", "refined"], &["--filter", "gaussian", "box", "refined"]);
     gradient(&["--filter", "box", "--estimator", "was"], &["--filter", "box", "gaussian", "was"]);
-    gradient(&["--estimator", "paper", "--top-k", "1"], &["top_k", "1", "leaves one point none"]);
+    gradient(&["--estimator", "paper", "--top-k", "1"], &["--top-k", "1", "leaves one point none"]);
+    gradient(&["--gamma", "-2"], &["--gamma", "found -2", "above 0"]);
+    gradient(&["--seed", "-1"], &["--seed", "-1"]);
+    gradient(&["--threads", "-1"], &["--threads", "-1"]);
     refused(
         &["gradient", &path, "--target", &path, "-o", "g.safetensors", "--estimator", "fd"],
         2,

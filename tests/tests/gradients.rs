@@ -19,6 +19,8 @@ struct Case {
     bias: f64,
     #[serde(default = "error")]
     error: f64,
+    #[serde(default = "reference")]
+    reference: u32,
 }
 
 fn bias() -> f64 {
@@ -27,6 +29,10 @@ fn bias() -> f64 {
 
 fn error() -> f64 {
     0.02
+}
+
+fn reference() -> u32 {
+    1024
 }
 
 const SEEDS: u32 = 16;
@@ -94,7 +100,7 @@ fn leave_pictures(name: &str, reference: &[f32], actual: &[f32]) -> PathBuf {
 }
 
 fn check(case: &Case) -> Result<(), String> {
-    let (reference, _) = images(case, "contour", 1024, 0);
+    let (reference, _) = images(case, "contour", case.reference, 0);
     let runs: Vec<_> = (0..SEEDS).map(|seed| images(case, "refined", SPP, seed)).collect();
     let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
     let mut failures = Vec::new();

@@ -69,6 +69,19 @@ const ROUGH: f64 = 0.05;
 /// within a fifth of the interval.
 const KINKED: f64 = 0.25;
 
+/// Gradients that differ by this part are of two faces; one of these may lie behind a smooth minimum that is not its own.
+const FACES: f64 = 0.1;
+
+/// How closely two faces enclose a minimum at an edge, in tolerances.
+const TIGHT: f64 = 10.0;
+
+/// Where the gradients on both sides of a minimum cancel to this part of them, there may be no inside at all (a solid without its
+/// own points has a surface and a kink everywhere): it is looked for.
+const CANCELLED: f64 = 0.1;
+
+/// How far inside, in tolerances.
+const INSIDE: f64 = 4.0;
+
 struct Search<R: Real> {
     index: usize,
     start: Start<R>,
@@ -87,6 +100,10 @@ struct Search<R: Real> {
     outside: Option<R>,
     inside: Option<R>,
     clamped: bool,
+    /// Whether points on different faces are to enclose the minimum closely.
+    close: bool,
+    /// What was found, while an inside is looked for.
+    doubted: Option<Tangency<R>>,
 }
 
 /// What a search does next.
@@ -152,6 +169,8 @@ impl<R: Real> Search<R> {
             outside: None,
             inside: None,
             clamped: false,
+            close: false,
+            doubted: None,
         }
     }
 
@@ -176,11 +195,19 @@ impl<R: Real> Search<R> {
         // What rounding of the point makes of f.
         let rounding = R::epsilon() * R::of(4.0) * b.t.abs() * a.gradient.length().max(b.gradient.length());
         let next = self.between(a, b, &minimum);
-        if minimum.gap <= known.max(rounding) || next <= a.t || next >= b.t {
+        let known = minimum.gap <= known.max(rounding) && !(self.close && self.differ(a, b, tolerance));
+        if known || next <= a.t || next >= b.t {
             return self.turn_on(turn, a, b, &minimum, tolerance);
         }
         self.t = next;
         Step::Evaluate
+    }
+
+    /// Whether two points are on faces that differ, and not where these meet.
+    fn differ(&self, a: Point<R>, b: Point<R>, tolerance: R) -> bool {
+        let steepest = a.gradient.length().max(b.gradient.length());
+        let finest = tolerance * R::of(TIGHT) * self.turn.length() * b.t;
+        (b.gradient - a.gradient).length() > steepest * R::of(FACES) && b.t - a.t > finest
     }
 
     /// The next place to look for the minimum: where the slope is expected to vanish, or where the tangents meet.
@@ -203,19 +230,34 @@ impl<R: Real> Search<R> {
         let (m, rate) = (minimum.f, minimum.rate);
         *(if m > R::zero() { &mut self.outside } else { &mut self.inside }) = Some(self.s);
         let mut next = self.s - m / rate;
+        if let Some(tangency) = self.doubted {
+            return if a.f.min(b.f) < R::zero() { Step::Found(tangency) } else { Step::Failed };
+        }
         if !next.is_finite() || self.outer > OUTER_LIMIT {
             return Step::Failed;
         }
         if (next - self.s).abs() <= tolerance {
+            if !self.close && self.differ(a, b, tolerance) {
+                self.close = true;
+                self.t = self.between(a, b, minimum);
+                return Step::Evaluate;
+            }
             let at = |t: R| turn.origin(self.index) + self.direction * t;
-            return Step::Found(Tangency {
+            let found = Tangency {
                 s: next,
                 t: minimum.t,
                 points: [at(a.t), at(b.t)],
                 weights: [R::one() - minimum.share, minimum.share],
                 gradient: minimum.gradient,
                 slope: rate,
-            });
+            };
+            let steepest = a.gradient.length().max(b.gradient.length());
+            if minimum.gradient.length() >= R::of(CANCELLED) * steepest {
+                return Step::Found(found);
+            }
+            self.doubted = Some(found);
+            self.look_from(turn, next - tolerance * R::of(INSIDE) * rate.signum(), minimum.t, b.t - a.t);
+            return Step::Evaluate;
         }
         let [from, to] = self.start.range;
         if next < from || next > to {
@@ -236,12 +278,16 @@ impl<R: Real> Search<R> {
                 return Step::Failed;
             }
         }
-        self.s = next;
-        (self.direction, self.turn) = turn.direction(self.index, next);
-        (self.t, self.step) =
-            (minimum.t, (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value())));
-        (self.before, self.after, self.inner) = (None, None, 0);
+        let step = (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value()));
+        self.look_from(turn, next, minimum.t, step);
         Step::Evaluate
+    }
+
+    /// Goes to the ray at s, to look for its minimum from t with a step to its other side.
+    fn look_from(&mut self, turn: &(impl Turn<R> + ?Sized), s: R, t: R, step: R) {
+        (self.s, self.t, self.step) = (s, t, step);
+        (self.direction, self.turn) = turn.direction(self.index, s);
+        (self.before, self.after, self.inner) = (None, None, 0);
     }
 }
 

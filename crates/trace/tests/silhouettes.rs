@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use approx::assert_relative_eq;
-use field::{Counted, Csg, Field, Kind, Real, Shape, Vector3};
+use field::{Counted, Csg, Field, Kind, Operation, Real, Shape, Vector3};
 use glam::DVec3;
 use proptest::prelude::*;
 use trace::{Start, Tangency, Turn, tangencies};
@@ -113,5 +113,42 @@ proptest! {
         let across = aside * exact.cos() - ahead * exact.sin();
         let moved = DVec3::X.dot(across) / edge.length();
         prop_assert!((-f_dot / found.slope - moved).abs() < 1e-3, "{} against {moved}", -f_dot / found.slope);
+    }
+
+    #[test]
+    fn a_smooth_silhouette_beside_a_rim_does_not_know_the_rim(aside in aside(), gap in 3e-4..3e-3f64, off in -0.05..0.05f64) {
+        // A ball with a bite that the tangent ray enters at a flat angle, `gap` behind the silhouette.
+        let turn = plane(aside);
+        let exact = 0.2f64.asin();
+        let (d, _) = Turn::<f64>::direction(&turn, 0, exact);
+        let touch = turn.origin + d * (16.0f64 - 0.64).sqrt();
+        let (radius, chord) = (0.3f64, 0.01f64);
+        let across = d.cross(touch).normalize();
+        let bite = touch + across * (radius * radius - chord * chord).sqrt() + d * (gap + chord);
+        let parts: Vec<Box<dyn Field<f64>>> = vec![
+            Box::new(Shape::<f64>::sphere([0.0; 3], 0.8)),
+            Box::new(Shape::<f64>::sphere(bite.to_array(), radius)),
+        ];
+        let bitten = Csg::new(Operation::Subtraction, parts);
+        // The rim's other end has a silhouette too, and between two minima a search may end.
+        let found = find(&bitten, &turn, exact * (1.0 + off)).filter(|found| (found.s - exact).abs() < 1e-5);
+        let points = found.into_iter().flat_map(|found| found.points.into_iter().zip(found.weights));
+        for (x, weight) in points {
+            let on_the_bite = radius - (x - bite).length() > x.length() - 0.8;
+            prop_assert!(!on_the_bite || weight < 1e-3, "a weight of {weight} on the bite");
+        }
+    }
+
+    #[test]
+    fn a_solid_without_inner_points_has_no_silhouette_but_its_outline(aside in aside(), off in -0.5..0.1f64, more in 0.0..1e-7f64) {
+        let turn = plane(aside);
+        let parts: Vec<Box<dyn Field<f64>>> = vec![
+            Box::new(Shape::<f64>::sphere([0.0; 3], 0.8)),
+            Box::new(Shape::<f64>::sphere([0.0; 3], 0.8 + more)),
+        ];
+        let (exact, shell) = (0.2f64.asin(), Csg::new(Operation::Subtraction, parts));
+        if let Some(found) = find(&shell, &turn, exact * (1.0 + off)) {
+            prop_assert!((found.s - exact).abs() < 1e-3, "{} inside of {exact}", found.s);
+        }
     }
 }

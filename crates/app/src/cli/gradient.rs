@@ -81,6 +81,9 @@ struct Report {
 const STEP_PIXELS: f64 = 0.05;
 const STEP: f64 = 1e-2;
 
+/// How often a step is halved before a number counts as one without room.
+const STEP_HALVINGS: i32 = 20;
+
 /// What the messages about flags name as their file.
 const ARGUMENTS: &str = "arguments";
 
@@ -169,7 +172,10 @@ impl Gradient {
             epsilon: constant(self.epsilon),
             ..warp::Options::default()
         };
-        options.validate().map_err(|e| InputError::new(ARGUMENTS, "warp", e, "values that leave a weight"))?;
+        let refused = |e: warp::InvalidOptions| {
+            InputError::new(ARGUMENTS, format!("--{}", e.name.replace('_', "-")), e.found, e.expected)
+        };
+        options.validate().map_err(refused)?;
         Ok(options)
     }
 
@@ -217,13 +223,21 @@ impl Gradient {
         for (done, wrt) in self.wrt.iter().enumerate() {
             let step = if wrt.starts_with("/sdf/") { STEP_PIXELS * pixel } else { STEP };
             let share = |fraction: f64| progress((done as f64 + fraction) / self.wrt.len() as f64);
-            derivatives.push(finite_difference(sampling, step, &share, |offset, part| {
+            let moved = |offset: f64| {
                 let mut value = value.clone();
-                let number = value.pointer_mut(wrt);
-                if let Some(number) = number {
+                if let Some(number) = value.pointer_mut(wrt) {
                     *number = (number.as_f64().unwrap_or_default() + offset).into();
                 }
-                let moved = Scene::from_value(&self.scene, &value)?;
+                Scene::from_value(&self.scene, &value)
+            };
+            // A small number has room for a small step only.
+            let mut steps = (0..STEP_HALVINGS).map(|i| step * 0.5f64.powi(i));
+            let step = steps.find(|step| moved(*step).is_ok() && moved(-step).is_ok()).ok_or_else(|| {
+                let found = value.pointer(wrt).map_or_else(String::new, ToString::to_string);
+                InputError::new(&self.scene, wrt, found, "a number with room on both sides, for finite differences")
+            })?;
+            derivatives.push(finite_difference(sampling, step, &share, |offset, part| {
+                let moved = moved(offset)?;
                 let field = Counted::new(moved.sdf.build::<R>()?);
                 let shader = moved.shader::<R>(&field)?;
                 let cameras = [moved.camera];
@@ -239,6 +253,11 @@ impl Gradient {
     fn write_images(&self, derivatives: &[Derivative], seconds: f64) -> anyhow::Result<Report> {
         let mut outputs = Vec::new();
         for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
+            if let Some(bad) = derivative.film.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
+                let (x, y) = (bad as u32 % derivative.film.width, bad as u32 / derivative.film.width);
+                let found = format!("a derivative of {:?} in pixel ({x}, {y})", derivative.film.pixels[bad]);
+                return Err(InputError::new(&self.scene, wrt, found, "one within single precision").into());
+            }
             let path = if self.wrt.len() == 1 { self.output.clone() } else { suffixed(&self.output, wrt) };
             write_image(&path, &derivative.film)?;
             outputs.push(path);

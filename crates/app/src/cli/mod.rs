@@ -13,7 +13,7 @@ mod synth;
 
 use std::ffi::OsString;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::exit_status;
 
@@ -52,7 +52,9 @@ enum Command {
 /// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or input, 130 after
 /// Ctrl-C, 1 for anything else.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(arguments) {
+    let command = with_negative_numbers(Cli::command()).mut_subcommands(with_negative_numbers);
+    let parsed = command.try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
@@ -73,6 +75,14 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             exit_status(&error)
         }
     }
+}
+
+/// "-1" is a value to be judged, not an unknown flag.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command.mut_args(|arg| {
+        let valued = arg.get_action().takes_values();
+        arg.allow_negative_numbers(valued)
+    })
 }
 
 fn execute(cli: Cli) -> anyhow::Result<()> {

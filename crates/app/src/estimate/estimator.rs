@@ -131,6 +131,6 @@ impl FromStr for Method {
 
     fn from_str(name: &str) -> Result<Self, String> {
         let found = Self::ALL.iter().find(|(known, _)| *known == name);
-        found.map(|(_, method)| *method).ok_or_else(|| format!("expected one of {}", Self::names()))
+        found.map(|(_, method)| *method).ok_or_else(|| format!("one of {}", Self::names()))
     }
 }

@@ -4,6 +4,7 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use trace::{Outcome, Start, Tangency, Turn, tangencies};
 
+use super::neighbours::Neighbours;
 use super::pixels::{check_valid, first_invalid};
 use super::{Sample, Setup};
 use crate::error::InvalidField;
@@ -47,7 +48,7 @@ pub(super) struct Crossing<R: Real> {
 
 /// How well a crossing is known, in pixels: 1e-4, or 1e-3 in single precision. A silhouette that is off by so much changes nothing
 /// that an image shows.
-fn tolerance<R: Real>() -> f64 {
+pub(super) fn tolerance<R: Real>() -> f64 {
     (R::epsilon().to_double() * 1e4).max(1e-4)
 }
 
@@ -72,12 +73,30 @@ struct Probes<R> {
     rays: u64,
 }
 
+/// Searches for silhouettes: where each starts, and what it belongs to.
+pub(super) struct Searches<R> {
+    starts: Vec<Start<R>>,
+    origins: Vec<Origin>,
+}
+
 /// What a search belongs to.
 #[derive(Clone, Copy, Debug)]
 struct Origin {
     line: usize,
-    /// The probes that it lies between.
+    /// What it may find lies between these.
     between: [f64; 2],
+}
+
+impl<R: Real> Searches<R> {
+    pub(super) fn new() -> Self {
+        Searches { starts: Vec::new(), origins: Vec::new() }
+    }
+
+    /// Adds a search along `line` from the ray at `s` and the distance `t`.
+    pub(super) fn push(&mut self, line: usize, s: f64, t: R, between: [f64; 2], reach: R, steepest: f64) {
+        self.starts.push(Start { s: R::of(s), t, range: between.map(R::of), reach, steepest: R::of(steepest) });
+        self.origins.push(Origin { line, between });
+    }
 }
 
 /// The rays of searches: a film line each.
@@ -98,22 +117,53 @@ impl<R: Real> Turn<R> for Fans<'_, R> {
     }
 }
 
-/// A silhouette that a line crosses, whether it is seen or not.
+/// The silhouettes that lines cross, whether they are seen or not.
+pub(super) struct Known<R: Real> {
+    all: Vec<Found<R>>,
+    of_line: Vec<Vec<usize>>,
+}
+
+/// A silhouette that a line crosses.
 #[derive(Clone, Copy, Debug)]
-struct Found<R: Real> {
-    line: usize,
-    tangency: Tangency<R>,
+pub(super) struct Found<R: Real> {
+    pub(super) line: usize,
+    pub(super) tangency: Tangency<R>,
+}
+
+impl<R: Real> Known<R> {
+    /// Those of a line.
+    pub(super) fn of(&self, line: usize) -> impl Iterator<Item = &Tangency<R>> {
+        self.of_line[line].iter().map(|&i| &self.all[i].tangency)
+    }
+
+    /// Adds a silhouette unless it is known.
+    fn add(&mut self, found: Found<R>, radius: R) {
+        let near = |other: &Tangency<R>| {
+            (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()
+                && (other.t - found.tangency.t).abs() < radius * R::of(SAME)
+        };
+        if self.of_line[found.line].len() < CROSSINGS && !self.of(found.line).any(near) {
+            self.of_line[found.line].push(self.all.len());
+            self.all.push(found);
+        }
+    }
 }
 
 /// Rounds of halving an interval whose ends see different things before it is left alone.
 const HALVINGS: u32 = 12;
 
+/// Silhouettes and rays of one line at most: on a surface that is nowhere and everywhere (a solid without its own points) a
+/// search would find ever more.
+const CROSSINGS: usize = 64;
+const PROBES: usize = 256;
+
 /// Finds the visible silhouettes that lines cross. `inner` is the place of each line's probe between its ends. Also counts the
 /// rays.
 ///
 /// A silhouette is found from a ray that passes it by with nothing in between (the tracer's record of its closest approach),
-/// by Newton's method; where two rays see different surfaces and no crossing explains it, rays are added halfway.
-/// What lies between two probes and shows in neither is not found: more probes find it.
+/// by Newton's method; from there it is followed to the lines beside, so that what is thin is found by all lines once one ray has seen it.
+/// Where two rays see different surfaces and no crossing explains it, rays are added halfway.
+/// What lies between all probes of a pixel and shows in none is not found: more probes find it.
 pub(super) fn crossings<R: Real>(
     setup: &Setup<'_, R>,
     lines: &[Line],
@@ -122,14 +172,19 @@ pub(super) fn crossings<R: Real>(
     let all: Vec<(usize, f64)> = (0..lines.len()).flat_map(|l| [0.0, inner[l], 1.0].map(|s| (l, s))).collect();
     let mut probes = Probes { of_line: vec![Vec::new(); lines.len()], rays: 0 };
     probes.add(setup, lines, &all)?;
-    let (mut known, mut seen): (Vec<Found<R>>, Vec<Crossing<R>>) = (Vec::new(), Vec::new());
+    let mut known = Known { all: Vec::new(), of_line: vec![Vec::new(); lines.len()] };
+    let (neighbours, mut seen): (Neighbours, Vec<Crossing<R>>) = (Neighbours::new(lines), Vec::new());
     let mut fresh: Vec<(usize, f64)> = all;
     for _ in 0..HALVINGS {
-        let before = known.len();
-        search(setup, lines, &probes, &fresh, &mut known);
-        for (crossing, inside, outside) in visible(setup, lines, &known[before..])? {
-            probes.close(&crossing, inside, outside);
-            seen.push(crossing);
+        let mut searches = probes.approaches(setup, lines, &fresh);
+        while !searches.starts.is_empty() {
+            let before = known.all.len();
+            search(setup, lines, &searches, &mut known);
+            for (crossing, inside, outside) in visible(setup, lines, &known.all[before..])? {
+                probes.close(&crossing, inside, outside);
+                seen.push(crossing);
+            }
+            searches = neighbours.searches(setup, lines, &known, &known.all[before..]);
         }
         fresh = probes.unexplained(setup, lines);
         if fresh.is_empty() {
@@ -137,7 +192,7 @@ pub(super) fn crossings<R: Real>(
         }
         probes.add(setup, lines, &fresh)?;
     }
-    Ok((seen, probes.rays + known.len() as u64))
+    Ok((seen, probes.rays + known.all.len() as u64))
 }
 
 impl<R: Real> Probes<R> {
@@ -146,12 +201,37 @@ impl<R: Real> Probes<R> {
         let (_, found) = setup.find(&samples);
         check_valid(setup, &samples, first_invalid(&found))?;
         self.rays += samples.len() as u64;
-        for ((line, s), found) in places.iter().zip(found) {
+        for (((line, s), sample), found) in places.iter().zip(&samples).zip(found) {
             let depth = found.filter(|f| f.outcome == Outcome::Hit).map_or(R::infinity(), |f| f.t);
-            let (nearest, clearance) = found.map_or((R::zero(), R::infinity()), |f| (f.nearest, f.clearance));
+            let (nearest, clearance) = found.map_or_else(|| setup.beside(sample), |f| (f.nearest, f.clearance));
             self.insert(*line, Probe { s: *s, depth, nearest, clearance, side: false, crosses: false });
         }
         Ok(())
+    }
+
+    /// Searches from the closest approaches of the probes at `places`.
+    fn approaches(&self, setup: &Setup<'_, R>, lines: &[Line], places: &[(usize, f64)]) -> Searches<R> {
+        let mut searches = Searches::new();
+        let least = setup.bounds.radius * R::of(REACH);
+        for &(line, s) in places {
+            let of_line = &self.of_line[line];
+            let Some(at) = of_line.iter().position(|p| p.s == s && !p.side) else { continue };
+            let probe = of_line[at];
+            let before = of_line[..at].iter().rev().map(|p| p.s).find(|p| *p < s).unwrap_or(s);
+            let after = of_line[at..].iter().map(|p| p.s).find(|p| *p > s).unwrap_or(s);
+            let room = [before - 2.0 * tolerance::<R>(), after + 2.0 * tolerance::<R>()];
+            // No part of a silhouette is nearer than this, along the line or not; a little room for f that is no distance.
+            let away = (probe.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
+            if away < 2.0 * (s - before).max(after - s) {
+                let reach = (probe.clearance * probe.nearest).max(least);
+                searches.push(line, s, probe.nearest, room, reach, 1.0);
+            }
+            // A gap between two surfaces shows in the rays beside it by how these graze.
+            if probe.depth.is_finite() {
+                searches.push(line, s, probe.depth, room, least, GRAZING);
+            }
+        }
+        searches
     }
 
     /// Inserts a probe behind those that are not further along its line.
@@ -180,7 +260,7 @@ impl<R: Real> Probes<R> {
     fn unexplained(&self, setup: &Setup<'_, R>, lines: &[Line]) -> Vec<(usize, f64)> {
         let mut middles = Vec::new();
         for (line, probes) in self.of_line.iter().enumerate() {
-            for pair in probes.windows(2) {
+            for pair in probes.windows(2).take_while(|_| probes.len() < PROBES) {
                 let width = pair[1].s - pair[0].s;
                 if width > tolerance::<R>() && !pair[0].crosses && jumps(setup, &lines[line], pair, width) {
                     middles.push((line, (pair[0].s + pair[1].s) * 0.5));
@@ -202,57 +282,25 @@ fn jumps<R: Real>(setup: &Setup<'_, R>, line: &Line, pair: &[Probe<R>], width: f
     (a - b).abs() > (setup.bounds.radius * world * R::of(8.0)).sqrt()
 }
 
-/// Searches from the closest approaches of the probes at `places`, and adds what was not known.
-fn search<R: Real>(
-    setup: &Setup<'_, R>,
-    lines: &[Line],
-    probes: &Probes<R>,
-    places: &[(usize, f64)],
-    found: &mut Vec<Found<R>>,
-) {
-    let (mut starts, mut origins) = (Vec::new(), Vec::new());
-    for &(line, s) in places {
-        let of_line = &probes.of_line[line];
-        let Some(at) = of_line.iter().position(|p| p.s == s && !p.side) else { continue };
-        let probe = of_line[at];
-        let before = of_line[..at].iter().rev().map(|p| p.s).find(|p| *p < s).unwrap_or(s);
-        let after = of_line[at..].iter().map(|p| p.s).find(|p| *p > s).unwrap_or(s);
-        let room = [before - 2.0 * tolerance::<R>(), after + 2.0 * tolerance::<R>()];
-        let least = setup.bounds.radius * R::of(REACH);
-        let mut start = |t: R, reach: R, steepest: f64| {
-            let (s, range) = (R::of(s), room.map(R::of));
-            starts.push(Start { s, t, range, reach, steepest: R::of(steepest) });
-            origins.push(Origin { line, between: room });
-        };
-        // No part of a silhouette is nearer than this, along the line or not; a little room for f that is no distance.
-        let away = (probe.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
-        if away < 2.0 * (s - before).max(after - s) {
-            start(probe.nearest, (probe.clearance * probe.nearest).max(least), 1.0);
-        }
-        // A gap between two surfaces shows in the rays beside it by how these graze.
-        if probe.depth.is_finite() {
-            start(probe.depth, least, GRAZING);
-        }
-    }
+/// Runs searches, and adds what was not known.
+fn search<R: Real>(setup: &Setup<'_, R>, lines: &[Line], searches: &Searches<R>, known: &mut Known<R>) {
+    let Searches { starts, origins } = searches;
     let fans = Fans { setup, lines: origins.iter().map(|o| lines[o.line]).collect() };
-    let tolerance = tolerance::<R>();
-    for (tangency, origin) in tangencies(setup.field, &fans, &starts, R::of(tolerance)).into_iter().zip(&origins) {
+    let found = tangencies(setup.field, &fans, starts, R::of(tolerance::<R>()));
+    for (tangency, origin) in found.into_iter().zip(origins) {
         let Some(tangency) = tangency else { continue };
         let s = tangency.s.to_double();
-        let inside = s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s);
-        let near = |other: &Found<R>| {
-            other.line == origin.line
-                && (other.tangency.s - tangency.s).to_double().abs() < 10.0 * tolerance
-                && (other.tangency.t - tangency.t).abs() < setup.bounds.radius * R::of(SAME)
-        };
-        if inside && !found.iter().any(near) {
-            found.push(Found { line: origin.line, tangency });
+        if s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s) {
+            known.add(Found { line: origin.line, tangency }, setup.bounds.radius);
         }
     }
 }
 
 /// The first guess at the width of a minimum of f along a ray, in bounding radii.
-const REACH: f64 = 0.02;
+pub(super) const REACH: f64 = 0.02;
+
+/// Silhouettes may lie outside of the bounds by this part of their radius, for rounding.
+const SLACK: f64 = 1e-3;
 
 /// A hit whose ray is steeper than this, as a cosine to the normal, is not near a silhouette.
 const GRAZING: f64 = 0.65;
@@ -291,7 +339,12 @@ fn visible<R: Real>(
         let (d, du) = camera.direction_du(sample.u);
         let rise = du.map(|du| tangency.gradient.dot(R::Vec3::of(du)) * tangency.t);
         let d = R::Vec3::of(d);
-        x.push(R::Vec3::of(camera.eye) + d * tangency.t);
+        let point = R::Vec3::of(camera.eye) + d * tangency.t;
+        // Nothing outside of the bounds is seen.
+        if (point - setup.bounds.center).length() > setup.bounds.radius * R::of(1.0 + SLACK) {
+            continue;
+        }
+        x.push(point);
         direction.push(d);
         let length = tangency.gradient.length().max(R::min_positive_value());
         normal.push(tangency.gradient * (R::one() / length));

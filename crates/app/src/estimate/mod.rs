@@ -9,6 +9,7 @@ mod estimator;
 mod image;
 mod lines;
 mod near;
+mod neighbours;
 mod parallel;
 mod pixels;
 mod primary;

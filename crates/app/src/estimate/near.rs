@@ -23,7 +23,14 @@ pub(crate) fn near_silhouettes<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]
         .zip(&primary.found)
         .map(|(sample, found)| {
             let cone = R::of(setup.cameras[sample.camera].pixel_angle());
-            found.is_some_and(|found| found.clearance < reach * cone)
+            match found {
+                Some(found) => found.clearance < reach * cone,
+                // All that is in sight may lie between the samples.
+                None => {
+                    let (nearest, clearance) = setup.beside(sample);
+                    clearance < reach * cone && setup.bounds.radius < reach * cone * nearest
+                }
+            }
         })
         .collect();
     let grazing: Vec<usize> =

@@ -151,6 +151,16 @@ impl<R: Real> Setup<'_, R> {
             .collect()
     }
 
+    /// The distance at which a sample's line of sight passes the centre of the bounding sphere that it misses, and the tangent of the
+    /// angle by which it clears the sphere; 0 and infinity if that is behind.
+    pub(super) fn beside(&self, sample: &Sample) -> (R, R) {
+        let camera = &self.cameras[sample.camera];
+        let (direction, away) = (R::Vec3::of(camera.direction(sample.u)), self.bounds.center - R::Vec3::of(camera.eye));
+        let nearest = away.dot(direction);
+        let gap = (away - direction * nearest).length() - self.bounds.radius;
+        if nearest > R::zero() { (nearest, gap.max(R::zero()) / nearest) } else { (R::zero(), R::infinity()) }
+    }
+
     /// The ray of every sample, and what the tracer found along it; `None` where there is no ray.
     #[allow(clippy::type_complexity, reason = "two columns")]
     pub fn find(&self, samples: &[Sample]) -> (Vec<Option<Ray<R>>>, Vec<Option<Intersection<R>>>) {

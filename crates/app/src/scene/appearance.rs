@@ -105,7 +105,8 @@ impl AppearanceModel {
     pub(crate) fn read(object: Object<'_>, folder: &Path) -> Result<Self> {
         let (mut parameters, mut pointers) = (Vec::new(), Vec::new());
         let mut take = |object: &Object<'_>, key: &'static str| -> Result<()> {
-            parameters.extend(object.numbers::<3>(key)?);
+            let place = matches!(key, "direction" | "position");
+            parameters.extend(if place { object.numbers(key)? } else { object.light(key)? });
             pointers.extend((0..3).map(|i| format!("{}/{i}", object.pointer(key))));
             Ok(())
         };

@@ -64,7 +64,7 @@ impl Scene {
         let camera = read_camera(root.object("camera")?)?;
         let sdf = Sdf::read(root.object("sdf")?, folder)?;
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
-        let background = root.numbers("background")?;
+        let background = root.light("background")?;
         root.finish()?;
         let bounds = bounds(&sdf, &camera)?;
         Ok(Scene { camera, sdf, appearance, background, bounds })

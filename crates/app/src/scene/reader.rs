@@ -85,6 +85,14 @@ impl<'a> Object<'a> {
         numbers(value).ok_or_else(|| self.error(key, &expected))
     }
 
+    /// Three numbers that radiance is made of, no larger than 1e30: images hold single precision, and their derivatives need
+    /// room.
+    pub(crate) fn light(&self, key: &'static str) -> Result<[f64; 3]> {
+        let rgb = self.numbers(key)?;
+        let held = rgb.iter().all(|c: &f64| c.abs() <= 1e30);
+        if held { Ok(rgb) } else { Err(self.error(key, "an array of 3 numbers, none beyond 1e30")) }
+    }
+
     /// A vector other than zero.
     pub(crate) fn direction(&self, key: &'static str) -> Result<DVec3> {
         let v = DVec3::from(self.numbers(key)?);
