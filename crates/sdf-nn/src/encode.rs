@@ -6,6 +6,7 @@ use glam::DVec3;
 use crate::architecture::{Encoding, Transform};
 use crate::kernel::{LANES, Row, fma};
 use crate::math::Lane;
+use crate::simd::Isa;
 
 /// The transform and encoding in the precision of the computation.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +24,7 @@ impl<R: Lane> Encoder<R> {
 
     /// Writes the features of up to a block of points; lanes without a point repeat the last one.
     #[inline(always)]
-    pub(crate) fn encode<const FMA: bool>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
+    pub(crate) fn encode<I: Isa>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
         for l in 0..LANES {
             let y = ((x[l.min(x.len() - 1)] - self.center) * self.inverse_radius).to_array();
             for c in 0..3 {
@@ -36,7 +37,7 @@ impl<R: Lane> Encoder<R> {
             for c in 0..3 {
                 let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
                 for l in 0..LANES {
-                    let (s, k) = R::sin_cos_moderate::<FMA>(frequency * position[c].0[l]);
+                    let (s, k) = R::sin_cos_moderate::<I>(frequency * position[c].0[l]);
                     waves[sine].0[l] = s;
                     waves[cosine].0[l] = k;
                 }
@@ -46,7 +47,7 @@ impl<R: Lane> Encoder<R> {
 
     /// Writes the features' tangents as the points move along `p`.
     #[inline(always)]
-    pub(crate) fn tangent<const FMA: bool>(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
+    pub(crate) fn tangent<I: Isa>(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
         for l in 0..LANES {
             let y = (p[l.min(p.len() - 1)] * self.inverse_radius).to_array();
             for c in 0..3 {
@@ -69,7 +70,7 @@ impl<R: Lane> Encoder<R> {
 
     /// VJP of [`encode`](Self::encode): the adjoint of the points, times `factor`.
     #[inline(always)]
-    pub(crate) fn pull_back<const FMA: bool>(&self, features: &[Row<R>], adjoint: &[Row<R>], factor: R) -> [Row<R>; 3] {
+    pub(crate) fn pull_back<I: Isa>(&self, features: &[Row<R>], adjoint: &[Row<R>], factor: R) -> [Row<R>; 3] {
         let mut out: [Row<R>; 3] = [adjoint[0], adjoint[1], adjoint[2]];
         for band in 0..self.bands {
             let frequency = R::of((1u64 << band) as f64);
@@ -77,7 +78,7 @@ impl<R: Lane> Encoder<R> {
                 let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
                 for l in 0..LANES {
                     let slope = adjoint[sine].0[l] * features[cosine].0[l] - adjoint[cosine].0[l] * features[sine].0[l];
-                    out.0[l] = fma::<R, FMA>(frequency, slope, out.0[l]);
+                    out.0[l] = fma::<R, I>(frequency, slope, out.0[l]);
                 }
             }
         }
@@ -91,7 +92,7 @@ impl<R: Lane> Encoder<R> {
     /// What the change of the features' slopes along the tangent adds to the adjoint of the points: `adjoint` is that of
     /// the features' tangents.
     #[inline(always)]
-    pub(crate) fn pull_back_curve<const FMA: bool>(
+    pub(crate) fn pull_back_curve<I: Isa>(
         &self,
         features: &[Row<R>],
         tangent: &[Row<R>],
@@ -106,7 +107,7 @@ impl<R: Lane> Encoder<R> {
                 let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
                 for l in 0..LANES {
                     let curve = adjoint[sine].0[l] * features[sine].0[l] + adjoint[cosine].0[l] * features[cosine].0[l];
-                    out.0[l] = fma::<R, FMA>(-square * tangent[c].0[l], curve, out.0[l]);
+                    out.0[l] = fma::<R, I>(-square * tangent[c].0[l], curve, out.0[l]);
                 }
             }
         }

@@ -3,12 +3,12 @@
 use field::{Real, Vector3};
 
 use crate::architecture::{Activation, Encoding, Transform};
-use crate::dispatch::{Pass, dispatch};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
 use crate::kernel::{LANES, Row};
 use crate::math::Lane;
 use crate::mlp::Mlp;
+use crate::simd::{Isa, Pass, dispatch};
 
 /// A network from a point, its unit normal and the view direction to linear RGB.
 ///
@@ -94,8 +94,8 @@ impl<R: Lane> RadianceHead<R> {
     }
 
     #[inline(always)]
-    fn inputs<const FMA: bool>(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], features: &mut [Row<R>]) {
-        self.encoder.encode::<FMA>(x, features);
+    fn inputs<I: Isa>(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], features: &mut [Row<R>]) {
+        self.encoder.encode::<I>(x, features);
         let start = self.encoding.features();
         for l in 0..LANES {
             let at = l.min(x.len() - 1);
@@ -110,8 +110,8 @@ impl<R: Lane> RadianceHead<R> {
 
 /// sigmoid(y)² and its slope.
 #[inline(always)]
-fn squash<R: Lane, const FMA: bool>(y: R) -> (R, R) {
-    let e = R::exp_negative::<FMA>(y.abs());
+fn squash<R: Lane, I: Isa>(y: R) -> (R, R) {
+    let e = R::exp_negative::<I>(y.abs());
     let high = R::one() / (R::one() + e);
     let s = if y > R::zero() { high } else { e * high } + y * R::zero();
     let complement = if y > R::zero() { e * high } else { high };
@@ -128,14 +128,14 @@ struct Radiance<'a, R: Real> {
 
 impl<R: Lane> Pass for Radiance<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
-        let mut s = self.head.mlp.scratch(false);
+    fn run<I: Isa>(self) {
+        let mut s = self.head.mlp.scratch(false, false, false);
         let chunks = self.x.chunks(LANES).zip(self.n.chunks(LANES)).zip(self.d.chunks(LANES));
         for (((x, n), d), rgb) in chunks.zip(self.rgb.chunks_mut(LANES)) {
-            self.head.inputs::<FMA>(x, n, d, &mut s.features[0]);
-            self.head.mlp.forward::<FMA, false, false>(&mut s);
+            self.head.inputs::<I>(x, n, d, &mut s.features[0]);
+            self.head.mlp.forward::<I, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
-                *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash::<R, FMA>(s.output[0][c].0[l]).0));
+                *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash::<R, I>(s.output[0][c].0[l]).0));
             }
         }
     }
@@ -151,23 +151,23 @@ struct Vjp<'a, R: Real> {
 
 impl<R: Lane> Pass for Vjp<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
+    fn run<I: Isa>(self) {
         let [x, n, d] = self.inputs;
         let [x_bar, n_bar, d_bar] = self.bars;
         let (mlp, start) = (&self.head.mlp, self.head.encoding.features());
-        let mut s = mlp.scratch(true);
+        let mut s = mlp.scratch(true, false, true);
         for first in (0..x.len()).step_by(LANES) {
             let block = first..(first + LANES).min(x.len());
-            self.head.inputs::<FMA>(&x[block.clone()], &n[block.clone()], &d[block.clone()], &mut s.features[0]);
-            mlp.forward::<FMA, true, false>(&mut s);
+            self.head.inputs::<I>(&x[block.clone()], &n[block.clone()], &d[block.clone()], &mut s.features[0]);
+            mlp.forward::<I, true, false>(&mut s);
             for l in 0..LANES {
                 let adjoint = self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
                 for c in 0..3 {
-                    s.output[0][c].0[l] = adjoint[c] * squash::<R, FMA>(s.output[0][c].0[l]).1;
+                    s.output[0][c].0[l] = adjoint[c] * squash::<R, I>(s.output[0][c].0[l]).1;
                 }
             }
-            mlp.backward::<FMA, false, true>(&mut s);
-            let x_rows = self.head.encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[0], R::one());
+            mlp.backward::<I, false, true>(&mut s);
+            let x_rows = self.head.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
             let rows = |at: usize| [s.adjoint[0][at], s.adjoint[0][at + 1], s.adjoint[0][at + 2]];
             let (n_rows, d_rows) = (rows(start), rows(start + 3));
             for (l, i) in block.enumerate() {

@@ -104,7 +104,7 @@ impl Network<f64> {
         let n = last.inputs + 1;
         let (mut normal, mut right) = (vec![0.0; n * n], vec![0.0; n]);
         self.mlp.repack();
-        let mut scratch = self.mlp.scratch(false);
+        let mut scratch = self.mlp.scratch(false, false, false);
         for block in points_in_ball(FIT_POINTS, random).chunks(LANES) {
             self.forward_block(block, &mut scratch);
             for (lane, x) in block.iter().enumerate() {

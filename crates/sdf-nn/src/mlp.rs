@@ -3,8 +3,9 @@
 use field::Real;
 
 use crate::architecture::Activation;
-use crate::kernel::{LANES, Row, TILE, fma, multiply, outer, pack, padded, transpose};
+use crate::kernel::{LANES, Row, TILE, fma, pack, padded};
 use crate::math::Lane;
+use crate::simd::Isa;
 
 /// One layer's place in the network and in the flat parameter vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,27 +143,28 @@ impl<R: Lane> Mlp<R> {
         self.packed = packed;
     }
 
-    /// Working memory; `gradient` if the parameters' gradient will be asked for.
-    pub(crate) fn scratch(&self, gradient: bool) -> Scratch<R> {
+    /// Working memory for what the sweeps will be asked for, as their flags of these names say.
+    pub(crate) fn scratch(&self, store: bool, tangent: bool, weights: bool) -> Scratch<R> {
+        let rows_if = |needed: bool, n: usize| if needed { rows(n) } else { Vec::new() };
         let widest = self.layers.iter().map(|l| l.inputs.max(l.outputs)).max().unwrap_or(0);
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
         let layers = self.layers.iter().map(|layer| LayerScratch {
-            input: [rows(layer.inputs), rows(layer.inputs)],
-            slope: rows(layer.outputs),
-            curve: rows(layer.outputs),
-            z_dot: rows(layer.outputs),
+            input: [rows(layer.inputs), rows_if(tangent, layer.inputs)],
+            slope: rows_if(store, layer.outputs),
+            curve: rows_if(tangent, layer.outputs),
+            z_dot: rows_if(tangent, layer.outputs),
         });
         let sized = |size: &dyn Fn(&LayerShape) -> usize| -> Vec<Vec<R>> {
-            self.layers.iter().map(|l| vec![R::zero(); if gradient { size(l) } else { 0 }]).collect()
+            self.layers.iter().map(|l| vec![R::zero(); if weights { size(l) } else { 0 }]).collect()
         };
         Scratch {
-            features: [rows(self.features), rows(self.features)],
-            adjoint: [rows(self.features), rows(self.features)],
-            output: [rows(outputs), rows(outputs)],
+            features: [rows(self.features), rows_if(tangent, self.features)],
+            adjoint: [rows(self.features), rows_if(tangent, self.features)],
+            output: [rows(outputs), rows_if(tangent, outputs)],
             layers: layers.collect(),
-            delta: [rows(widest), rows(widest)],
-            between: [rows(widest), rows(widest)],
-            transposed: vec![R::zero(); if gradient { LANES * padded(widest) } else { 0 }],
+            delta: [rows_if(store, widest), rows_if(tangent, widest)],
+            between: [rows(widest), rows_if(tangent, widest)],
+            transposed: vec![R::zero(); if weights { 2 * LANES * padded(widest) } else { 0 }],
             gradient: sized(&|l| l.outputs.div_ceil(TILE) * TILE * padded(l.inputs)),
             bias: sized(&|l| l.outputs.div_ceil(TILE) * TILE),
         }
@@ -172,7 +174,7 @@ impl<R: Lane> Mlp<R> {
     ///
     /// With `STORE` the slopes that the backward sweep needs are kept.
     #[inline(always)]
-    pub(crate) fn forward<const FMA: bool, const STORE: bool, const TANGENT: bool>(&self, s: &mut Scratch<R>) {
+    pub(crate) fn forward<I: Isa, const STORE: bool, const TANGENT: bool>(&self, s: &mut Scratch<R>) {
         let last = self.layers.len() - 1;
         for side in 0..1 + usize::from(TANGENT) {
             s.layers[0].input[side].copy_from_slice(&s.features[side]);
@@ -189,9 +191,10 @@ impl<R: Lane> Mlp<R> {
             // A skip's features follow the activations directly, so whole tiles are written to the side first.
             let target =
                 if l < last { &mut s.between[0][..layer.outputs.div_ceil(TILE) * TILE] } else { &mut value[..] };
-            multiply::<R, FMA>(&packed.forward, bias, &current.input[0][..layer.inputs], target);
+            R::multiply::<I>(&packed.forward, bias, layer.outputs, &current.input[0][..layer.inputs], target);
             if TANGENT {
-                multiply::<R, FMA>(&packed.forward, &[], &current.input[1][..layer.inputs], &mut current.z_dot);
+                let input = &current.input[1][..layer.inputs];
+                R::multiply::<I>(&packed.forward, &[], layer.outputs, input, &mut current.z_dot);
             }
             if l == last {
                 if TANGENT {
@@ -199,15 +202,12 @@ impl<R: Lane> Mlp<R> {
                 }
                 break;
             }
+            let mut unused = [Row::zero(); 2];
             for row in 0..layer.outputs {
-                let z = s.between[0][row];
-                activate::<R, FMA, STORE, TANGENT>(
-                    self.activation,
-                    &z,
-                    &mut value[row],
-                    &mut current.slope[row],
-                    &mut current.curve[row],
-                );
+                let [slope, curve] = &mut unused;
+                let slope = if STORE { &mut current.slope[row] } else { slope };
+                let curve = if TANGENT { &mut current.curve[row] } else { curve };
+                activate::<R, I, STORE, TANGENT>(self.activation, &s.between[0][row], &mut value[row], slope, curve);
                 if TANGENT {
                     for i in 0..LANES {
                         tangent[row].0[i] = current.slope[row].0[i] * current.z_dot[row].0[i];
@@ -229,7 +229,7 @@ impl<R: Lane> Mlp<R> {
     /// With `TANGENT` both the outputs and their tangents have adjoints: side 1 then carries the plain gradient, side 0
     /// its change along the tangent. With `WEIGHTS` the parameters' gradient is added to the scratch's.
     #[inline(always)]
-    pub(crate) fn backward<const FMA: bool, const TANGENT: bool, const WEIGHTS: bool>(&self, s: &mut Scratch<R>) {
+    pub(crate) fn backward<I: Isa, const TANGENT: bool, const WEIGHTS: bool>(&self, s: &mut Scratch<R>) {
         let sides = 1 + usize::from(TANGENT);
         for side in 0..sides {
             s.adjoint[side].fill(Row::zero());
@@ -243,15 +243,18 @@ impl<R: Lane> Mlp<R> {
                 for (row, bias) in s.delta[0].iter().zip(&mut s.bias[l]) {
                     *bias += sum(row);
                 }
+                let size = LANES * padded(layer.inputs);
                 for side in 0..sides {
-                    transpose(&s.layers[l].input[side][..layer.inputs], &mut s.transposed);
-                    outer::<R, FMA>(&s.delta[side][..rows], &s.transposed, layer.inputs, &mut s.gradient[l]);
+                    let to = &mut s.transposed[side * size..(side + 1) * size];
+                    R::transpose::<I>(&s.layers[l].input[side][..layer.inputs], to);
                 }
+                let both = [0, usize::from(TANGENT)].map(|side| (&s.delta[side][..rows], &s.transposed[side * size..]));
+                R::outer::<I>(&both[..sides], layer.outputs, layer.inputs, &mut s.gradient[l]);
             }
             let tiles = layer.inputs.div_ceil(TILE) * TILE;
             for side in 0..sides {
                 let z = &s.delta[side][..layer.outputs];
-                multiply::<R, FMA>(&packed.backward, &[], z, &mut s.between[side][..tiles]);
+                R::multiply::<I>(&packed.backward, &[], layer.inputs, z, &mut s.between[side][..tiles]);
             }
             let own = self.own_columns(l);
             for side in 0..sides {
@@ -269,16 +272,17 @@ impl<R: Lane> Mlp<R> {
                 s.delta[side][own..own.div_ceil(TILE) * TILE].fill(Row::zero());
             }
             for row in 0..own {
-                let (slope, curve, z_dot) = (&below.slope[row].0, &below.curve[row].0, &below.z_dot[row].0);
+                let slope = &below.slope[row].0;
                 for i in 0..LANES {
-                    let value = s.between[0][row].0[i] * slope[i];
-                    s.delta[0][row].0[i] = if TANGENT {
+                    s.delta[0][row].0[i] = s.between[0][row].0[i] * slope[i];
+                }
+                if TANGENT {
+                    let (curve, z_dot) = (&below.curve[row].0, &below.z_dot[row].0);
+                    for i in 0..LANES {
                         let tangent = s.between[1][row].0[i];
                         s.delta[1][row].0[i] = tangent * slope[i];
-                        fma::<R, FMA>(tangent * curve[i], z_dot[i], value)
-                    } else {
-                        value
-                    };
+                        s.delta[0][row].0[i] = fma::<R, I>(tangent * curve[i], z_dot[i], s.delta[0][row].0[i]);
+                    }
                 }
             }
         }
@@ -315,7 +319,7 @@ fn sum<R: Real>(row: &Row<R>) -> R {
 
 /// σ(z), and where they are needed σ′(z) and σ″(z).
 #[inline(always)]
-fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
+fn activate<R: Lane, I: Isa, const STORE: bool, const TANGENT: bool>(
     activation: Activation,
     z: &Row<R>,
     value: &mut Row<R>,
@@ -328,10 +332,10 @@ fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
             let (beta, inverse) = (R::of(beta), R::of(1.0 / beta));
             for i in 0..LANES {
                 let z = z.0[i];
-                let e = R::exp_negative::<FMA>(beta * z.abs());
+                let e = R::exp_negative::<I>(beta * z.abs());
                 let above = if z > R::zero() { z } else { R::zero() };
                 // exp(−NaN) comes out as a number: 0 z is 0, or the NaN that has to come through.
-                value.0[i] = fma::<R, FMA>(R::ln_one_plus::<FMA>(e), inverse, above) + z * R::zero();
+                value.0[i] = fma::<R, I>(R::ln_one_plus::<I>(e), inverse, above) + z * R::zero();
                 if STORE {
                     let high = one / (one + e);
                     let low = e * high;
@@ -345,10 +349,12 @@ fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
         Activation::Sine { omega } => {
             let omega = R::of(omega);
             for i in 0..LANES {
-                let (sine, cosine) = R::sin_cos_moderate::<FMA>(omega * z.0[i]);
+                let (sine, cosine) = R::sin_cos_moderate::<I>(omega * z.0[i]);
                 value.0[i] = sine;
                 if STORE {
                     slope.0[i] = omega * cosine;
+                }
+                if TANGENT {
                     curve.0[i] = -omega * omega * sine;
                 }
             }
@@ -359,6 +365,8 @@ fn activate<R: Lane, const FMA: bool, const STORE: bool, const TANGENT: bool>(
                 value.0[i] = if z.0[i] <= R::zero() { R::zero() } else { z.0[i] };
                 if STORE {
                     slope.0[i] = if on { one } else { R::zero() };
+                }
+                if TANGENT {
                     curve.0[i] = R::zero();
                 }
             }

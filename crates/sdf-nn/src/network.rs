@@ -3,11 +3,11 @@
 use field::{Field, Real, Sphere, Vector3};
 
 use crate::architecture::{Architecture, Transform};
-use crate::dispatch::{Pass, dispatch};
 use crate::encode::{Encoder, lane};
 use crate::kernel::LANES;
 use crate::math::Lane;
 use crate::mlp::{Mlp, Scratch};
+use crate::simd::{Isa, Pass, Portable, dispatch};
 
 /// A multilayer perceptron that is read as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -73,28 +73,22 @@ impl<R: Lane> Network<R> {
 
     /// One block's forward sweep, without the widest instructions: for initialisation.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
-        self.encoder.encode::<false>(x, &mut s.features[0]);
-        self.mlp.forward::<false, false, false>(s);
+        self.encoder.encode::<Portable>(x, &mut s.features[0]);
+        self.mlp.forward::<Portable, false, false>(s);
     }
 
     /// One block's value and gradient: the plain backward sweep.
     #[inline(always)]
-    fn block_gradient<const FMA: bool>(
-        &self,
-        x: &[R::Vec3],
-        s: &mut Scratch<R>,
-        f: &mut [R],
-        gradient: &mut [R::Vec3],
-    ) {
+    fn block_gradient<I: Isa>(&self, x: &[R::Vec3], s: &mut Scratch<R>, f: &mut [R], gradient: &mut [R::Vec3]) {
         let factor = self.output_factor();
-        self.encoder.encode::<FMA>(x, &mut s.features[0]);
-        self.mlp.forward::<FMA, true, false>(s);
+        self.encoder.encode::<I>(x, &mut s.features[0]);
+        self.mlp.forward::<I, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
         }
         s.output[0][0].0 = [R::one(); LANES];
-        self.mlp.backward::<FMA, false, false>(s);
-        let g = self.encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[0], factor);
+        self.mlp.backward::<I, false, false>(s);
+        let g = self.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], factor);
         for (l, gradient) in gradient.iter_mut().enumerate() {
             *gradient = lane(&g, l);
         }
@@ -102,7 +96,7 @@ impl<R: Lane> Network<R> {
 
     /// One block's forward sweep with tangents along `p`, and the backward sweep of α f + p·∇f.
     #[inline(always)]
-    fn block_tangent<const FMA: bool, const WEIGHTS: bool>(
+    fn block_tangent<I: Isa, const WEIGHTS: bool>(
         &self,
         x: &[R::Vec3],
         p: &[R::Vec3],
@@ -110,17 +104,17 @@ impl<R: Lane> Network<R> {
         s: &mut Scratch<R>,
     ) {
         let factor = self.output_factor();
-        self.encoder.encode::<FMA>(x, &mut s.features[0]);
+        self.encoder.encode::<I>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
-        self.encoder.tangent::<FMA>(p, features, tangent);
-        self.mlp.forward::<FMA, true, true>(s);
+        self.encoder.tangent::<I>(p, features, tangent);
+        self.mlp.forward::<I, true, true>(s);
         for l in 0..LANES {
             // Lanes without a point have no weight in the sums.
             let on = !WEIGHTS || l < x.len();
             s.output[0][0].0[l] = alpha.get(l).map_or(R::zero(), |a| *a * factor);
             s.output[1][0].0[l] = if on { factor } else { R::zero() };
         }
-        self.mlp.backward::<FMA, true, WEIGHTS>(s);
+        self.mlp.backward::<I, true, WEIGHTS>(s);
     }
 }
 
@@ -160,12 +154,12 @@ struct Value<'a, R: Real> {
 
 impl<R: Lane> Pass for Value<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
+    fn run<I: Isa>(self) {
         let factor = self.network.output_factor();
-        let mut s = self.network.mlp.scratch(false);
+        let mut s = self.network.mlp.scratch(false, false, false);
         for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
-            self.network.encoder.encode::<FMA>(x, &mut s.features[0]);
-            self.network.mlp.forward::<FMA, false, false>(&mut s);
+            self.network.encoder.encode::<I>(x, &mut s.features[0]);
+            self.network.mlp.forward::<I, false, false>(&mut s);
             for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
                 *f = y * factor;
             }
@@ -182,11 +176,11 @@ struct ValueGradient<'a, R: Real> {
 
 impl<R: Lane> Pass for ValueGradient<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
-        let mut s = self.network.mlp.scratch(false);
+    fn run<I: Isa>(self) {
+        let mut s = self.network.mlp.scratch(true, false, false);
         let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
         for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
-            self.network.block_gradient::<FMA>(x, &mut s, f, gradient);
+            self.network.block_gradient::<I>(x, &mut s, f, gradient);
         }
     }
 }
@@ -201,17 +195,17 @@ struct HessianVector<'a, R: Real> {
 
 impl<R: Lane> Pass for HessianVector<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
+    fn run<I: Isa>(self) {
         let encoder = &self.network.encoder;
-        let mut s = self.network.mlp.scratch(false);
+        let mut s = self.network.mlp.scratch(true, true, false);
         let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
         for ((x, p), (gradient, product)) in self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs) {
-            self.network.block_tangent::<FMA, false>(x, p, &[], &mut s);
+            self.network.block_tangent::<I, false>(x, p, &[], &mut s);
             // The outputs' adjoints already carry the factor.
-            let g = encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[1], R::one());
-            let mut h = encoder.pull_back::<FMA>(&s.features[0], &s.adjoint[0], R::one());
+            let g = encoder.pull_back::<I>(&s.features[0], &s.adjoint[1], R::one());
+            let mut h = encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
             let [features, tangent] = &s.features;
-            encoder.pull_back_curve::<FMA>(features, tangent, &s.adjoint[1], R::one(), &mut h);
+            encoder.pull_back_curve::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
             for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
                 *gradient = lane(&g, l);
                 *product = lane(&h, l);
@@ -230,12 +224,79 @@ struct ParameterVjp<'a, R: Real> {
 
 impl<R: Lane> Pass for ParameterVjp<'_, R> {
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
-        let mut s = self.network.mlp.scratch(true);
+    fn run<I: Isa>(self) {
+        let mut s = self.network.mlp.scratch(true, true, true);
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
-            self.network.block_tangent::<FMA, true>(x, c, alpha, &mut s);
+            self.network.block_tangent::<I, true>(x, c, alpha, &mut s);
         }
         self.network.mlp.collect_gradient(&s, self.adjoint);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use glam::Vec3;
+
+    use super::*;
+    use crate::architecture::{Activation, Encoding};
+    use crate::simd::dispatch_all;
+
+    struct All<'a> {
+        network: &'a Network<f32>,
+        x: &'a [Vec3],
+        results: &'a RefCell<Vec<Vec<f32>>>,
+    }
+
+    impl Pass for All<'_> {
+        #[inline(always)]
+        fn run<I: Isa>(self) {
+            let All { network, x, results } = self;
+            let (mut f, mut g, mut h) = (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
+            let mut theta = vec![0.0; network.parameter_count()];
+            Value { network, x, f: &mut f }.run::<I>();
+            let alpha = f.clone();
+            ValueGradient { network, x, f: &mut f, gradient: &mut g }.run::<I>();
+            ParameterVjp { network, x, alpha: &alpha, c: &g, adjoint: &mut theta }.run::<I>();
+            let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
+            let mut all = [alpha, f, flat(&g)].concat();
+            HessianVector { network, x, p: x, gradient: &mut g, product: &mut h }.run::<I>();
+            all.extend([flat(&g), flat(&h), theta].concat());
+            results.borrow_mut().push(all);
+        }
+    }
+
+    /// The order of sums is the same with all vectors: those with fused multiply–adds agree to the bit.
+    #[test]
+    fn instruction_sets_agree() {
+        for (width, skip, encoding) in [
+            (64, vec![], Encoding::Frequency { bands: 6 }),
+            (37, vec![2], Encoding::None),
+            (8, vec![1], Encoding::None),
+        ] {
+            let activation = Activation::Softplus { beta: 100.0 };
+            let architecture = Architecture { encoding, hidden: vec![width; 3], skip, activation };
+            let network = Network::<f32>::geometric(architecture, Transform::default(), 0.5, 3);
+            let x: Vec<Vec3> = (0..75).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
+            let results = RefCell::new(Vec::new());
+            let mut names = Vec::new();
+            dispatch_all(|name| {
+                names.push(name);
+                All { network: &network, x: &x, results: &results }
+            });
+            let results = results.into_inner();
+            let portable = results.last().unwrap_or_else(|| panic!("no results"));
+            for (result, name) in results.iter().zip(&names) {
+                for (a, b) in result.iter().zip(portable) {
+                    let scale = b.abs().max(1.0);
+                    assert!((a - b).abs() < 1e-3 * scale, "{name}: {a} against {b}");
+                }
+            }
+            if let ["AVX-512", "AVX2", ..] = names[..] {
+                assert!(results[0].iter().zip(&results[1]).all(|(a, b)| a.to_bits() == b.to_bits()), "bits differ");
+            }
+        }
     }
 }
