@@ -1,5 +1,6 @@
-//! Development commands of dsdf: `cargo xtask ci` and `cargo xtask figures`.
+//! Development commands of dsdf: `cargo xtask ci`, `cargo xtask bench` and `cargo xtask figures`.
 
+mod bench;
 mod dsdf;
 mod figures;
 mod plot;
@@ -23,6 +24,12 @@ struct Cli {
 enum Task {
     /// Format, lints, documentation and tests, as the continuous integration runs them
     Ci,
+    /// Measure what every pass of a network makes of this machine, and what whole commands take
+    Bench {
+        /// Where to write the JSON [default: target/bench.json]
+        #[arg(short, long)]
+        output: Option<PathBuf>,
+    },
     /// Measure what the documentation shows, and write its tables and plots
     Figures {
         /// What to measure
@@ -36,6 +43,7 @@ enum Task {
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Task::Ci => ci(),
+        Task::Bench { output } => bench::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
     }
 }

@@ -133,7 +133,7 @@ impl<R: Lane> Pass for Radiance<'_, R> {
         let chunks = self.x.chunks(LANES).zip(self.n.chunks(LANES)).zip(self.d.chunks(LANES));
         for (((x, n), d), rgb) in chunks.zip(self.rgb.chunks_mut(LANES)) {
             self.head.inputs::<I>(x, n, d, &mut s.features[0]);
-            self.head.mlp.forward::<I, false, false>(&mut s);
+            self.head.mlp.forward::<I, LANES, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
                 *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash::<R, I>(s.output[0][c].0[l]).0));
             }
@@ -159,14 +159,14 @@ impl<R: Lane> Pass for Vjp<'_, R> {
         for first in (0..x.len()).step_by(LANES) {
             let block = first..(first + LANES).min(x.len());
             self.head.inputs::<I>(&x[block.clone()], &n[block.clone()], &d[block.clone()], &mut s.features[0]);
-            mlp.forward::<I, true, false>(&mut s);
+            mlp.forward::<I, LANES, true, false>(&mut s);
             for l in 0..LANES {
                 let adjoint = self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
                 for c in 0..3 {
                     s.output[0][c].0[l] = adjoint[c] * squash::<R, I>(s.output[0][c].0[l]).1;
                 }
             }
-            mlp.backward::<I, false, true>(&mut s);
+            mlp.backward::<I, LANES, false, true>(&mut s);
             let x_rows = self.head.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
             let rows = |at: usize| [s.adjoint[0][at], s.adjoint[0][at + 1], s.adjoint[0][at + 2]];
             let (n_rows, d_rows) = (rows(start), rows(start + 3));

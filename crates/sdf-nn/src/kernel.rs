@@ -10,6 +10,9 @@ use crate::simd::Isa;
 /// Points processed side by side: two registers of 16 numbers.
 pub(crate) const LANES: usize = 32;
 
+/// What fewer points are processed as, at half the cost. Sweeps have the number of lanes that they go through as a parameter `N`.
+pub(crate) const HALF: usize = LANES / 2;
+
 /// Rows of output packed together.
 pub(crate) const TILE: usize = 8;
 
@@ -36,7 +39,7 @@ pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
 
 /// The first `rows` rows of output = W input + start, for `W` packed by [`pack`]; `output` has whole tiles of rows.
 #[inline(always)]
-pub(crate) fn multiply_rows<R: Real, I: Isa>(
+pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
     packed: &[[R; TILE]],
     start: &[R],
     rows: usize,
@@ -47,7 +50,7 @@ pub(crate) fn multiply_rows<R: Real, I: Isa>(
     for (tile, out) in output.chunks_exact_mut(TILE).enumerate().take(rows.div_ceil(TILE)) {
         let weights = &packed[tile * n..(tile + 1) * n];
         for first in (0..TILE).step_by(PART[0]).take_while(|first| tile * TILE + first < rows) {
-            for lane in (0..LANES).step_by(PART[1]) {
+            for lane in (0..N).step_by(PART[1]) {
                 let mut sums = [[R::zero(); PART[1]]; PART[0]];
                 for (r, sum) in sums.iter_mut().enumerate() {
                     if let Some(s) = start.get(tile * TILE + first + r) {

@@ -16,14 +16,14 @@ pub trait Lane: Real {
 
     #[doc(hidden)]
     #[inline(always)]
-    fn multiply<I: Isa>(
+    fn multiply<I: Isa, const N: usize>(
         packed: &[[Self; TILE]],
         start: &[Self],
         rows: usize,
         input: &[Row<Self>],
         output: &mut [Row<Self>],
     ) {
-        multiply_rows::<Self, I>(packed, start, rows, input, output);
+        multiply_rows::<Self, I, N>(packed, start, rows, input, output);
     }
     #[doc(hidden)]
     #[inline(always)]
@@ -47,14 +47,14 @@ fn madd<I: Isa>(a: f32, b: f32, c: f32) -> f32 {
 
 impl Lane for f32 {
     #[inline(always)]
-    fn multiply<I: Isa>(
+    fn multiply<I: Isa, const N: usize>(
         packed: &[[f32; TILE]],
         start: &[f32],
         rows: usize,
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        I::multiply(packed, start, rows, input, output);
+        I::multiply::<N>(packed, start, rows, input, output);
     }
     #[inline(always)]
     fn outer<I: Isa>(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {

@@ -172,9 +172,9 @@ impl<R: Lane> Mlp<R> {
 
     /// Forward sweep from the scratch's features to its outputs; with `TANGENT`, their tangents too.
     ///
-    /// With `STORE` the slopes that the backward sweep needs are kept.
+    /// The first `N` lanes only. With `STORE` the slopes that the backward sweep needs are kept.
     #[inline(always)]
-    pub(crate) fn forward<I: Isa, const STORE: bool, const TANGENT: bool>(&self, s: &mut Scratch<R>) {
+    pub(crate) fn forward<I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(&self, s: &mut Scratch<R>) {
         let last = self.layers.len() - 1;
         for side in 0..1 + usize::from(TANGENT) {
             s.layers[0].input[side].copy_from_slice(&s.features[side]);
@@ -191,10 +191,10 @@ impl<R: Lane> Mlp<R> {
             // A skip's features follow the activations directly, so whole tiles are written to the side first.
             let target =
                 if l < last { &mut s.between[0][..layer.outputs.div_ceil(TILE) * TILE] } else { &mut value[..] };
-            R::multiply::<I>(&packed.forward, bias, layer.outputs, &current.input[0][..layer.inputs], target);
+            R::multiply::<I, N>(&packed.forward, bias, layer.outputs, &current.input[0][..layer.inputs], target);
             if TANGENT {
                 let input = &current.input[1][..layer.inputs];
-                R::multiply::<I>(&packed.forward, &[], layer.outputs, input, &mut current.z_dot);
+                R::multiply::<I, N>(&packed.forward, &[], layer.outputs, input, &mut current.z_dot);
             }
             if l == last {
                 if TANGENT {
@@ -207,9 +207,9 @@ impl<R: Lane> Mlp<R> {
                 let [slope, curve] = &mut unused;
                 let slope = if STORE { &mut current.slope[row] } else { slope };
                 let curve = if TANGENT { &mut current.curve[row] } else { curve };
-                activate::<R, I, STORE, TANGENT>(self.activation, &s.between[0][row], &mut value[row], slope, curve);
+                activate::<R, I, N, STORE, TANGENT>(self.activation, &s.between[0][row], &mut value[row], slope, curve);
                 if TANGENT {
-                    for i in 0..LANES {
+                    for i in 0..N {
                         tangent[row].0[i] = current.slope[row].0[i] * current.z_dot[row].0[i];
                     }
                 }
@@ -229,7 +229,10 @@ impl<R: Lane> Mlp<R> {
     /// With `TANGENT` both the outputs and their tangents have adjoints: side 1 then carries the plain gradient, side 0
     /// its change along the tangent. With `WEIGHTS` the parameters' gradient is added to the scratch's.
     #[inline(always)]
-    pub(crate) fn backward<I: Isa, const TANGENT: bool, const WEIGHTS: bool>(&self, s: &mut Scratch<R>) {
+    pub(crate) fn backward<I: Isa, const N: usize, const TANGENT: bool, const WEIGHTS: bool>(
+        &self,
+        s: &mut Scratch<R>,
+    ) {
         let sides = 1 + usize::from(TANGENT);
         for side in 0..sides {
             s.adjoint[side].fill(Row::zero());
@@ -254,12 +257,12 @@ impl<R: Lane> Mlp<R> {
             let tiles = layer.inputs.div_ceil(TILE) * TILE;
             for side in 0..sides {
                 let z = &s.delta[side][..layer.outputs];
-                R::multiply::<I>(&packed.backward, &[], layer.inputs, z, &mut s.between[side][..tiles]);
+                R::multiply::<I, N>(&packed.backward, &[], layer.inputs, z, &mut s.between[side][..tiles]);
             }
             let own = self.own_columns(l);
             for side in 0..sides {
                 for (a, b) in s.adjoint[side].iter_mut().zip(&s.between[side][own..layer.inputs]) {
-                    for i in 0..LANES {
+                    for i in 0..N {
                         a.0[i] += b.0[i];
                     }
                 }
@@ -273,12 +276,12 @@ impl<R: Lane> Mlp<R> {
             }
             for row in 0..own {
                 let slope = &below.slope[row].0;
-                for i in 0..LANES {
+                for i in 0..N {
                     s.delta[0][row].0[i] = s.between[0][row].0[i] * slope[i];
                 }
                 if TANGENT {
                     let (curve, z_dot) = (&below.curve[row].0, &below.z_dot[row].0);
-                    for i in 0..LANES {
+                    for i in 0..N {
                         let tangent = s.between[1][row].0[i];
                         s.delta[1][row].0[i] = tangent * slope[i];
                         s.delta[0][row].0[i] = fma::<R, I>(tangent * curve[i], z_dot[i], s.delta[0][row].0[i]);
@@ -319,7 +322,7 @@ fn sum<R: Real>(row: &Row<R>) -> R {
 
 /// σ(z), and where they are needed σ′(z) and σ″(z).
 #[inline(always)]
-fn activate<R: Lane, I: Isa, const STORE: bool, const TANGENT: bool>(
+fn activate<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
     activation: Activation,
     z: &Row<R>,
     value: &mut Row<R>,
@@ -330,7 +333,7 @@ fn activate<R: Lane, I: Isa, const STORE: bool, const TANGENT: bool>(
     match activation {
         Activation::Softplus { beta } => {
             let (beta, inverse) = (R::of(beta), R::of(1.0 / beta));
-            for i in 0..LANES {
+            for i in 0..N {
                 let z = z.0[i];
                 let e = R::exp_negative::<I>(beta * z.abs());
                 let above = if z > R::zero() { z } else { R::zero() };
@@ -348,7 +351,7 @@ fn activate<R: Lane, I: Isa, const STORE: bool, const TANGENT: bool>(
         }
         Activation::Sine { omega } => {
             let omega = R::of(omega);
-            for i in 0..LANES {
+            for i in 0..N {
                 let (sine, cosine) = R::sin_cos_moderate::<I>(omega * z.0[i]);
                 value.0[i] = sine;
                 if STORE {
@@ -360,7 +363,7 @@ fn activate<R: Lane, I: Isa, const STORE: bool, const TANGENT: bool>(
             }
         }
         Activation::Relu => {
-            for i in 0..LANES {
+            for i in 0..N {
                 let on = z.0[i] > R::zero();
                 value.0[i] = if z.0[i] <= R::zero() { R::zero() } else { z.0[i] };
                 if STORE {

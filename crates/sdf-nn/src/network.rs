@@ -4,7 +4,7 @@ use field::{Field, Real, Sphere, Vector3};
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::kernel::LANES;
+use crate::kernel::{HALF, LANES};
 use crate::math::Lane;
 use crate::mlp::{Mlp, Scratch};
 use crate::simd::{Isa, Pass, Portable, dispatch};
@@ -74,20 +74,26 @@ impl<R: Lane> Network<R> {
     /// One block's forward sweep, without the widest instructions: for initialisation.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<Portable>(x, &mut s.features[0]);
-        self.mlp.forward::<Portable, false, false>(s);
+        self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
     /// One block's value and gradient: the plain backward sweep.
     #[inline(always)]
-    fn block_gradient<I: Isa>(&self, x: &[R::Vec3], s: &mut Scratch<R>, f: &mut [R], gradient: &mut [R::Vec3]) {
+    fn block_gradient<I: Isa, const N: usize>(
+        &self,
+        x: &[R::Vec3],
+        s: &mut Scratch<R>,
+        f: &mut [R],
+        gradient: &mut [R::Vec3],
+    ) {
         let factor = self.output_factor();
         self.encoder.encode::<I>(x, &mut s.features[0]);
-        self.mlp.forward::<I, true, false>(s);
+        self.mlp.forward::<I, N, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
         }
         s.output[0][0].0 = [R::one(); LANES];
-        self.mlp.backward::<I, false, false>(s);
+        self.mlp.backward::<I, N, false, false>(s);
         let g = self.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], factor);
         for (l, gradient) in gradient.iter_mut().enumerate() {
             *gradient = lane(&g, l);
@@ -96,7 +102,7 @@ impl<R: Lane> Network<R> {
 
     /// One block's forward sweep with tangents along `p`, and the backward sweep of α f + p·∇f.
     #[inline(always)]
-    fn block_tangent<I: Isa, const WEIGHTS: bool>(
+    fn block_tangent<I: Isa, const N: usize, const WEIGHTS: bool>(
         &self,
         x: &[R::Vec3],
         p: &[R::Vec3],
@@ -107,14 +113,14 @@ impl<R: Lane> Network<R> {
         self.encoder.encode::<I>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
         self.encoder.tangent::<I>(p, features, tangent);
-        self.mlp.forward::<I, true, true>(s);
+        self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {
             // Lanes without a point have no weight in the sums.
             let on = !WEIGHTS || l < x.len();
             s.output[0][0].0[l] = alpha.get(l).map_or(R::zero(), |a| *a * factor);
             s.output[1][0].0[l] = if on { factor } else { R::zero() };
         }
-        self.mlp.backward::<I, true, WEIGHTS>(s);
+        self.mlp.backward::<I, N, true, WEIGHTS>(s);
     }
 }
 
@@ -159,7 +165,11 @@ impl<R: Lane> Pass for Value<'_, R> {
         let mut s = self.network.mlp.scratch(false, false, false);
         for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
             self.network.encoder.encode::<I>(x, &mut s.features[0]);
-            self.network.mlp.forward::<I, false, false>(&mut s);
+            if x.len() <= HALF {
+                self.network.mlp.forward::<I, HALF, false, false>(&mut s);
+            } else {
+                self.network.mlp.forward::<I, LANES, false, false>(&mut s);
+            }
             for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
                 *f = y * factor;
             }
@@ -180,7 +190,11 @@ impl<R: Lane> Pass for ValueGradient<'_, R> {
         let mut s = self.network.mlp.scratch(true, false, false);
         let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
         for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
-            self.network.block_gradient::<I>(x, &mut s, f, gradient);
+            if x.len() <= HALF {
+                self.network.block_gradient::<I, HALF>(x, &mut s, f, gradient);
+            } else {
+                self.network.block_gradient::<I, LANES>(x, &mut s, f, gradient);
+            }
         }
     }
 }
@@ -200,7 +214,11 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
         let mut s = self.network.mlp.scratch(true, true, false);
         let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
         for ((x, p), (gradient, product)) in self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs) {
-            self.network.block_tangent::<I, false>(x, p, &[], &mut s);
+            if x.len() <= HALF {
+                self.network.block_tangent::<I, HALF, false>(x, p, &[], &mut s);
+            } else {
+                self.network.block_tangent::<I, LANES, false>(x, p, &[], &mut s);
+            }
             // The outputs' adjoints already carry the factor.
             let g = encoder.pull_back::<I>(&s.features[0], &s.adjoint[1], R::one());
             let mut h = encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
@@ -228,7 +246,7 @@ impl<R: Lane> Pass for ParameterVjp<'_, R> {
         let mut s = self.network.mlp.scratch(true, true, true);
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
-            self.network.block_tangent::<I, true>(x, c, alpha, &mut s);
+            self.network.block_tangent::<I, LANES, true>(x, c, alpha, &mut s);
         }
         self.network.mlp.collect_gradient(&s, self.adjoint);
     }

@@ -4,7 +4,7 @@
     reason = "vector instructions, and functions compiled for instructions that were checked for at run time"
 )]
 
-use crate::kernel::{LANES, Row, TILE, multiply_rows, outer_rows, transpose_lanes};
+use crate::kernel::{HALF, LANES, Row, TILE, multiply_rows, outer_rows, transpose_lanes};
 
 /// An instruction set that kernels are compiled for.
 pub trait Isa: Copy {
@@ -12,7 +12,13 @@ pub trait Isa: Copy {
     const FMA: bool;
 
     /// As [`crate::kernel::multiply_rows`].
-    fn multiply(packed: &[[f32; TILE]], start: &[f32], rows: usize, input: &[Row<f32>], output: &mut [Row<f32>]);
+    fn multiply<const N: usize>(
+        packed: &[[f32; TILE]],
+        start: &[f32],
+        rows: usize,
+        input: &[Row<f32>],
+        output: &mut [Row<f32>],
+    );
     /// As [`crate::kernel::outer_rows`].
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
     /// As [`crate::kernel::transpose_lanes`].
@@ -27,8 +33,14 @@ impl Isa for Portable {
     const FMA: bool = cfg!(target_arch = "aarch64");
 
     #[inline(always)]
-    fn multiply(packed: &[[f32; TILE]], start: &[f32], rows: usize, input: &[Row<f32>], output: &mut [Row<f32>]) {
-        multiply_rows::<f32, Self>(packed, start, rows, input, output);
+    fn multiply<const N: usize>(
+        packed: &[[f32; TILE]],
+        start: &[f32],
+        rows: usize,
+        input: &[Row<f32>],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_rows::<f32, Self, N>(packed, start, rows, input, output);
     }
     #[inline(always)]
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
@@ -87,7 +99,7 @@ pub(crate) fn dispatch_all<P: Pass>(mut pass: impl FnMut(&'static str) -> P) {
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::{Isa, LANES, Pass, Row, TILE};
+    use super::{HALF, Isa, LANES, Pass, Row, TILE};
     use crate::kernel::padded;
 
     pub(super) fn has_avx512() -> bool {
@@ -129,8 +141,18 @@ mod x86 {
 
         // Sixteen chains of fused multiply–adds: they take 4 cycles and 2 start in each.
         #[inline(always)]
-        fn multiply(packed: &[[f32; TILE]], start: &[f32], rows: usize, input: &[Row<f32>], output: &mut [Row<f32>]) {
-            multiply::<__m512, 8, 2>(packed, start, rows, input, output);
+        fn multiply<const N: usize>(
+            packed: &[[f32; TILE]],
+            start: &[f32],
+            rows: usize,
+            input: &[Row<f32>],
+            output: &mut [Row<f32>],
+        ) {
+            if N <= HALF {
+                multiply::<__m512, N, 8, 1>(packed, start, rows, input, output);
+            } else {
+                multiply::<__m512, N, 8, 2>(packed, start, rows, input, output);
+            }
         }
         #[inline(always)]
         fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
@@ -147,8 +169,14 @@ mod x86 {
 
         // Eight chains: there are sixteen registers.
         #[inline(always)]
-        fn multiply(packed: &[[f32; TILE]], start: &[f32], rows: usize, input: &[Row<f32>], output: &mut [Row<f32>]) {
-            multiply::<__m256, 4, 2>(packed, start, rows, input, output);
+        fn multiply<const N: usize>(
+            packed: &[[f32; TILE]],
+            start: &[f32],
+            rows: usize,
+            input: &[Row<f32>],
+            output: &mut [Row<f32>],
+        ) {
+            multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
         }
         #[inline(always)]
         fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
@@ -286,7 +314,7 @@ mod x86 {
 
     /// [`crate::kernel::multiply_rows`] with `ROWS` × `REGS` sums in registers.
     #[inline(always)]
-    fn multiply<V: Vector, const ROWS: usize, const REGS: usize>(
+    fn multiply<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
         packed: &[[f32; TILE]],
         start: &[f32],
         rows: usize,
@@ -298,25 +326,25 @@ mod x86 {
             let weights = &packed[tile * n..(tile + 1) * n];
             let start = start.get(tile * TILE..).unwrap_or(&[]);
             if rows - tile * TILE == 1 {
-                block::<V, 1, REGS>(weights, start, 0, input, out);
+                block::<V, N, 1, REGS>(weights, start, 0, input, out);
                 continue;
             }
             for first in (0..TILE).step_by(ROWS) {
-                block::<V, ROWS, REGS>(weights, start, first, input, out);
+                block::<V, N, ROWS, REGS>(weights, start, first, input, out);
             }
         }
     }
 
     /// `ROWS` rows of a tile, from row `first`.
     #[inline(always)]
-    fn block<V: Vector, const ROWS: usize, const REGS: usize>(
+    fn block<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
         weights: &[[f32; TILE]],
         start: &[f32],
         first: usize,
         input: &[Row<f32>],
         out: &mut [Row<f32>],
     ) {
-        for lane in (0..LANES).step_by(REGS * V::N) {
+        for lane in (0..N).step_by(REGS * V::N) {
             let mut sums: [[V; REGS]; ROWS] =
                 std::array::from_fn(|r| [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS]);
             for (w, x) in weights.iter().zip(input) {

@@ -13,7 +13,7 @@ use crate::estimate::{
 use crate::sampler::{mix, unit};
 
 /// Pixels a chunk of an iteration.
-const CHUNK: usize = 256;
+const CHUNK: usize = 512;
 
 /// The weights of the loss's terms at this point of the schedule.
 #[derive(Clone, Copy, Debug)]
@@ -183,6 +183,10 @@ impl<'a> Chunk<'a> {
         first.hits.iter().enumerate().for_each(|(h, &i)| hit[i] = Some(h));
         for (i, pixel) in self.pixels.iter().enumerate() {
             let probability = self.background_probability(*pixel);
+            let doubt = if hit[i].is_some() { probability } else { 1.0 - probability };
+            if doubt < CERTAIN && first.found[i].is_none_or(|found| found.outcome != trace::Outcome::Inside) {
+                continue;
+            }
             if let Some(h) = hit[i] {
                 self.adjoints.push(0, first.x[h], -weight * probability, Vec3::ZERO);
             } else if let (Some(ray), Some(found)) = (first.rays[i], first.found[i]) {
@@ -242,6 +246,9 @@ pub(crate) const LIMIT: f32 = 1.0;
 
 /// How far from the surface the eikonal term looks closely, as a fraction of the bounding radius.
 const NEAR: f32 = 0.1;
+
+/// What is as it looks to this probability is not pushed: a pass over the parameters for nothing.
+const CERTAIN: f32 = 1e-3;
 
 /// A point uniform in the unit ball.
 fn in_ball(bits: u64) -> Vec3 {

@@ -1,0 +1,70 @@
+//! `cargo xtask bench`: what this machine can do, and what of it every pass of the network uses.
+
+mod passes;
+mod peak;
+mod programs;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::Context;
+use serde::Serialize;
+
+use crate::dsdf;
+use passes::PassResult;
+use peak::Peak;
+use programs::{Growth, Program};
+
+/// All that a run measures.
+#[derive(Serialize)]
+struct Report {
+    host: String,
+    revision: String,
+    threads: usize,
+    /// Fused multiply–adds in registers alone, one core, single precision.
+    peak: Peak,
+    passes: Vec<PassResult>,
+    programs: Vec<Program>,
+    growth: Vec<Growth>,
+}
+
+/// Measures, prints a table, and writes the JSON.
+pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
+    let path = output.unwrap_or_else(|| dsdf::root().join("target/bench.json"));
+    let binary = dsdf::build()?;
+    let peak = Peak::measure();
+    println!("{}: {:.0} GFLOP/s at most on one core ({})\n", host(), peak.gflops, peak.instructions);
+    println!("| network | pass | M points/s | GFLOP/s | of the peak | two threads over one |");
+    println!("|---|---|---|---|---|---|");
+    let passes = passes::measure(&peak);
+    println!("\n| program | seconds | peak memory, MiB |\n|---|---|---|");
+    let programs = programs::measure(&binary)?;
+    println!("\n| seconds of a gradient grow with | as its power |\n|---|---|");
+    let growth = programs::growth(&binary)?;
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let report = Report { host: host(), revision: revision(), threads, peak, passes, programs, growth };
+    write(&path, &report)?;
+    eprintln!("{}", path.display());
+    Ok(())
+}
+
+fn write(path: &Path, report: &Report) -> anyhow::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    serde_json::to_writer_pretty(&mut file, report)?;
+    file.persist(path).with_context(|| path.display().to_string())?;
+    Ok(())
+}
+
+/// The processor's name.
+fn host() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split(':').nth(1));
+    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
+}
+
+fn revision() -> String {
+    let output = Command::new("git").args(["describe", "--always", "--dirty"]).current_dir(dsdf::root()).output();
+    output.map_or_else(|_| "unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
+}
