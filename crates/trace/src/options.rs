@@ -2,7 +2,7 @@
 
 use field::Real;
 
-/// Settings of [`crate::intersect`]; lengths are fractions of the ray's scale, the bounding radius.
+/// Settings of [`crate::intersect`]; lengths are fractions of the ray's scale, the bounding radius unless a caller knows better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
     /// Evaluations after which a ray is given up as a miss. At `min_step` 0.005 a ray through the whole ball takes 400.

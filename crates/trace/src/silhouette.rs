@@ -45,6 +45,10 @@ pub struct Tangency<R: Real> {
     pub gradient: R::Vec3,
     /// ∂m/∂s of m(s) = min_t f: positive where the solid is left as s grows.
     pub slope: R,
+    /// ∇f of the face that is seen just inside: that of the point in front where the points are on different faces, `gradient` else.
+    pub front: R::Vec3,
+    /// The second derivative of f along the ray at the minimum: large at an edge.
+    pub bend: R,
 }
 
 /// A point of a ray with f and its slope along the ray.
@@ -205,9 +209,7 @@ impl<R: Real> Search<R> {
 
     /// Whether two points are on faces that differ, and not where these meet.
     fn differ(&self, a: Point<R>, b: Point<R>, tolerance: R) -> bool {
-        let steepest = a.gradient.length().max(b.gradient.length());
-        let finest = tolerance * R::of(TIGHT) * self.turn.length() * b.t;
-        (b.gradient - a.gradient).length() > steepest * R::of(FACES) && b.t - a.t > finest
+        faces(a, b) && b.t - a.t > tolerance * R::of(TIGHT) * self.turn.length() * b.t
     }
 
     /// The next place to look for the minimum: where the slope is expected to vanish, or where the tangents meet.
@@ -250,6 +252,8 @@ impl<R: Real> Search<R> {
                 weights: [R::one() - minimum.share, minimum.share],
                 gradient: minimum.gradient,
                 slope: rate,
+                front: if faces(a, b) { a.gradient } else { minimum.gradient },
+                bend: (b.slope - a.slope) / (b.t - a.t).max(R::min_positive_value()),
             };
             let steepest = a.gradient.length().max(b.gradient.length());
             if minimum.gradient.length() >= R::of(CANCELLED) * steepest {
@@ -289,6 +293,12 @@ impl<R: Real> Search<R> {
         (self.direction, self.turn) = turn.direction(self.index, s);
         (self.before, self.after, self.inner) = (None, None, 0);
     }
+}
+
+/// Whether two points are on faces that differ.
+fn faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
+    let steepest = a.gradient.length().max(b.gradient.length());
+    (b.gradient - a.gradient).length() > steepest * R::of(FACES)
 }
 
 /// What two points on both sides of a minimum say of it.

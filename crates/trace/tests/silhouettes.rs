@@ -104,6 +104,8 @@ proptest! {
         let exact = edge.dot(aside).atan2(edge.dot(ahead));
         let found = find(&column, &turn, exact + off).unwrap();
         prop_assert!((found.s - exact).abs() < 1e-6, "{} against {exact}", found.s);
+        // The face in sight beside the edge, not the mean of both, is what is shaded.
+        prop_assert!(found.front.abs().max_element() > 1.0 - 1e-9 && found.front.dot(edge) < 0.0, "{}", found.front);
         // It moves as the corner does: the gradient by the column's half sizes says so, 1/|m'| of the corner's motion.
         let f_dot: f64 = found.points.iter().zip(found.weights).map(|(x, w)| {
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);

@@ -24,11 +24,11 @@ pub struct Contour {
 /// Halvings of an edge: a grid of 1/16 pixel ends at 1e-9 pixels.
 const HALVINGS: u32 = 26;
 
-/// A jump in depth that is still there after all halvings is a silhouette, in bounding radii. Where a surface is seen edge-on it falls
+/// A jump in depth that is still there after all halvings is a silhouette, in [`Setup::scale_at`]. Where a surface is seen edge-on it falls
 /// off by the square root of the edge's length: 1e-4.
 const JUMP: f64 = 3e-3;
 
-/// How far in front and behind a silhouette point its gradient is taken, in bounding radii.
+/// How far in front and behind a silhouette point its gradient is taken, in [`Setup::scale_at`].
 const BESIDE: f64 = 1e-4;
 
 /// A place where an edge of a cell crosses a silhouette.
@@ -56,9 +56,9 @@ struct GridEdge<R: Real> {
 }
 
 impl Contour {
-    /// A grid with as many cells as samples, 4 to 64 along a side.
+    /// A grid with as many cells as samples, 4 to 256 along a side.
     pub fn new(spp: u32) -> Self {
-        Contour { cells: (f64::from(spp).sqrt().ceil() as u32).clamp(4, 64) }
+        Contour { cells: (f64::from(spp).sqrt().ceil() as u32).clamp(4, 256) }
     }
 
     /// The edges of one pixel's grid: along x row by row, then along y column by column.
@@ -173,10 +173,12 @@ fn locate<R: Real>(setup: &Setup<'_, R>, edges: &mut [GridEdge<R>]) -> Result<()
     };
     let (first, second) = (ends(edges, 0)?, ends(edges, 1)?);
     edges.iter_mut().zip(first.into_iter().zip(second)).for_each(|(edge, (a, b))| edge.depth = [a, b]);
-    let threshold = setup.bounds.radius * R::of(JUMP);
-    let jumps = |depth: [R; 2]| depth[0] != depth[1] && (depth[0] - depth[1]).abs() > threshold;
+    let jumps = |camera: usize, depth: [R; 2]| {
+        let threshold = setup.scale_at(camera, depth[0].min(depth[1])) * R::of(JUMP);
+        depth[0] != depth[1] && (depth[0] - depth[1]).abs() > threshold
+    };
     let mut open: Vec<(usize, [DVec2; 2], [R; 2])> =
-        edges.iter().enumerate().filter(|(_, e)| jumps(e.depth)).map(|(i, e)| (i, e.ends, e.depth)).collect();
+        edges.iter().enumerate().filter(|(_, e)| jumps(e.camera, e.depth)).map(|(i, e)| (i, e.ends, e.depth)).collect();
     for _ in 0..HALVINGS {
         let middle = |ends: &[DVec2; 2]| (ends[0] + ends[1]) * 0.5;
         let samples: Vec<Sample> =
@@ -187,7 +189,7 @@ fn locate<R: Real>(setup: &Setup<'_, R>, edges: &mut [GridEdge<R>]) -> Result<()
             let side = usize::from(jump(depth[0], t) >= jump(t, depth[1]));
             (ends[side], depth[side]) = (middle(ends), t);
         }
-        open.retain(|(_, _, depth)| jumps(*depth));
+        open.retain(|(i, _, depth)| jumps(edges[*i].camera, *depth));
     }
     describe(setup, edges, &open)
 }
@@ -211,7 +213,10 @@ fn describe<R: Real>(
         let (d, du) = camera.direction_du(u);
         let d = R::Vec3::of(d);
         let eye = R::Vec3::of(camera.eye);
-        let Some((points, weights, gradient)) = straddle(setup, eye, d, t) else { continue };
+        let Some((points, weights, gradient)) = straddle(setup, eye, d, (t, setup.scale_at(edges[*i].camera, t)))
+        else {
+            continue;
+        };
         let rise = du.map(|du| gradient.dot(R::Vec3::of(du)) * t);
         edges[*i].event = Some(Event {
             u,
@@ -228,8 +233,13 @@ fn describe<R: Real>(
 
 /// Two points around the silhouette point at t between which f has its minimum, their weights, and the mean gradient.
 #[allow(clippy::type_complexity, reason = "three results of one search")]
-fn straddle<R: Real>(setup: &Setup<'_, R>, eye: R::Vec3, d: R::Vec3, t: R) -> Option<([R::Vec3; 2], [R; 2], R::Vec3)> {
-    let mut beside = setup.bounds.radius * R::of(BESIDE);
+fn straddle<R: Real>(
+    setup: &Setup<'_, R>,
+    eye: R::Vec3,
+    d: R::Vec3,
+    (t, scale): (R, R),
+) -> Option<([R::Vec3; 2], [R; 2], R::Vec3)> {
+    let mut beside = scale * R::of(BESIDE);
     for _ in 0..6 {
         let x = [eye + d * (t - beside), eye + d * (t + beside)];
         let (mut f, mut g) = ([R::zero(); 2], [R::Vec3::zero(); 2]);

@@ -137,10 +137,10 @@ impl<R: Real> Known<R> {
     }
 
     /// Adds a silhouette unless it is known.
-    fn add(&mut self, found: Found<R>, radius: R) {
+    fn add(&mut self, found: Found<R>, same: R) {
         let near = |other: &Tangency<R>| {
             (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()
-                && (other.t - found.tangency.t).abs() < radius * R::of(SAME)
+                && (other.t - found.tangency.t).abs() < same
         };
         if self.of_line[found.line].len() < CROSSINGS && !self.of(found.line).any(near) {
             self.of_line[found.line].push(self.all.len());
@@ -212,7 +212,6 @@ impl<R: Real> Probes<R> {
     /// Searches from the closest approaches of the probes at `places`.
     fn approaches(&self, setup: &Setup<'_, R>, lines: &[Line], places: &[(usize, f64)]) -> Searches<R> {
         let mut searches = Searches::new();
-        let least = setup.bounds.radius * R::of(REACH);
         for &(line, s) in places {
             let of_line = &self.of_line[line];
             let Some(at) = of_line.iter().position(|p| p.s == s && !p.side) else { continue };
@@ -222,13 +221,15 @@ impl<R: Real> Probes<R> {
             let room = [before - 2.0 * tolerance::<R>(), after + 2.0 * tolerance::<R>()];
             // No part of a silhouette is nearer than this, along the line or not; a little room for f that is no distance.
             let away = (probe.clearance / R::of(setup.cameras[lines[line].camera].pixel_angle())).to_double();
+            let least = |t: R| least_reach(setup, lines[line].camera, t);
             if away < 2.0 * (s - before).max(after - s) {
+                let least = least(probe.nearest);
                 let reach = (probe.clearance * probe.nearest).max(least);
                 searches.push(line, s, probe.nearest, room, reach, 1.0);
             }
             // A gap between two surfaces shows in the rays beside it by how these graze.
             if probe.depth.is_finite() {
-                searches.push(line, s, probe.depth, room, least, GRAZING);
+                searches.push(line, s, probe.depth, room, least(probe.depth), GRAZING);
             }
         }
         searches
@@ -279,7 +280,7 @@ fn jumps<R: Real>(setup: &Setup<'_, R>, line: &Line, pair: &[Probe<R>], width: f
         return a != b;
     }
     let world = R::of(width * setup.cameras[line.camera].pixel_angle()) * a.min(b);
-    (a - b).abs() > (setup.bounds.radius * world * R::of(8.0)).sqrt()
+    (a - b).abs() > (setup.scale_at(line.camera, a.min(b)) * world * R::of(8.0)).sqrt()
 }
 
 /// Runs searches, and adds what was not known.
@@ -291,13 +292,19 @@ fn search<R: Real>(setup: &Setup<'_, R>, lines: &[Line], searches: &Searches<R>,
         let Some(tangency) = tangency else { continue };
         let s = tangency.s.to_double();
         if s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s) {
-            known.add(Found { line: origin.line, tangency }, setup.bounds.radius);
+            let same = setup.scale_at(lines[origin.line].camera, tangency.t) * R::of(SAME);
+            known.add(Found { line: origin.line, tangency }, same);
         }
     }
 }
 
-/// The first guess at the width of a minimum of f along a ray, in bounding radii.
-pub(super) const REACH: f64 = 0.02;
+/// The first guess at the width of a minimum of f along a ray, in bounding radii; a pixel if that is less.
+const REACH: f64 = 0.02;
+
+/// The first guess at the width of a minimum that is `t` away.
+pub(super) fn least_reach<R: Real>(setup: &Setup<'_, R>, camera: usize, t: R) -> R {
+    (setup.bounds.radius * R::of(REACH)).min(R::of(setup.cameras[camera].pixel_angle()) * t)
+}
 
 /// Silhouettes may lie outside of the bounds by this part of their radius, for rounding.
 const SLACK: f64 = 1e-3;
@@ -305,8 +312,11 @@ const SLACK: f64 = 1e-3;
 /// A hit whose ray is steeper than this, as a cosine to the normal, is not near a silhouette.
 const GRAZING: f64 = 0.65;
 
-/// Silhouettes of one line that are this close in depth, in bounding radii, and as close on the film as they are known, are one.
+/// Silhouettes of one line that are this close in depth, in [`Setup::scale_at`], and as close on the film as they are known, are one.
 const SAME: f64 = 0.02;
+
+/// Twice the half chord of a parabola at the depth of its minimum, in roots of depth over second derivative: 2 √2.
+const CHORD: f64 = 3.0;
 
 /// Looks past every silhouette, and keeps those that nothing hides, with the depths seen inside and outside.
 #[allow(clippy::type_complexity, reason = "a crossing with its two sides")]
@@ -331,7 +341,9 @@ fn visible<R: Real>(
             Some(hit) if hit.outcome != Outcome::Miss => hit.t,
             _ => R::infinity(),
         };
-        if depth < tangency.t - setup.bounds.radius * R::of(SAME) {
+        // A ray that should pass beside the surface, and does not, enters it this far before the minimum at most.
+        let chord = R::of(CHORD) * (tangency.slope.abs() * R::of(aside) / tangency.bend).sqrt();
+        if depth < tangency.t - chord.min(setup.scale_at(line.camera, tangency.t) * R::of(SAME)) {
             continue;
         }
         let sample = line.at(tangency.s.to_double());
@@ -346,8 +358,7 @@ fn visible<R: Real>(
         }
         x.push(point);
         direction.push(d);
-        let length = tangency.gradient.length().max(R::min_positive_value());
-        normal.push(tangency.gradient * (R::one() / length));
+        normal.push(tangency.front * (R::one() / tangency.front.length().max(R::min_positive_value())));
         let crossing = Crossing {
             line: f.line,
             s: tangency.s.to_double(),

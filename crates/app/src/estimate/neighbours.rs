@@ -7,7 +7,7 @@ use field::{Real, Vector3};
 use glam::DVec2;
 
 use super::Setup;
-use super::lines::{Found, Known, Line, REACH, Searches, tolerance};
+use super::lines::{Found, Known, Line, Searches, least_reach, tolerance};
 
 /// Which lines of a pixel lie side by side.
 pub(super) struct Neighbours {
@@ -57,7 +57,6 @@ impl Neighbours {
     ) -> Searches<R> {
         let mut searches = Searches::new();
         let room = [-2.0 * tolerance::<R>(), 1.0 + 2.0 * tolerance::<R>()];
-        let least = setup.bounds.radius * R::of(REACH);
         for Found { line, tangency } in found {
             let line = &lines[*line];
             let sample = line.at(tangency.s.to_double());
@@ -78,6 +77,7 @@ impl Neighbours {
                     let same =
                         |t: &trace::Tangency<R>| (t.slope > R::zero()) == leaves && (t.s.to_double() - s).abs() < reach;
                     if !known.of(other).any(same) {
+                        let least = least_reach(setup, line.camera, tangency.t);
                         searches.push(other, s, tangency.t, room, least, 1.0);
                     }
                 }

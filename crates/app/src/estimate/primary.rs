@@ -1,5 +1,7 @@
 //! Camera rays: where they hit, and the radiance they bring back.
 
+use std::collections::HashMap;
+
 use field::{Field, Real, Sphere, Vector3};
 use glam::DVec2;
 use trace::{Intersection, Outcome, Ray};
@@ -69,6 +71,16 @@ pub struct Primary<R: Real> {
 /// is singular at the eye.
 const AT_THE_EYE: f64 = 1e-3;
 
+/// A camera this close to the bounding ball, in its radii, may see surfaces that are small beside it; how near these are is asked of the field.
+const CLOSE: f64 = 0.5;
+
+/// A bounding ball of more than this many pixels is larger than what its parts are measured by: of a small thing on a wide ground, the ground
+/// says nothing.
+const FINE: f64 = 256.0;
+
+/// Parts of the bounding radius that nothing is measured by: steps of a ray would have no end.
+const FINEST: f64 = 0.01;
+
 /// Half the way from the eye to the nearest surface.
 fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
@@ -131,24 +143,31 @@ impl<R: Real> Setup<'_, R> {
 
     /// The ray of every sample that meets the bounding sphere.
     pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
-        let mut start: Option<(usize, R)> = None;
+        let mut clear = HashMap::new();
         samples
             .iter()
             .map(|sample| {
                 let camera = &self.cameras[sample.camera];
                 let eye = R::Vec3::of(camera.eye);
                 let mut ray = Ray::enter(eye, R::Vec3::of(camera.direction(sample.u)), &self.bounds)?;
-                if ray.near < self.bounds.radius * R::of(AT_THE_EYE) {
-                    let clear = match start {
-                        Some((index, clear)) if index == sample.camera => clear,
-                        _ => clear_of_the_eye(self.field, eye),
-                    };
-                    start = Some((sample.camera, clear));
-                    ray.near = clear.max(ray.near).min(ray.far);
+                let mut nearest = ray.near;
+                if ray.near < self.bounds.radius * R::of(CLOSE) {
+                    let clear = *clear.entry(sample.camera).or_insert_with(|| clear_of_the_eye(self.field, eye));
+                    nearest = nearest.max(clear * R::of(2.0));
+                    if ray.near < self.bounds.radius * R::of(AT_THE_EYE) {
+                        ray.near = clear.max(ray.near).min(ray.far);
+                    }
                 }
+                ray.scale = self.scale_at(sample.camera, nearest).max(self.bounds.radius * R::of(FINEST));
                 Some(ray)
             })
             .collect()
+    }
+
+    /// The length that settings relative to the scene refer to, for what is `t` away from a camera: the bounding radius, unless all that the film
+    /// can resolve there is finer.
+    pub(super) fn scale_at(&self, camera: usize, t: R) -> R {
+        self.bounds.radius.min(R::of(self.cameras[camera].pixel_angle() * FINE) * t)
     }
 
     /// The distance at which a sample's line of sight passes the centre of the bounding sphere that it misses, and the tangent of the
