@@ -45,8 +45,8 @@ pub struct Tangency<R: Real> {
     pub gradient: R::Vec3,
     /// ∂m/∂s of m(s) = min_t f: positive where the solid is left as s grows.
     pub slope: R,
-    /// ∇f of the face that is seen just inside: that of the point in front where the points are on different faces, `gradient` else.
-    pub front: R::Vec3,
+    /// Whether the points are on different faces: `gradient` is then no surface's normal.
+    pub edge: bool,
     /// The second derivative of f along the ray at the minimum: large at an edge.
     pub bend: R,
 }
@@ -252,7 +252,7 @@ impl<R: Real> Search<R> {
                 weights: [R::one() - minimum.share, minimum.share],
                 gradient: minimum.gradient,
                 slope: rate,
-                front: if faces(a, b) { a.gradient } else { minimum.gradient },
+                edge: faces(a, b),
                 bend: (b.slope - a.slope) / (b.t - a.t).max(R::min_positive_value()),
             };
             let steepest = a.gradient.length().max(b.gradient.length());

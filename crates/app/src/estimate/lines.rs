@@ -1,5 +1,7 @@
 //! Silhouettes along lines of the film.
 
+use std::collections::HashMap;
+
 use field::{Real, Vector3};
 use glam::DVec2;
 use trace::{Outcome, Start, Tangency, Turn, tangencies};
@@ -326,15 +328,21 @@ fn visible<R: Real>(
     found: &[Found<R>],
 ) -> Result<Vec<(Crossing<R>, R, R)>, InvalidField> {
     let aside = 10.0 * tolerance::<R>();
-    let outside = |f: &Found<R>| {
-        let away = if f.tangency.slope > R::zero() { aside } else { -aside };
+    let beside = |f: &Found<R>, away: f64| {
+        let away = if f.tangency.slope > R::zero() { away } else { -away };
         lines[f.line].at(f.tangency.s.to_double() + away)
     };
-    let samples: Vec<Sample> = found.iter().map(outside).collect();
+    let samples: Vec<Sample> = found.iter().map(|f| beside(f, aside)).collect();
     let beyond = setup.primary(&samples);
     check_valid(setup, &samples, beyond.invalid)?;
+    // At an edge one of two faces is in sight, and a ray has to say which.
+    let edges: Vec<usize> = (0..found.len()).filter(|&i| found[i].tangency.edge).collect();
+    let samples: Vec<Sample> = edges.iter().map(|&i| beside(&found[i], -aside)).collect();
+    let within = setup.primary(&samples);
+    check_valid(setup, &samples, within.invalid)?;
+    let mut shown: HashMap<usize, R::Vec3> = edges.into_iter().zip(within.radiance).collect();
     let mut seen = Vec::with_capacity(found.len());
-    let (mut x, mut normal, mut direction) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut x, mut normal, mut direction, mut inside) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (i, f) in found.iter().enumerate() {
         let (line, tangency) = (&lines[f.line], &f.tangency);
         let depth = match beyond.found[i] {
@@ -358,7 +366,8 @@ fn visible<R: Real>(
         }
         x.push(point);
         direction.push(d);
-        normal.push(tangency.front * (R::one() / tangency.front.length().max(R::min_positive_value())));
+        normal.push(tangency.gradient * (R::one() / tangency.gradient.length().max(R::min_positive_value())));
+        inside.push(shown.remove(&i));
         let crossing = Crossing {
             line: f.line,
             s: tangency.s.to_double(),
@@ -372,6 +381,8 @@ fn visible<R: Real>(
     }
     let mut rgb = vec![R::Vec3::zero(); x.len()];
     setup.shader.radiance(&x, &normal, &direction, &mut rgb);
-    seen.iter_mut().zip(rgb).for_each(|((crossing, ..), rgb)| crossing.contrast += rgb);
+    for (((crossing, ..), rgb), inside) in seen.iter_mut().zip(rgb).zip(inside) {
+        crossing.contrast += inside.unwrap_or(rgb);
+    }
     Ok(seen)
 }
