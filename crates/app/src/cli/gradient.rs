@@ -218,7 +218,11 @@ impl Gradient {
         let text = std::fs::read_to_string(&self.scene)?;
         let value: serde_json::Value = serde_json::from_str(&text)?;
         let camera = &scene.camera;
-        let pixel = camera.pixel_angle() * (camera.eye - scene.bounds.center).length();
+        // At the nearest surface: the bounds may reach far behind what is seen.
+        let mut nearest = [0.0];
+        scene.sdf.build::<f64>()?.value(&[camera.eye], &mut nearest);
+        let away = if nearest[0] > 0.0 { nearest[0] } else { (camera.eye - scene.bounds.center).length() };
+        let pixel = camera.pixel_angle() * away;
         let (mut derivatives, counted) = (Vec::new(), std::cell::RefCell::new(evaluations));
         for (done, wrt) in self.wrt.iter().enumerate() {
             let step = if wrt.starts_with("/sdf/") { STEP_PIXELS * pixel } else { STEP };

@@ -74,12 +74,11 @@ const AT_THE_EYE: f64 = 1e-3;
 /// A camera this close to the bounding ball, in its radii, may see surfaces that are small beside it; how near these are is asked of the field.
 const CLOSE: f64 = 0.5;
 
-/// A bounding ball of more than this many pixels is larger than what its parts are measured by: of a small thing on a wide ground, the ground
-/// says nothing.
+/// A film counts as no more than this many pixels wide: a large image is to show what is small in it.
 const FINE: f64 = 256.0;
 
-/// Parts of the bounding radius that nothing is measured by: steps of a ray would have no end.
-const FINEST: f64 = 0.01;
+/// Nothing is measured by less than this part of the bounding radius: an eye on a surface has nothing near to go by.
+const FINEST: f64 = 1e-6;
 
 /// Half the way from the eye to the nearest surface.
 fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
@@ -164,10 +163,12 @@ impl<R: Real> Setup<'_, R> {
             .collect()
     }
 
-    /// The length that settings relative to the scene refer to, for what is `t` away from a camera: the bounding radius, unless all that the film
-    /// can resolve there is finer.
+    /// The length that settings relative to the scene refer to, for what is `t` away from a camera: the bounding radius, or the width of
+    /// the film there if that is less.
     pub(super) fn scale_at(&self, camera: usize, t: R) -> R {
-        self.bounds.radius.min(R::of(self.cameras[camera].pixel_angle() * FINE) * t)
+        let camera = &self.cameras[camera];
+        let pixels = f64::from(camera.width.max(camera.height)).min(FINE);
+        self.bounds.radius.min(R::of(camera.pixel_angle() * pixels) * t)
     }
 
     /// The distance at which a sample's line of sight passes the centre of the bounding sphere that it misses, and the tangent of the
