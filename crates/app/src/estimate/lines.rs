@@ -340,7 +340,8 @@ fn visible<R: Real>(
     let samples: Vec<Sample> = edges.iter().map(|&i| beside(&found[i], -aside)).collect();
     let within = setup.primary(&samples);
     check_valid(setup, &samples, within.invalid)?;
-    let mut shown: HashMap<usize, R::Vec3> = edges.into_iter().zip(within.radiance).collect();
+    let mut shown: HashMap<usize, (R, R::Vec3)> =
+        within.hits.iter().zip(&within.t).map(|(&i, t)| (edges[i], (*t, within.radiance[i]))).collect();
     let mut seen = Vec::with_capacity(found.len());
     let (mut x, mut normal, mut direction, mut inside) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (i, f) in found.iter().enumerate() {
@@ -367,7 +368,8 @@ fn visible<R: Real>(
         x.push(point);
         direction.push(d);
         normal.push(tangency.gradient * (R::one() / tangency.gradient.length().max(R::min_positive_value())));
-        inside.push(shown.remove(&i));
+        // Unless it has passed through all of a thing that is thinner yet.
+        inside.push(shown.remove(&i).filter(|(t, _)| *t < depth).map(|(_, rgb)| rgb));
         let crossing = Crossing {
             line: f.line,
             s: tangency.s.to_double(),
