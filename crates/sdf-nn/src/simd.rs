@@ -204,111 +204,108 @@ mod x86 {
         fn transpose(rows: &mut [Self]);
     }
 
-    impl Vector for __m512 {
-        const N: usize = 16;
+    /// What both widths have alike, and the transposition of the squares of 4 × 4 along the diagonals of four rows.
+    macro_rules! vector {
+        ($type:ty, $n:literal, $splat:ident, $load:ident, $store:ident, $fma:ident, $add:ident,
+         $low:ident, $high:ident, $shuffle:ident, $exchange:ident) => {
+            impl Vector for $type {
+                const N: usize = $n;
 
-        #[inline(always)]
-        fn splat(value: f32) -> Self {
-            // SAFETY: see the trait; so for all below.
-            unsafe { _mm512_set1_ps(value) }
-        }
-        #[inline(always)]
-        fn load(from: &[f32]) -> Self {
-            let from = &from[..Self::N];
-            // SAFETY: N numbers are there.
-            unsafe { _mm512_loadu_ps(from.as_ptr()) }
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f32]) {
-            let to = &mut to[..Self::N];
-            // SAFETY: there is room for N numbers.
-            unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self) }
-        }
-        #[inline(always)]
-        fn fma(a: Self, b: Self, c: Self) -> Self {
-            unsafe { _mm512_fmadd_ps(a, b, c) }
-        }
-        #[inline(always)]
-        fn add(a: Self, b: Self) -> Self {
-            unsafe { _mm512_add_ps(a, b) }
-        }
-        #[inline(always)]
-        fn transpose(rows: &mut [Self]) {
-            // Blocks of 4 × 4 inside, then the blocks.
-            for four in rows.chunks_exact_mut(4) {
-                unsafe {
-                    let (a, b) = (_mm512_unpacklo_ps(four[0], four[1]), _mm512_unpackhi_ps(four[0], four[1]));
-                    let (c, d) = (_mm512_unpacklo_ps(four[2], four[3]), _mm512_unpackhi_ps(four[2], four[3]));
-                    four[0] = _mm512_shuffle_ps::<0x44>(a, c);
-                    four[1] = _mm512_shuffle_ps::<0xee>(a, c);
-                    four[2] = _mm512_shuffle_ps::<0x44>(b, d);
-                    four[3] = _mm512_shuffle_ps::<0xee>(b, d);
+                #[inline(always)]
+                fn splat(value: f32) -> Self {
+                    // SAFETY: see the trait; so for all below.
+                    unsafe { $splat(value) }
+                }
+                #[inline(always)]
+                fn load(from: &[f32]) -> Self {
+                    let from = &from[..$n];
+                    // SAFETY: N numbers are there.
+                    unsafe { $load(from.as_ptr()) }
+                }
+                #[inline(always)]
+                fn store(self, to: &mut [f32]) {
+                    let to = &mut to[..$n];
+                    // SAFETY: there is room for N numbers.
+                    unsafe { $store(to.as_mut_ptr(), self) }
+                }
+                #[inline(always)]
+                fn fma(a: Self, b: Self, c: Self) -> Self {
+                    unsafe { $fma(a, b, c) }
+                }
+                #[inline(always)]
+                fn add(a: Self, b: Self) -> Self {
+                    unsafe { $add(a, b) }
+                }
+                #[inline(always)]
+                fn transpose(rows: &mut [Self]) {
+                    for four in rows.chunks_exact_mut(4) {
+                        unsafe {
+                            let (a, b) = ($low(four[0], four[1]), $high(four[0], four[1]));
+                            let (c, d) = ($low(four[2], four[3]), $high(four[2], four[3]));
+                            four[0] = $shuffle::<0x44>(a, c);
+                            four[1] = $shuffle::<0xee>(a, c);
+                            four[2] = $shuffle::<0x44>(b, d);
+                            four[3] = $shuffle::<0xee>(b, d);
+                        }
+                    }
+                    for c in 0..4 {
+                        $exchange(rows, c);
+                    }
                 }
             }
-            let blocks = [rows[0]; 16];
-            let mut out = blocks;
-            for c in 0..4 {
-                unsafe {
-                    let a = _mm512_shuffle_f32x4::<0x44>(rows[c], rows[4 + c]);
-                    let b = _mm512_shuffle_f32x4::<0xee>(rows[c], rows[4 + c]);
-                    let d = _mm512_shuffle_f32x4::<0x44>(rows[8 + c], rows[12 + c]);
-                    let e = _mm512_shuffle_f32x4::<0xee>(rows[8 + c], rows[12 + c]);
-                    out[c] = _mm512_shuffle_f32x4::<0x88>(a, d);
-                    out[4 + c] = _mm512_shuffle_f32x4::<0xdd>(a, d);
-                    out[8 + c] = _mm512_shuffle_f32x4::<0x88>(b, e);
-                    out[12 + c] = _mm512_shuffle_f32x4::<0xdd>(b, e);
-                }
-            }
-            rows[..16].copy_from_slice(&out);
+        };
+    }
+
+    vector!(
+        __m512,
+        16,
+        _mm512_set1_ps,
+        _mm512_loadu_ps,
+        _mm512_storeu_ps,
+        _mm512_fmadd_ps,
+        _mm512_add_ps,
+        _mm512_unpacklo_ps,
+        _mm512_unpackhi_ps,
+        _mm512_shuffle_ps,
+        exchange_512
+    );
+    vector!(
+        __m256,
+        8,
+        _mm256_set1_ps,
+        _mm256_loadu_ps,
+        _mm256_storeu_ps,
+        _mm256_fmadd_ps,
+        _mm256_add_ps,
+        _mm256_unpacklo_ps,
+        _mm256_unpackhi_ps,
+        _mm256_shuffle_ps,
+        exchange_256
+    );
+
+    /// Transposes the blocks of four of rows c, 4 + c, 8 + c and 12 + c.
+    #[inline(always)]
+    fn exchange_512(rows: &mut [__m512], c: usize) {
+        // SAFETY: see `Vector`; so below.
+        unsafe {
+            let a = _mm512_shuffle_f32x4::<0x44>(rows[c], rows[4 + c]);
+            let b = _mm512_shuffle_f32x4::<0xee>(rows[c], rows[4 + c]);
+            let d = _mm512_shuffle_f32x4::<0x44>(rows[8 + c], rows[12 + c]);
+            let e = _mm512_shuffle_f32x4::<0xee>(rows[8 + c], rows[12 + c]);
+            rows[c] = _mm512_shuffle_f32x4::<0x88>(a, d);
+            rows[4 + c] = _mm512_shuffle_f32x4::<0xdd>(a, d);
+            rows[8 + c] = _mm512_shuffle_f32x4::<0x88>(b, e);
+            rows[12 + c] = _mm512_shuffle_f32x4::<0xdd>(b, e);
         }
     }
 
-    impl Vector for __m256 {
-        const N: usize = 8;
-
-        #[inline(always)]
-        fn splat(value: f32) -> Self {
-            unsafe { _mm256_set1_ps(value) }
-        }
-        #[inline(always)]
-        fn load(from: &[f32]) -> Self {
-            let from = &from[..Self::N];
-            // SAFETY: N numbers are there.
-            unsafe { _mm256_loadu_ps(from.as_ptr()) }
-        }
-        #[inline(always)]
-        fn store(self, to: &mut [f32]) {
-            let to = &mut to[..Self::N];
-            // SAFETY: there is room for N numbers.
-            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self) }
-        }
-        #[inline(always)]
-        fn fma(a: Self, b: Self, c: Self) -> Self {
-            unsafe { _mm256_fmadd_ps(a, b, c) }
-        }
-        #[inline(always)]
-        fn add(a: Self, b: Self) -> Self {
-            unsafe { _mm256_add_ps(a, b) }
-        }
-        #[inline(always)]
-        fn transpose(rows: &mut [Self]) {
-            for four in rows.chunks_exact_mut(4) {
-                unsafe {
-                    let (a, b) = (_mm256_unpacklo_ps(four[0], four[1]), _mm256_unpackhi_ps(four[0], four[1]));
-                    let (c, d) = (_mm256_unpacklo_ps(four[2], four[3]), _mm256_unpackhi_ps(four[2], four[3]));
-                    four[0] = _mm256_shuffle_ps::<0x44>(a, c);
-                    four[1] = _mm256_shuffle_ps::<0xee>(a, c);
-                    four[2] = _mm256_shuffle_ps::<0x44>(b, d);
-                    four[3] = _mm256_shuffle_ps::<0xee>(b, d);
-                }
-            }
-            for c in 0..4 {
-                unsafe {
-                    let (a, b) = (rows[c], rows[4 + c]);
-                    rows[c] = _mm256_permute2f128_ps::<0x20>(a, b);
-                    rows[4 + c] = _mm256_permute2f128_ps::<0x31>(a, b);
-                }
-            }
+    /// Transposes the blocks of four of rows c and 4 + c.
+    #[inline(always)]
+    fn exchange_256(rows: &mut [__m256], c: usize) {
+        unsafe {
+            let (a, b) = (rows[c], rows[4 + c]);
+            rows[c] = _mm256_permute2f128_ps::<0x20>(a, b);
+            rows[4 + c] = _mm256_permute2f128_ps::<0x31>(a, b);
         }
     }
 

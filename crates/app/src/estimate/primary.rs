@@ -80,11 +80,11 @@ const FINE: f64 = 256.0;
 /// Nothing is measured by less than this part of the bounding radius: an eye on a surface has nothing near to go by.
 const FINEST: f64 = 1e-6;
 
-/// Half the way from the eye to the nearest surface.
+/// The way from the eye to the nearest surface.
 fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
     field.value(&[eye], &mut f);
-    f[0].max(R::zero()) * R::of(0.5)
+    f[0].max(R::zero())
 }
 
 impl<R: Real> Primary<R> {
@@ -152,9 +152,9 @@ impl<R: Real> Setup<'_, R> {
                 let mut nearest = ray.near;
                 if ray.near < self.bounds.radius * R::of(CLOSE) {
                     let clear = *clear.entry(sample.camera).or_insert_with(|| clear_of_the_eye(self.field, eye));
-                    nearest = nearest.max(clear * R::of(2.0));
+                    nearest = nearest.max(clear);
                     if ray.near < self.bounds.radius * R::of(AT_THE_EYE) {
-                        ray.near = clear.max(ray.near).min(ray.far);
+                        ray.near = (clear * R::of(0.5)).max(ray.near).min(ray.far);
                     }
                 }
                 ray.scale = self.scale_at(sample.camera, nearest).max(self.bounds.radius * R::of(FINEST));
