@@ -1,6 +1,7 @@
 //! Which pixels a silhouette may cross, from one ray each.
 
 use field::{Real, Vector3};
+use glam::DVec2;
 
 use super::{Primary, Sample, Setup};
 
@@ -11,30 +12,58 @@ const REACH: f64 = 1.6;
 /// Hits steeper than this cosine are never near a silhouette of radius 8 px or more: cos² = 2 s/r at distance s.
 const STEEP: f64 = 0.65;
 
+/// The part of its first-order distance at which a silhouette may be, and the multiple. A ball of two pixels bends within them.
+const DOUBT: [f64; 2] = [0.6, 1.6];
+
+/// How far outside of its pixel a silhouette counts as inside, in pixels.
+const MARGIN: f64 = 0.15;
+
 /// For every sample, whether a silhouette may cross its pixel.
 ///
 /// Two tests to first order: a ray that passes a closest approach of f outside (before its hit, if it has one) has a
-/// silhouette about f/(t·pixel angle) pixels away; a ray that hits at cosine c = −n·d has one where c² falls to zero,
-/// c/(2|∂c/∂u|) pixels away.
+/// silhouette about f/(t·pixel angle) pixels away, where f falls; a ray that hits at cosine c = −n·d has one where c² falls to zero,
+/// c/(2|∂c/∂u|) pixels away. What is near counts if the line through there, across the way to it, meets the pixel.
+/// Of several surfaces that a ray passes it knows the closest only.
 pub(crate) fn near_silhouettes<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>) -> Vec<bool> {
-    let (reach, steep) = (R::of(REACH), R::of(STEEP));
-    let mut near: Vec<bool> = samples
-        .iter()
-        .zip(&primary.found)
-        .map(|(sample, found)| {
-            let cone = R::of(setup.cameras[sample.camera].pixel_angle());
-            match found {
-                Some(found) => found.clearance < reach * cone,
-                // All that is in sight may lie between the samples.
-                None => {
-                    let (nearest, clearance) = setup.beside(sample);
-                    clearance < reach * cone && setup.bounds.radius < reach * cone * nearest
-                }
+    let mut near = vec![false; samples.len()];
+    passing(setup, samples, primary, &mut near);
+    grazing(setup, samples, primary, &mut near);
+    near
+}
+
+/// Marks rays that pass a surface.
+fn passing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>, near: &mut [bool]) {
+    let (mut which, mut x) = (Vec::new(), Vec::new());
+    for (i, sample) in samples.iter().enumerate() {
+        let reach = R::of(setup.cameras[sample.camera].pixel_angle() * REACH);
+        if let (Some(ray), Some(found)) = (&primary.rays[i], &primary.found[i]) {
+            if found.clearance < reach {
+                which.push(i);
+                x.push(ray.at(found.nearest));
             }
-        })
-        .collect();
+        } else {
+            // All that is in sight may lie between the samples.
+            let (nearest, clearance) = setup.beside(sample);
+            near[i] = clearance < reach && setup.bounds.radius < reach * nearest;
+        }
+    }
+    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+    setup.field.value_gradient(&x, &mut f, &mut gradient);
+    for ((&i, f), gradient) in which.iter().zip(f).zip(gradient) {
+        let camera = &setup.cameras[samples[i].camera];
+        let Some(found) = primary.found[i] else { continue };
+        let (_, du) = camera.direction_du(samples[i].u);
+        let rise = DVec2::from(du.map(|du| (gradient.dot(R::Vec3::of(du)) * found.nearest).to_double()));
+        let least = found.clearance.to_double() / camera.pixel_angle();
+        let away = (f.to_double() / rise.length()).max(least);
+        near[i] = crosses(samples[i].u, -rise, [least, away]);
+    }
+}
+
+/// Marks rays that hit at a grazing angle.
+fn grazing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>, near: &mut [bool]) {
     let grazing: Vec<usize> =
-        (0..primary.hits.len()).filter(|&h| -primary.normal[h].dot(primary.direction[h]) < steep).collect();
+        (0..primary.hits.len()).filter(|&h| -primary.normal[h].dot(primary.direction[h]) < R::of(STEEP)).collect();
     let pick = |from: &[R::Vec3]| grazing.iter().map(|&h| from[h]).collect::<Vec<_>>();
     let (x, gradient, normal, direction) =
         (pick(&primary.x), pick(&primary.gradient), pick(&primary.normal), pick(&primary.direction));
@@ -50,16 +79,26 @@ pub(crate) fn near_silhouettes<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]
         let sample = &samples[primary.hits[h]];
         let (g, d, t) = (gradient[i], direction[i], primary.t[h]);
         let (_, du) = setup.cameras[sample.camera].direction_du(sample.u);
-        let slope = du.map(|du| {
+        // −∂c/∂u.
+        let fall = DVec2::from(du.map(|du| {
             let du = R::Vec3::of(du);
             let dx = du * t - d * (t * g.dot(du) / g.dot(d));
-            turn[i].dot(dx) + normal[i].dot(du)
-        });
-        let distance = -normal[i].dot(d) / (R::of(2.0) * slope[0].hypot(slope[1]));
+            (turn[i].dot(dx) + normal[i].dot(du)).to_double()
+        }));
+        let away = -normal[i].dot(d).to_double() / (2.0 * fall.length());
         // A NaN, where the slope vanishes too, counts as near.
-        if distance.is_nan() || distance <= reach {
+        if away.is_nan() || (away <= REACH && crosses(sample.u, fall, [away; 2])) {
             near[primary.hits[h]] = true;
         }
     }
-    near
+}
+
+/// Whether a line across `towards` at a distance between the two of `away`, give or take, may meet the pixel around `u`.
+fn crosses(u: DVec2, towards: DVec2, [least, most]: [f64; 2]) -> bool {
+    let Some(towards) = towards.try_normalize() else { return true };
+    let low = u.floor() - u - MARGIN;
+    let high = low + (1.0 + 2.0 * MARGIN);
+    let nearest = (towards * low).min(towards * high).element_sum();
+    let furthest = (towards * low).max(towards * high).element_sum();
+    furthest >= least * DOUBT[0] && nearest <= most * DOUBT[1]
 }

@@ -82,6 +82,13 @@ impl<R: Real> Estimator<R> for Refined {
         self.silhouettes(setup, pixels, &near, seed, &mut record)?;
         Ok(record)
     }
+
+    fn record_near(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
+        let all: Vec<u32> = (0..pixels.len() as u32).collect();
+        let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
+        self.silhouettes(setup, pixels, &all, seed, &mut record)?;
+        Ok(record)
+    }
 }
 
 impl Refined {

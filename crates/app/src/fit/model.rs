@@ -8,6 +8,7 @@ use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transfor
 use serde::{Deserialize, Serialize};
 
 use super::FitOptions;
+use super::pyramid::Backdrop;
 use crate::data::Background;
 use crate::error::InputError;
 use crate::io::atomic_write;
@@ -56,6 +57,11 @@ impl RunFile {
     /// The background.
     pub fn background(&self) -> Background {
         Background { color: self.background, spread: self.background_spread, confidence: self.background_confidence }
+    }
+
+    /// What tells of the background.
+    pub(crate) fn backdrop(&self) -> Backdrop {
+        Backdrop { bounds: self.sphere(), background: self.background(), use_masks: self.options.use_masks }
     }
 
     /// Reads `fit.toml` of a run folder.

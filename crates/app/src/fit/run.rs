@@ -90,7 +90,7 @@ impl Fit {
             parameters.len(),
             vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
         );
-        let levels = pyramid(&dataset.train, &bounds, LEVELS);
+        let levels = pyramid(&dataset.train, &file.backdrop(), LEVELS);
         if levels[0].pixel_count() == 0 {
             let expected = "a sphere in sight of the cameras (see --bounds)";
             return Err(
@@ -208,14 +208,12 @@ impl Fit {
         let seed = mix(options.seed, self.iteration);
         let (pixels, weights) =
             (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
-        let background = self.file.background();
         let estimator = options.estimator();
         let batch = Batch {
             setup: self.setup(&self.levels[level].cameras),
             level: &self.levels[level],
             pixels: &pixels,
-            background: &background,
-            use_masks: options.use_masks,
+            backdrop: self.file.backdrop(),
             weights,
             estimator: &*estimator,
             limit: LIMIT,
@@ -232,7 +230,7 @@ impl Fit {
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
         self.set_windows();
-        Ok(self.metrics(&tally, pixels.len(), level, norm))
+        Ok(self.metrics(&tally, level, norm))
     }
 
     /// Fades in the octaves of both encodings as far as the fit has come. Part of the function that is saved, so it has to be
@@ -248,12 +246,13 @@ impl Fit {
         // Coarse images have few pixels: a quarter of the batch goes twice as far.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
-        let seed = mix(self.file.options.seed, level as u64);
-        (0..batch).map(|i| level_pixels.draw(self.iteration * batch + i, seed)).collect()
+        let every = schedule::plain(self.progress());
+        let (draws, seed) = (level_pixels.draws_for(batch, every), mix(self.file.options.seed, level as u64));
+        (0..draws).map(|i| level_pixels.draw(self.iteration * draws + i, every, seed)).collect()
     }
 
-    fn metrics(&self, tally: &Tally, pixels: usize, level: usize, norm: f32) -> Metrics {
-        let n = pixels as f64;
+    fn metrics(&self, tally: &Tally, level: usize, norm: f32) -> Metrics {
+        let n = tally.pixels as f64;
         Metrics {
             iteration: self.iteration,
             seconds: self.seconds,

@@ -8,6 +8,15 @@ use super::step::Weights;
 /// Progress at which each finer level of the pyramid takes over, finest last.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
+/// Once the finest level has taken over, one in so many pixels is drawn of those that show the background for sure, and stands for all:
+/// rays that rightly miss teach nothing. Before, they are what carves the object.
+const PLAIN: usize = 8;
+
+/// One in how many of the plain pixels is drawn.
+pub(crate) fn plain(progress: f64) -> usize {
+    if progress < LEVEL_ENDS[2] { 1 } else { PLAIN }
+}
+
 /// Fraction of the budget after which all octaves of the encoding are on.
 const BANDS_ON: f64 = 0.5;
 

@@ -4,8 +4,7 @@ use field::Vector3;
 use glam::{DVec2, DVec3, Vec3};
 
 use super::loss::{Target, photometric, squared_error};
-use super::pyramid::{Level, Pixel};
-use crate::data::Background;
+use super::pyramid::{Backdrop, Level, Pixel};
 use crate::error::InvalidField;
 use crate::estimate::{
     self, Adjoints, Area, Estimator, Pass, Primary, Sample, Setup, check_valid, near_silhouettes, ordered_sum,
@@ -34,10 +33,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) level: &'a Level,
     /// The pixels.
     pub(crate) pixels: &'a [Pixel],
-    /// How background pixels look.
-    pub(crate) background: &'a Background,
-    /// Whether masks replace the guess at the background.
-    pub(crate) use_masks: bool,
+    /// What tells of the background.
+    pub(crate) backdrop: Backdrop,
     /// Weights of the terms.
     pub(crate) weights: Weights,
     /// How pixels are differentiated that a silhouette may cross.
@@ -51,6 +48,8 @@ pub(crate) struct Batch<'a> {
 /// Sums over a batch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
+    /// Pixels that the batch stands for.
+    pub(crate) pixels: u64,
     /// Photometric loss.
     pub(crate) photometric: f64,
     /// (|∇f| − 1)².
@@ -67,6 +66,7 @@ pub(crate) struct Tally {
 
 impl Tally {
     fn add(&mut self, o: &Tally) {
+        self.pixels += o.pixels;
         self.photometric += o.photometric;
         self.eikonal += o.eikonal;
         self.eikonal_points += o.eikonal_points;
@@ -94,12 +94,17 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, Tally), InvalidFi
     Ok((sum, tally))
 }
 
+/// The number of pixels that some stand for.
+fn count(pixels: &[Pixel]) -> u64 {
+    pixels.iter().map(|p| u64::from(p.count)).sum()
+}
+
 /// A chunk of a batch at work.
 struct Chunk<'a> {
     batch: &'a Batch<'a>,
     pixels: &'a [Pixel],
     seed: u64,
-    /// 1 / the number of pixels in the batch.
+    /// 1 / the number of pixels that the batch stands for.
     share: f32,
     adjoints: Adjoints<f32>,
     tally: Tally,
@@ -107,7 +112,7 @@ struct Chunk<'a> {
 
 impl<'a> Chunk<'a> {
     fn new(batch: &'a Batch<'a>, pixels: &'a [Pixel], seed: u64) -> Self {
-        let share = 1.0 / batch.pixels.len() as f32;
+        let share = 1.0 / count(batch.pixels) as f32;
         Chunk { batch, pixels, seed, share, adjoints: Adjoints::default(), tally: Tally::default() }
     }
 
@@ -117,6 +122,7 @@ impl<'a> Chunk<'a> {
         let first = setup.primary(&samples);
         check_valid(setup, &samples, first.invalid)?;
         self.tally.rays += samples.len() as u64;
+        self.tally.pixels += count(self.pixels);
         let crossed = near_silhouettes(setup, &samples, &first);
         self.clear_background(&samples, &first);
         self.eikonal(&first);
@@ -134,17 +140,13 @@ impl<'a> Chunk<'a> {
         self.pixels.iter().enumerate().map(place).collect()
     }
 
-    fn target(&self, p: Pixel) -> [f32; 3] {
-        self.batch.level.images[p.view as usize].at(p.x.into(), p.y.into())
-    }
-
     /// Loss of one pixel's radiance; returns the adjoint of the radiance.
     fn score(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
         let target = Target::of(&self.batch.level.images[p.view as usize], p.x.into(), p.y.into());
         let (loss, adjoint) = photometric(radiance, &target);
-        self.tally.photometric += f64::from(loss);
-        self.tally.squared_error += f64::from(squared_error(radiance, target.radiance));
-        Vec3::from(adjoint) * self.share
+        self.tally.photometric += f64::from(loss) * f64::from(p.count);
+        self.tally.squared_error += f64::from(squared_error(radiance, target.radiance)) * f64::from(p.count);
+        Vec3::from(adjoint) * (self.share * f32::from(p.count))
     }
 
     /// Pixels without silhouettes: the derivative through the hit point is all there is.
@@ -162,26 +164,23 @@ impl<'a> Chunk<'a> {
         area.vjp(&self.batch.setup, &delta, Pass::Limited(self.batch.limit), shader, &mut self.adjoints);
     }
 
-    /// Probability that a pixel shows the background, and how far to trust it.
+    /// The probability that a pixel shows the background.
     fn background_probability(&self, p: Pixel) -> f32 {
-        if self.batch.use_masks
-            && let Some(mask) = &self.batch.level.masks[p.view as usize]
-        {
-            return 1.0 - mask.at(p.x.into(), p.y.into())[0];
-        }
-        self.batch.background.probability(self.target(p))
+        let (level, view) = (&self.batch.level, p.view as usize);
+        self.batch.backdrop.probability(&level.images[view], level.masks[view].as_ref(), p.x.into(), p.y.into())
     }
 
     /// Pushes the surface away where a ray hits although its pixel looks like the background, and towards a ray that
     /// misses although its pixel does not. A constant force on f: a prior, not a derivative of the image.
     fn clear_background(&mut self, samples: &[Sample], first: &Primary<f32>) {
-        let weight = self.batch.weights.background * self.share / self.batch.setup.bounds.radius;
-        if weight == 0.0 {
+        let each = self.batch.weights.background * self.share / self.batch.setup.bounds.radius;
+        if each == 0.0 {
             return;
         }
         let mut hit = vec![None; samples.len()];
         first.hits.iter().enumerate().for_each(|(h, &i)| hit[i] = Some(h));
         for (i, pixel) in self.pixels.iter().enumerate() {
+            let weight = each * f32::from(pixel.count);
             let probability = self.background_probability(*pixel);
             let doubt = if hit[i].is_some() { probability } else { 1.0 - probability };
             if doubt < CERTAIN && first.found[i].is_none_or(|found| found.outcome != trace::Outcome::Inside) {
@@ -201,18 +200,25 @@ impl<'a> Chunk<'a> {
         }
     }
 
-    /// (|∇f| − 1)² at one point a pixel: near the surface for pixels that hit, anywhere in the ball for the others.
+    /// (|∇f| − 1)² near the surface for pixels that hit, and anywhere in the ball, at [`EIKONAL_EVERY`] of the points that it is
+    /// weighted for: one a hit, one half a pixel.
     fn eikonal(&mut self, first: &Primary<f32>) {
         let bounds = &self.batch.setup.bounds;
-        let mut points: Vec<Vec3> =
-            first.x.iter().enumerate().map(|(i, x)| *x + self.jitter(i as u64) * (NEAR * bounds.radius)).collect();
-        let free = self.pixels.len() / 2;
+        let every = EIKONAL_EVERY as f32;
+        let weight = self.batch.weights.eikonal * self.share * every;
+        let (mut points, mut weights) = (Vec::new(), Vec::new());
+        let start = mix(self.seed, 0xe1) as usize % EIKONAL_EVERY;
+        for hit in (start..first.hits.len()).step_by(EIKONAL_EVERY) {
+            points.push(first.x[hit] + self.jitter(hit as u64) * (NEAR * bounds.radius));
+            weights.push(weight * f32::from(self.pixels[first.hits[hit]].count));
+        }
+        let free = (count(self.pixels) as usize).div_ceil(2 * EIKONAL_EVERY);
         points.extend((0..free).map(|i| bounds.center + in_ball(mix(self.seed, 0xba11 + i as u64)) * bounds.radius));
+        weights.resize(points.len(), weight);
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
         self.batch.setup.field.value_gradient(&points, &mut f, &mut g);
         self.tally.eikonal_points += points.len() as u64;
-        let weight = self.batch.weights.eikonal * self.share;
-        for (x, g) in points.into_iter().zip(g) {
+        for ((x, g), weight) in points.into_iter().zip(g).zip(weights) {
             let length = g.length();
             let excess = length - 1.0;
             self.tally.eikonal += f64::from(excess * excess);
@@ -229,10 +235,10 @@ impl<'a> Chunk<'a> {
     /// Pixels that a silhouette may cross.
     fn silhouettes(&mut self, pixels: &[Pixel], shader: &mut [f32]) -> Result<(), InvalidField> {
         let setup = &self.batch.setup;
-        self.tally.edge_pixels += pixels.len() as u64;
+        self.tally.edge_pixels += count(pixels);
         let places: Vec<estimate::Pixel> =
             pixels.iter().map(|p| estimate::Pixel { camera: p.view as usize, x: p.x.into(), y: p.y.into() }).collect();
-        let record = self.batch.estimator.record(setup, &places, mix(self.seed, 0x51))?;
+        let record = self.batch.estimator.record_near(setup, &places, mix(self.seed, 0x51))?;
         self.tally.rays += record.rays;
         let delta: Vec<Vec3> =
             pixels.iter().zip(&record.radiance).map(|(p, radiance)| self.score((*radiance).into(), *p)).collect();
@@ -243,6 +249,9 @@ impl<'a> Chunk<'a> {
 
 /// The limit that fits use.
 pub(crate) const LIMIT: f32 = 1.0;
+
+/// The eikonal term is looked at in one of so many points.
+const EIKONAL_EVERY: usize = 4;
 
 /// How far from the surface the eikonal term looks closely, as a fraction of the bounding radius.
 const NEAR: f32 = 0.1;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::data::View;
+use crate::data::{Background, View};
 use crate::estimate::{Control, Method, render};
 use crate::film::Film;
 use crate::fit::pyramid::pyramid;
@@ -53,20 +53,21 @@ fn error(method: Method, steps: usize) -> f64 {
     let target = Film { pixels: target.pixels.iter().map(|p| [p[0] * 0.6, p[1] * 1.2, p[2]]).collect(), ..target };
     let model = model(0.5, 24);
     let view = View { name: String::new(), path: PathBuf::new(), camera: camera(), image: target.clone(), mask: None };
-    let levels = pyramid(&[view], &BOUNDS, 1);
-    let pixels: Vec<Pixel> = (0..levels[0].pixel_count() as u64).map(|i| levels[0].draw(i, 1)).collect();
     let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
+    let backdrop = Backdrop { bounds: BOUNDS, background, use_masks: false };
+    let levels = pyramid(&[view], &backdrop, 1);
+    let draws = levels[0].draws_for(levels[0].pixel_count() as u64, 4);
     let mut mean = vec![0.0f64; model.parameters().len()];
     let seeds = 40;
-    let share = pixels.len() as f64 / f64::from(SIZE * SIZE);
+    let share = levels[0].pixel_count() as f64 / f64::from(SIZE * SIZE);
     for seed in 0..seeds {
         let estimator = method.estimator(32, 8, Control::Mean).unwrap();
+        let pixels: Vec<Pixel> = (0..draws).map(|i| levels[0].draw(i, 4, seed)).collect();
         let batch = Batch {
             setup: setup(&model, &cameras, steps),
             level: &levels[0],
             pixels: &pixels,
-            background: &background,
-            use_masks: false,
+            backdrop,
             weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
             estimator: &*estimator,
             limit: 1e6,
