@@ -21,7 +21,8 @@ const SOBOL_LENGTH: u32 = 1 << 16;
 /// Streams are independent. Past 65 536 points a stream goes on with a fresh scramble.
 pub fn sobol<const D: usize>(index: u32, stream: u64) -> [f64; D] {
     let scramble = mix(stream, u64::from(index / SOBOL_LENGTH)) as u32;
-    std::array::from_fn(|d| f64::from(sobol_burley::sample(index % SOBOL_LENGTH, d as u32, scramble)))
+    let point = sobol_burley::sample_4d(index % SOBOL_LENGTH, 0, scramble);
+    std::array::from_fn(|d| f64::from(point[d]))
 }
 
 /// Two independent standard normal numbers from a point of the unit square (Box and Muller).

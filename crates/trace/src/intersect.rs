@@ -193,15 +193,16 @@ impl<R: Real> Tracer<'_, R> {
         if here.f <= R::zero() {
             return self.enter_root(s, last, here);
         }
-        let slope_before = before.map_or(-s.slope, |b| (last.f - b.f) / (last.t - b.t));
-        let approach = Approach::new(last, here, slope_before, s.slope);
-        if !touch
-            && line_bound(last, here, slope_before, s.slope).f <= R::zero()
-            && let Some(t) = approach.first()
-        {
-            s.t = t;
-            s.phase = Phase::Approach(approach);
-            return true;
+        if !touch {
+            let slope_before = before.map_or(-s.slope, |b| (last.f - b.f) / (last.t - b.t));
+            let approach = Approach::new(last, here, slope_before, s.slope);
+            if line_bound(last, here, slope_before, s.slope).f <= R::zero()
+                && let Some(t) = approach.first()
+            {
+                s.t = t;
+                s.phase = Phase::Approach(approach);
+                return true;
+            }
         }
         self.note(here);
         if let Some(before) = before
@@ -292,6 +293,9 @@ impl<R: Real> Tracer<'_, R> {
 /// The distance from `here` to where f is expected to be zero, if f falls: by the parabola through three points, by the
 /// secant of the last two if there are no more.
 fn expected_root<R: Real>(before: Option<Point<R>>, last: Point<R>, here: Point<R>) -> Option<R> {
+    if here.f >= last.f {
+        return None;
+    }
     let width = here.t - last.t;
     let secant = (here.f - last.f) / width;
     let curvature = before.map_or(R::zero(), |b| {

@@ -29,13 +29,22 @@ impl<R: Real> Adjoints<R> {
         self.c.push(c);
     }
 
+    /// Whether each point has any weight.
+    pub(super) fn weighs(&self) -> Vec<bool> {
+        self.alpha.iter().zip(&self.c).map(|(a, c)| *a != R::zero() || *c != R::Vec3::zero()).collect()
+    }
+
+    /// Keeps some points.
+    pub(super) fn retain(&mut self, keep: &[bool]) {
+        filter(&mut self.x, keep);
+        filter(&mut self.alpha, keep);
+        filter(&mut self.c, keep);
+        filter(&mut self.pixel, keep);
+    }
+
     /// Adds the parameter gradient of all points to `sum`, in one pass. Points without weight cost nothing.
     pub fn backward(mut self, field: &dyn Field<R>, sum: &mut [R]) {
-        let keep: Vec<bool> =
-            self.alpha.iter().zip(&self.c).map(|(a, c)| *a != R::zero() || *c != R::Vec3::zero()).collect();
-        filter(&mut self.x, &keep);
-        filter(&mut self.alpha, &keep);
-        filter(&mut self.c, &keep);
+        self.retain(&self.weighs());
         field.parameter_vjp(&self.x, &self.alpha, &self.c, sum);
     }
 }

@@ -1,6 +1,6 @@
 //! Ground truth by finite differences with common random numbers.
 
-use super::image::{Image, combine};
+use super::image::{Image, Mean};
 use super::{Derivative, Sampling};
 use crate::film::Film;
 
@@ -19,16 +19,20 @@ pub fn finite_difference<E>(
     render: impl Fn(f64, Sampling) -> Result<Film, E>,
 ) -> Result<Derivative, E> {
     let parts = sampling.replicates();
-    let mut images: Vec<(f64, Image)> = Vec::new();
+    let mut images: Vec<Image> = Vec::new();
     let mut size = (0, 0);
     for (i, part) in parts.iter().enumerate() {
         let (plus, minus) = (render(step, *part)?, render(-step, *part)?);
         size = (plus.width, plus.height);
         let slope =
             |a: &[f32; 3], b: &[f32; 3]| std::array::from_fn(|c| (f64::from(a[c]) - f64::from(b[c])) / (2.0 * step));
-        images.push((f64::from(part.spp), plus.pixels.iter().zip(&minus.pixels).map(|(a, b)| slope(a, b)).collect()));
+        images.push(plus.pixels.iter().zip(&minus.pixels).map(|(a, b)| slope(a, b)).collect());
         progress((i + 1) as f64 / parts.len() as f64);
     }
-    let images: Vec<(f64, &Image)> = images.iter().map(|(weight, image)| (*weight, image)).collect();
-    Ok(combine(size.0, size.1, &images))
+    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
+    let mut mean = Mean::new(size.0, size.1, &weights);
+    for p in 0..size.0 * size.1 {
+        mean.set(p % size.0, p / size.0, |r| images[r][p as usize]);
+    }
+    Ok(mean.finish())
 }

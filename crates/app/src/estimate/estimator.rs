@@ -44,12 +44,32 @@ pub trait Estimator<R: Real>: Send + Sync {
     /// If the field gives a NaN or an infinity.
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField>;
 
-    /// The same for pixels that a silhouette is known to be near: nothing needs to be spent on finding out.
+    /// The same with what is known of the pixels, and adds to it.
     ///
     /// # Errors
     /// If the field gives a NaN or an infinity.
-    fn record_near(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
+    fn record_surveyed(
+        &self,
+        setup: &Setup<'_, R>,
+        pixels: &[Pixel],
+        seed: u64,
+        _survey: &mut Survey,
+    ) -> Result<Record<R>, InvalidField> {
         self.record(setup, pixels, seed)
+    }
+}
+
+/// What is known of some pixels from samples before, so that further samples of the same pixels need not find it again.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// Whether a silhouette may cross each; empty before anything is known.
+    pub(super) near: Vec<bool>,
+}
+
+impl Survey {
+    /// A silhouette may cross each of `pixels` pixels.
+    pub fn all_near(pixels: usize) -> Self {
+        Survey { near: vec![true; pixels] }
     }
 }
 

@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 use rayon::prelude::*;
 
-use super::{Adjoints, Area, Control, Estimator, Method, Pass, Pixel, Record, Setup};
+use super::{Adjoints, Area, Control, Estimator, Method, Pass, Pixel, Record, Setup, Survey};
 use crate::error::InvalidField;
 use crate::film::Film;
 use crate::sampler::{gaussian, mix, unit as unit_number};
@@ -43,8 +43,11 @@ pub struct Derivative {
     pub standard_error: Option<f64>,
 }
 
-/// The side of a tile, in pixels: enough samples to fill the field's blocks, few enough to balance threads.
-const TILE: usize = 8;
+/// The samples of a tile: enough to fill the field's blocks, few enough to stay in the caches and to balance threads.
+const TILE_SAMPLES: u32 = 1024;
+
+/// The sides that a tile may have, in pixels.
+const TILE_SIDES: [u32; 2] = [8, 32];
 
 /// Independent replicates that samples are divided over, for the standard error.
 const REPLICATES: u32 = 4;
@@ -55,7 +58,8 @@ impl Sampling {
     /// Independent parts of the same total, for standard errors: each with its number of samples.
     pub(super) fn replicates(self) -> Vec<Sampling> {
         // A grid is the same for every seed.
-        let replicates = if self.method == Method::Contour { 1 } else { REPLICATES.min(self.spp) };
+        let most = REPLICATES.min(self.spp).min(self.edge_samples.max(2));
+        let replicates = if self.method == Method::Contour { 1 } else { most };
         let share = |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
         let part = |r: u32| Sampling {
             spp: share(self.spp, r),
@@ -90,46 +94,82 @@ pub fn differentiate<R: Real>(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<Derivative>, InvalidField> {
     let parts = sampling.replicates();
-    let mut runs = Vec::new();
-    for (r, part) in parts.iter().enumerate() {
-        let tell = |fraction: f64| progress((r as f64 + fraction) / parts.len() as f64);
-        runs.push((f64::from(part.spp), replicate(setup, directions, *part, &tell)?));
-    }
+    let estimators: Vec<_> = parts.iter().map(Sampling::estimator::<R>).collect();
     let camera = &setup.cameras[0];
+    let tiles = tiles(camera.width, camera.height, parts[0].spp);
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    // The derivatives of each tile, by replicate and direction.
+    let of_tile: Vec<Vec<Vec<Image>>> = tiles
+        .par_iter()
+        .map(|pixels| {
+            let mut survey = Survey::default();
+            let replicate = |(estimator, part): (&Box<dyn Estimator<R>>, &Sampling)| {
+                let record = estimator.record_surveyed(setup, pixels, part.seed, &mut survey)?;
+                Ok(forward(setup, &record, pixels.len(), directions))
+            };
+            let images = estimators.iter().zip(&parts).map(replicate).collect();
+            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+            progress(done as f64 / tiles.len() as f64);
+            images
+        })
+        .collect::<Result<_, _>>()?;
+    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
     Ok((0..directions.len())
         .map(|d| {
-            let images: Vec<(f64, &Image)> = runs.iter().map(|(weight, images)| (*weight, &images[d])).collect();
-            combine(camera.width, camera.height, &images)
+            let mut mean = Mean::new(camera.width, camera.height, &weights);
+            for (pixels, images) in tiles.iter().zip(&of_tile) {
+                for (i, pixel) in pixels.iter().enumerate() {
+                    mean.set(pixel.x, pixel.y, |r| images[r][d][i]);
+                }
+            }
+            mean.finish()
         })
         .collect())
 }
 
-/// The weighted mean of replicates, and the relative L2 of its standard error.
-pub(super) fn combine(width: u32, height: u32, images: &[(f64, &Image)]) -> Derivative {
-    let total: f64 = images.iter().map(|(w, _)| w).sum();
-    let mut film = Film::new(width, height);
-    let (mut square, mut error) = (0.0, 0.0);
-    for (p, pixel) in film.pixels.iter_mut().enumerate() {
-        *pixel = std::array::from_fn(|c| {
-            let mean = images.iter().map(|(w, image)| w * image[p][c]).sum::<f64>() / total;
-            let spread = images.iter().map(|(w, image)| (w * (image[p][c] - mean)).powi(2)).sum::<f64>();
-            square += mean * mean;
-            error += spread / (total * total);
+/// The weighted mean of replicates of an image, and the relative L2 of its standard error.
+pub(super) struct Mean<'a> {
+    film: Film,
+    weights: &'a [f64],
+    square: f64,
+    error: f64,
+}
+
+impl<'a> Mean<'a> {
+    /// No pixel is known yet.
+    pub(super) fn new(width: u32, height: u32, weights: &'a [f64]) -> Self {
+        Mean { film: Film::new(width, height), weights, square: 0.0, error: 0.0 }
+    }
+
+    /// Sets a pixel from each replicate's value.
+    pub(super) fn set(&mut self, x: u32, y: u32, value: impl Fn(usize) -> [f64; 3]) {
+        let total: f64 = self.weights.iter().sum();
+        let weighted = || self.weights.iter().enumerate().map(|(r, w)| (w, value(r)));
+        let at = y as usize * self.film.width as usize + x as usize;
+        self.film.pixels[at] = std::array::from_fn(|c| {
+            let mean = weighted().map(|(w, value)| w * value[c]).sum::<f64>() / total;
+            let spread = weighted().map(|(w, value)| (w * (value[c] - mean)).powi(2)).sum::<f64>();
+            self.square += mean * mean;
+            self.error += spread / (total * total);
             mean as f32
         });
     }
-    let n = images.len() as f64;
-    let standard_error = (images.len() > 1).then(|| {
-        let error = error * n / (n - 1.0);
-        if square > 0.0 { (error / square).sqrt() } else { 0.0 }
-    });
-    Derivative { film, standard_error }
+
+    pub(super) fn finish(self) -> Derivative {
+        let n = self.weights.len() as f64;
+        let standard_error = (n > 1.0).then(|| {
+            let error = self.error * n / (n - 1.0);
+            if self.square > 0.0 { (error / self.square).sqrt() } else { 0.0 }
+        });
+        Derivative { film: self.film, standard_error }
+    }
 }
 
-/// The film of camera 0 in square tiles: most edges between pixels lie inside one.
-pub(super) fn tiles(width: u32, height: u32) -> Vec<Vec<Pixel>> {
-    let corners = (0..height).step_by(TILE).flat_map(|y| (0..width).step_by(TILE).map(move |x| (x, y)));
-    let side = TILE as u32;
+/// The film of camera 0 in square tiles, for so many samples a pixel: most edges between pixels lie inside one.
+pub(super) fn tiles(width: u32, height: u32, spp: u32) -> Vec<Vec<Pixel>> {
+    let side = (TILE_SAMPLES / spp).isqrt().clamp(TILE_SIDES[0], TILE_SIDES[1]);
+    let corners =
+        (0..height).step_by(side as usize).flat_map(|y| (0..width).step_by(side as usize).map(move |x| (x, y)));
     corners
         .map(|(x0, y0)| {
             let rows = y0..(y0 + side).min(height);
@@ -138,46 +178,17 @@ pub(super) fn tiles(width: u32, height: u32) -> Vec<Vec<Pixel>> {
         .collect()
 }
 
-/// One independent estimate of all derivative images.
-fn replicate<R: Real>(
-    setup: &Setup<'_, R>,
-    directions: &[Direction],
-    sampling: Sampling,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<Vec<Image>, InvalidField> {
-    let camera = &setup.cameras[0];
-    let estimator = sampling.estimator::<R>();
-    let tiles = tiles(camera.width, camera.height);
-    let done = std::sync::atomic::AtomicUsize::new(0);
-    let parts: Vec<Vec<Image>> = tiles
-        .par_iter()
-        .map(|pixels| {
-            let record = estimator.record(setup, pixels, sampling.seed)?;
-            let image = forward(setup, &record, pixels.len(), directions);
-            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress(done as f64 / tiles.len() as f64);
-            Ok(image)
-        })
-        .collect::<Result<_, _>>()?;
-    let mut images = vec![vec![[0.0; 3]; camera.width as usize * camera.height as usize]; directions.len()];
-    for (pixels, part) in tiles.iter().zip(parts) {
-        for (image, part) in images.iter_mut().zip(part) {
-            for (pixel, value) in pixels.iter().zip(part) {
-                image[pixel.y as usize * camera.width as usize + pixel.x as usize] = value;
-            }
-        }
-    }
-    Ok(images)
-}
-
 /// The derivatives of the record's pixels in every direction.
 fn forward<R: Real>(setup: &Setup<'_, R>, record: &Record<R>, pixels: usize, directions: &[Direction]) -> Vec<Image> {
     // The rows of the Jacobian, a channel at a time; their points are the same.
-    let rows: [Adjoints<R>; 3] = std::array::from_fn(|c| {
+    let mut rows: [Adjoints<R>; 3] = std::array::from_fn(|c| {
         let (mut row, mut ignored) = (Adjoints::default(), vec![R::zero(); setup.shader.parameter_count()]);
         record.vjp(setup, &vec![unit::<R>(c); pixels], Pass::PerPixel, &mut ignored, &mut row);
         row
     });
+    let weighs = rows.each_ref().map(Adjoints::weighs);
+    let keep: Vec<bool> = (0..rows[0].x.len()).map(|i| weighs.iter().any(|row| row[i])).collect();
+    rows.iter_mut().for_each(|row| row.retain(&keep));
     let n = rows[0].x.len();
     let (mut f, mut g) = (vec![R::zero(); n], vec![R::Vec3::zero(); n]);
     directions

@@ -25,7 +25,7 @@ pub use band::Band;
 pub use contour::Contour;
 pub use convolution::Convolution;
 pub use difference::finite_difference;
-pub use estimator::{Estimator, Filter, Method, Pixel};
+pub use estimator::{Estimator, Filter, Method, Pixel, Survey};
 pub use image::{Derivative, Direction, Sampling, differentiate, random_unit};
 pub(crate) use near::near_silhouettes;
 pub use parallel::ordered_sum;

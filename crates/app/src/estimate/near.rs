@@ -2,6 +2,7 @@
 
 use field::{Real, Vector3};
 use glam::DVec2;
+use trace::{Intersection, Ray};
 
 use super::{Primary, Sample, Setup};
 
@@ -13,10 +14,10 @@ const REACH: f64 = 1.6;
 const STEEP: f64 = 0.65;
 
 /// The part of its first-order distance at which a silhouette may be, and the multiple. A ball of two pixels bends within them.
-const DOUBT: [f64; 2] = [0.6, 1.6];
+const DOUBT: [f64; 2] = [0.75, 1.35];
 
 /// How far outside of its pixel a silhouette counts as inside, in pixels.
-const MARGIN: f64 = 0.15;
+const MARGIN: f64 = 0.1;
 
 /// For every sample, whether a silhouette may cross its pixel.
 ///
@@ -33,30 +34,62 @@ pub(crate) fn near_silhouettes<R: Real>(setup: &Setup<'_, R>, samples: &[Sample]
 
 /// Marks rays that pass a surface.
 fn passing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<R>, near: &mut [bool]) {
+    for (i, sample) in samples.iter().enumerate().filter(|(i, _)| primary.rays[*i].is_none()) {
+        // All that is in sight may lie between the samples.
+        let reach = R::of(setup.cameras[sample.camera].pixel_angle() * REACH);
+        let (nearest, clearance) = setup.beside(sample);
+        near[i] = clearance < reach && setup.bounds.radius < reach * nearest;
+    }
+    for passage in passages(setup, samples, &primary.rays, &primary.found, REACH) {
+        let u = samples[passage.sample].u;
+        near[passage.sample] = passage.crosses(u, u.floor());
+    }
+}
+
+/// A surface that a ray passes by: where, as seen on the film.
+pub(super) struct Passage {
+    pub(super) sample: usize,
+    /// The way to it.
+    towards: DVec2,
+    /// Its distance, in pixels: at least, and to first order.
+    away: [f64; 2],
+}
+
+/// The surfaces that rays pass by within `reach` pixels, at most one a ray.
+pub(super) fn passages<R: Real>(
+    setup: &Setup<'_, R>,
+    samples: &[Sample],
+    rays: &[Option<Ray<R>>],
+    found: &[Option<Intersection<R>>],
+    reach: f64,
+) -> Vec<Passage> {
     let (mut which, mut x) = (Vec::new(), Vec::new());
     for (i, sample) in samples.iter().enumerate() {
-        let reach = R::of(setup.cameras[sample.camera].pixel_angle() * REACH);
-        if let (Some(ray), Some(found)) = (&primary.rays[i], &primary.found[i]) {
-            if found.clearance < reach {
-                which.push(i);
-                x.push(ray.at(found.nearest));
-            }
-        } else {
-            // All that is in sight may lie between the samples.
-            let (nearest, clearance) = setup.beside(sample);
-            near[i] = clearance < reach && setup.bounds.radius < reach * nearest;
+        let reach = R::of(setup.cameras[sample.camera].pixel_angle() * reach);
+        if let (Some(ray), Some(found)) = (&rays[i], &found[i])
+            && found.clearance < reach
+        {
+            which.push((i, *found));
+            x.push(ray.at(found.nearest));
         }
     }
     let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
     setup.field.value_gradient(&x, &mut f, &mut gradient);
-    for ((&i, f), gradient) in which.iter().zip(f).zip(gradient) {
-        let camera = &setup.cameras[samples[i].camera];
-        let Some(found) = primary.found[i] else { continue };
-        let (_, du) = camera.direction_du(samples[i].u);
+    let mut passages = Vec::with_capacity(x.len());
+    for (((sample, found), f), gradient) in which.into_iter().zip(f).zip(gradient) {
+        let camera = &setup.cameras[samples[sample].camera];
+        let (_, du) = camera.direction_du(samples[sample].u);
         let rise = DVec2::from(du.map(|du| (gradient.dot(R::Vec3::of(du)) * found.nearest).to_double()));
         let least = found.clearance.to_double() / camera.pixel_angle();
-        let away = (f.to_double() / rise.length()).max(least);
-        near[i] = crosses(samples[i].u, -rise, [least, away]);
+        passages.push(Passage { sample, towards: -rise, away: [least, (f.to_double() / rise.length()).max(least)] });
+    }
+    passages
+}
+
+impl Passage {
+    /// Whether the surface's silhouette may cross the pixel with its least corner at `pixel`; the ray is at `u`.
+    pub(super) fn crosses(&self, u: DVec2, pixel: DVec2) -> bool {
+        crosses(u, pixel, self.towards, self.away)
     }
 }
 
@@ -87,16 +120,17 @@ fn grazing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<
         }));
         let away = -normal[i].dot(d).to_double() / (2.0 * fall.length());
         // A NaN, where the slope vanishes too, counts as near.
-        if away.is_nan() || (away <= REACH && crosses(sample.u, fall, [away; 2])) {
+        if away.is_nan() || (away <= REACH && crosses(sample.u, sample.u.floor(), fall, [away; 2])) {
             near[primary.hits[h]] = true;
         }
     }
 }
 
-/// Whether a line across `towards` at a distance between the two of `away`, give or take, may meet the pixel around `u`.
-fn crosses(u: DVec2, towards: DVec2, [least, most]: [f64; 2]) -> bool {
+/// Whether a line across `towards` from `u`, at a distance between the two of `away`, give or take, may meet the pixel with its least
+/// corner at `pixel`.
+fn crosses(u: DVec2, pixel: DVec2, towards: DVec2, [least, most]: [f64; 2]) -> bool {
     let Some(towards) = towards.try_normalize() else { return true };
-    let low = u.floor() - u - MARGIN;
+    let low = pixel - u - MARGIN;
     let high = low + (1.0 + 2.0 * MARGIN);
     let nearest = (towards * low).min(towards * high).element_sum();
     let furthest = (towards * low).max(towards * high).element_sum();

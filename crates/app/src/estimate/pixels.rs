@@ -1,5 +1,7 @@
 //! Images: box-filtered radiance, sample by sample.
 
+use std::ops::Range;
+
 use field::{Real, Vector3};
 use glam::DVec2;
 use rayon::prelude::*;
@@ -22,10 +24,16 @@ pub struct Render {
     pub coverage: Vec<f32>,
 }
 
-/// The samples of one pixel: a Sobol point set in its unit square, scrambled by `stream` and the pixel.
-pub(crate) fn pixel_samples(camera: usize, x: u32, y: u32, count: u32, stream: u64) -> impl Iterator<Item = Sample> {
+/// Samples of one pixel: those of the numbers `range` of a Sobol point set in its unit square, scrambled by `stream` and the pixel.
+pub(crate) fn pixel_samples(
+    camera: usize,
+    x: u32,
+    y: u32,
+    range: Range<u32>,
+    stream: u64,
+) -> impl Iterator<Item = Sample> {
     let stream = mix(stream, u64::from(y) << 32 | u64::from(x));
-    (0..count).map(move |i| {
+    range.map(move |i| {
         let [a, b] = sobol(i, stream);
         Sample { camera, u: DVec2::new(f64::from(x) + a, f64::from(y) + b) }
     })
@@ -83,13 +91,13 @@ pub fn render<R: Real>(
 fn render_pixels<R: Real>(
     setup: &Setup<'_, R>,
     camera: usize,
-    pixels: std::ops::Range<usize>,
+    pixels: Range<usize>,
     spp: u32,
     seed: u64,
 ) -> Result<Vec<([f32; 3], f32)>, InvalidField> {
     let width = setup.cameras[camera].width as usize;
     let samples: Vec<Sample> =
-        pixels.flat_map(|p| pixel_samples(camera, (p % width) as u32, (p / width) as u32, spp, seed)).collect();
+        pixels.flat_map(|p| pixel_samples(camera, (p % width) as u32, (p / width) as u32, 0..spp, seed)).collect();
     let primary = setup.primary(&samples);
     check_valid(setup, &samples, primary.invalid)?;
     let mut hit = vec![0.0f32; samples.len()];

@@ -1,16 +1,16 @@
 //! The estimator that is the default: silhouettes integrated where they are.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::ops::Range;
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use trace::Outcome;
+use trace::{Intersection, Outcome};
 
 use super::lines::{Crossing, Line, crossings};
-use super::near::near_silhouettes;
+use super::near::{Passage, near_silhouettes, passages};
 use super::pixels::{check_valid, first_invalid, pixel_samples};
-use super::{Area, Estimator, Pixel, Record, Sample, Setup};
+use super::{Area, Estimator, Pixel, Record, Sample, Setup, Survey};
 use crate::error::InvalidField;
 use crate::sampler::{mix, sobol};
 
@@ -38,6 +38,9 @@ const SCOUTS: u32 = 4;
 /// from all corners.
 const CORNER_REACH: f64 = 0.75;
 
+/// A ray that clears all surfaces by more than this, in pixels, answers for its whole pixel; √2 would do if f were a distance.
+const FAR: f64 = 3.2;
+
 /// Samples of the smooth part on a line; at least one between two silhouettes.
 const SEGMENT_RAYS: u32 = 2;
 
@@ -57,55 +60,57 @@ fn pixel_lines(index: u32, pixel: &Pixel, count: u32, seed: u64, lines: &mut Vec
 
 impl<R: Real> Estimator<R> for Refined {
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
-        let all: Vec<u32> = (0..pixels.len() as u32).collect();
+        self.record_surveyed(setup, pixels, seed, &mut Survey::default())
+    }
+
+    fn record_surveyed(
+        &self,
+        setup: &Setup<'_, R>,
+        pixels: &[Pixel],
+        seed: u64,
+        survey: &mut Survey,
+    ) -> Result<Record<R>, InvalidField> {
         let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
-        let scouts = self.spp.div_ceil(SCOUTS);
-        let (crossed, mut rest) = self.scout(setup, pixels, &all, 0..scouts, seed, &mut record)?;
-        let mut near = crossed;
-        let cornered = corners(setup, pixels, &rest, &mut record)?;
-        rest.retain(|pixel| !cornered.contains(pixel));
-        near.extend(cornered);
-        if self.spp > scouts {
-            let (crossed, smooth) = self.scout(setup, pixels, &rest, scouts..self.spp, seed, &mut record)?;
-            near.extend(crossed);
-            rest = smooth;
+        let first = survey.near.is_empty();
+        survey.near.resize(pixels.len(), false);
+        let mut sampled = 0;
+        if first {
+            sampled = self.spp.div_ceil(SCOUTS);
+            let left = self.scout(setup, pixels, 0..sampled, seed, &mut record, survey)?;
+            corners(setup, pixels, &left, &mut record, survey)?;
         }
-        drop_pixels(&mut record, &near);
+        if self.spp > sampled {
+            self.scout(setup, pixels, sampled..self.spp, seed, &mut record, survey)?;
+        }
+        let near: Vec<u32> = (0..pixels.len()).filter(|&i| survey.near[i]).map(|i| i as u32).collect();
+        record.area.iter_mut().for_each(|area| area.retain(|pixel| !survey.near[pixel as usize]));
         let share = R::one() / R::of(f64::from(self.spp));
         for area in &record.area {
             for (radiance, &pixel) in area.primary.radiance.iter().zip(&area.pixel) {
                 record.radiance[pixel as usize] += *radiance * share;
             }
         }
-        debug_assert_eq!(near.len() + rest.len(), pixels.len());
-        near.sort_unstable();
         self.silhouettes(setup, pixels, &near, seed, &mut record)?;
-        Ok(record)
-    }
-
-    fn record_near(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
-        let all: Vec<u32> = (0..pixels.len() as u32).collect();
-        let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
-        self.silhouettes(setup, pixels, &all, seed, &mut record)?;
         Ok(record)
     }
 }
 
 impl Refined {
-    /// Samples pixels; returns those that a silhouette may cross, and the others.
-    #[allow(clippy::type_complexity, reason = "two lists")]
+    /// Samples pixels that no silhouette is known near, and finds some more of these. Returns the pixels left whose rays are not far
+    /// from all surfaces.
     fn scout<R: Real>(
         &self,
         setup: &Setup<'_, R>,
         pixels: &[Pixel],
-        which: &[u32],
         range: Range<u32>,
         seed: u64,
         record: &mut Record<R>,
-    ) -> Result<(Vec<u32>, Vec<u32>), InvalidField> {
+        survey: &mut Survey,
+    ) -> Result<Vec<u32>, InvalidField> {
+        let which: Vec<u32> = (0..pixels.len() as u32).filter(|&i| !survey.near[i as usize]).collect();
         let of = |&i: &u32| {
             let p = &pixels[i as usize];
-            pixel_samples(p.camera, p.x, p.y, range.end, seed).skip(range.start as usize)
+            pixel_samples(p.camera, p.x, p.y, range.clone(), seed)
         };
         let samples: Vec<_> = which.iter().flat_map(of).collect();
         let primary = setup.primary(&samples);
@@ -116,10 +121,15 @@ impl Refined {
         primary.hits.iter().for_each(|&i| hit[i] = true);
         let count = range.len();
         let mixed = |own: &[bool]| own.contains(&true) && own.contains(&false);
-        let (crossed, smooth) = (0..which.len()).partition::<Vec<_>, _>(|i| {
+        let mut left = Vec::new();
+        for (i, &pixel) in which.iter().enumerate() {
             let own = i * count..(i + 1) * count;
-            near[own.clone()].contains(&true) || mixed(&hit[own])
-        });
+            if near[own.clone()].contains(&true) || mixed(&hit[own.clone()]) {
+                survey.near[pixel as usize] = true;
+            } else if !own.clone().any(|i| is_far(setup, &samples[i], &primary.found[i])) {
+                left.push(pixel);
+            }
+        }
         let n = samples.len();
         record.area.push(Area {
             samples,
@@ -128,8 +138,7 @@ impl Refined {
             weight: vec![R::one() / R::of(f64::from(self.spp)); n],
             warp: None,
         });
-        let name = |list: Vec<usize>| list.into_iter().map(|i| which[i]).collect();
-        Ok((name(crossed), name(smooth)))
+        Ok(left)
     }
 
     /// Pixels that a silhouette may cross: all by lines.
@@ -214,14 +223,24 @@ pub(super) fn between<R: Real>(
     Ok(())
 }
 
-/// The pixels among `which` at whose corners different things are seen, or a surface is passed closely: a silhouette without
+/// Whether a ray passes everything by so far that no silhouette can be in its pixel, if f is no distance but not far from one.
+fn is_far<R: Real>(setup: &Setup<'_, R>, sample: &Sample, found: &Option<Intersection<R>>) -> bool {
+    let far = R::of(setup.cameras[sample.camera].pixel_angle() * FAR);
+    match found {
+        Some(found) => found.outcome == Outcome::Miss && found.clearance > far && found.clearance.is_finite(),
+        None => setup.beside(sample).1 > far,
+    }
+}
+
+/// Finds the pixels among `which` at whose corners different things are seen, or a surface is passed closely: a silhouette without
 /// curvature (an edge of a solid) that cuts a corner shows in no other ray of the pixel.
 fn corners<R: Real>(
     setup: &Setup<'_, R>,
     pixels: &[Pixel],
     which: &[u32],
     record: &mut Record<R>,
-) -> Result<Vec<u32>, InvalidField> {
+    survey: &mut Survey,
+) -> Result<(), InvalidField> {
     let mut known = HashMap::new();
     let mut samples = Vec::new();
     let mut corner = |camera: usize, x: u32, y: u32| {
@@ -237,16 +256,22 @@ fn corners<R: Real>(
             [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| corner(camera, x, y))
         })
         .collect();
-    let (_, found) = setup.find(&samples);
+    let (rays, found) = setup.find(&samples);
     check_valid(setup, &samples, first_invalid(&found))?;
     record.rays += samples.len() as u64;
     let hits = |i: usize| found[i].is_some_and(|f| f.outcome == Outcome::Hit);
-    let close = |i: usize| {
-        let cone = R::of(setup.cameras[samples[i].camera].pixel_angle() * CORNER_REACH);
-        found[i].is_some_and(|f| f.clearance < cone)
-    };
-    let crossed = |four: &[usize; 4]| four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
-    Ok(which.iter().zip(&of_pixel).filter(|(_, four)| crossed(four)).map(|(&i, _)| i).collect())
+    let mut passed: Vec<Option<Passage>> = (0..samples.len()).map(|_| None).collect();
+    for passage in passages(setup, &samples, &rays, &found, CORNER_REACH) {
+        let sample = passage.sample;
+        passed[sample] = Some(passage);
+    }
+    for (&pixel, four) in which.iter().zip(&of_pixel) {
+        let Pixel { x, y, .. } = pixels[pixel as usize];
+        let least = DVec2::new(f64::from(x), f64::from(y));
+        let close = |i: usize| passed[i].as_ref().is_some_and(|p| p.crosses(samples[i].u, least));
+        survey.near[pixel as usize] = four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
+    }
+    Ok(())
 }
 
 /// Where in a segment of length 1 the sample with the uniform number w lies, and how sparse samples are there; denser towards
@@ -257,14 +282,6 @@ fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
         [true, false] => (w * w, 2.0 * w),
         [false, true] => (1.0 - (1.0 - w) * (1.0 - w), 2.0 * (1.0 - w)),
         [true, true] => (w * w * (3.0 - 2.0 * w), 6.0 * w * (1.0 - w)),
-    }
-}
-
-/// Takes pixels out of the area samples.
-fn drop_pixels<R: Real>(record: &mut Record<R>, pixels: &[u32]) {
-    let dropped: HashSet<u32> = pixels.iter().copied().collect();
-    for area in &mut record.area {
-        area.retain(|pixel| !dropped.contains(&pixel));
     }
 }
 

@@ -30,6 +30,11 @@ impl<R: Real> Setup<'_, R> {
         let (mut x_bar, mut n_bar, mut d_bar) = (zero(), zero(), zero());
         let (x, normal, direction) = (&primary.x, &primary.normal, &primary.direction);
         self.shader.vjp(x, normal, direction, adjoint, &mut x_bar, &mut n_bar, &mut d_bar, shader);
+        let idle = |bar: &[R::Vec3]| bar.iter().all(|v| *v == R::Vec3::zero());
+        if idle(&x_bar) && idle(&n_bar) && idle(&d_bar) {
+            // Radiance that is the same everywhere does not care where its ray hits.
+            return SurfaceAdjoint { alpha: vec![R::zero(); n], c: zero(), film: vec![[R::zero(); 2]; n] };
+        }
         let m: Vec<R::Vec3> =
             (0..n).map(|i| HitAdjoint::<R>::normal_coefficient(primary.gradient[i], n_bar[i])).collect();
         // A radiance that does not look at the normal needs no Hessian.

@@ -40,7 +40,7 @@ pub struct WarpedArea {
 
 /// `spp` samples of every pixel, in order.
 pub(super) fn box_samples(pixels: &[Pixel], spp: u32, seed: u64) -> Vec<Sample> {
-    pixels.iter().flat_map(|p| pixel_samples(p.camera, p.x, p.y, spp, seed)).collect()
+    pixels.iter().flat_map(|p| pixel_samples(p.camera, p.x, p.y, 0..spp, seed)).collect()
 }
 
 /// Samples from the Gaussian filter of every pixel, and ∇ ln k at each.

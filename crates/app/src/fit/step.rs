@@ -7,7 +7,7 @@ use super::loss::{Target, photometric, squared_error};
 use super::pyramid::{Backdrop, Level, Pixel};
 use crate::error::InvalidField;
 use crate::estimate::{
-    self, Adjoints, Area, Estimator, Pass, Primary, Sample, Setup, check_valid, near_silhouettes, ordered_sum,
+    self, Adjoints, Area, Estimator, Pass, Primary, Sample, Setup, Survey, check_valid, near_silhouettes, ordered_sum,
 };
 use crate::sampler::{mix, unit};
 
@@ -238,7 +238,12 @@ impl<'a> Chunk<'a> {
         self.tally.edge_pixels += count(pixels);
         let places: Vec<estimate::Pixel> =
             pixels.iter().map(|p| estimate::Pixel { camera: p.view as usize, x: p.x.into(), y: p.y.into() }).collect();
-        let record = self.batch.estimator.record_near(setup, &places, mix(self.seed, 0x51))?;
+        let record = self.batch.estimator.record_surveyed(
+            setup,
+            &places,
+            mix(self.seed, 0x51),
+            &mut Survey::all_near(places.len()),
+        )?;
         self.tally.rays += record.rays;
         let delta: Vec<Vec3> =
             pixels.iter().zip(&record.radiance).map(|(p, radiance)| self.score((*radiance).into(), *p)).collect();
