@@ -62,6 +62,13 @@ pub(crate) struct Image {
 }
 
 impl Image {
+    /// The mean of images of one size.
+    pub(crate) fn mean(images: &[&Image]) -> Image {
+        let share = 1.0 / images.len() as f64;
+        let pixel = |p: usize| std::array::from_fn(|c| images.iter().map(|i| i.pixels[p][c]).sum::<f64>() * share);
+        Image { width: images[0].width, pixels: (0..images[0].pixels.len()).map(pixel).collect() }
+    }
+
     pub(crate) fn norm(&self) -> f64 {
         self.pixels.iter().flatten().map(|v| v * v).sum::<f64>().sqrt()
     }
@@ -70,6 +77,15 @@ impl Image {
         let pairs = self.pixels.iter().flatten().zip(other.pixels.iter().flatten());
         pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
     }
+}
+
+/// Runs a command of the binary; its report.
+pub(crate) fn report(binary: &Path, arguments: &[&str]) -> anyhow::Result<Value> {
+    let output = Command::new(binary).args(arguments).args(["--json", "--quiet"]).output()?;
+    if !output.status.success() {
+        bail!("dsdf {}: {}", arguments.join(" "), String::from_utf8_lossy(&output.stderr));
+    }
+    Ok(serde_json::from_slice(&output.stdout)?)
 }
 
 /// Derivative images, one for each thing the scene was differentiated by, with the seconds and field evaluations they took.
@@ -84,16 +100,16 @@ pub(crate) fn gradient(binary: &Path, scene: &Value, wrt: &[String], flags: &[&s
     let folder = tempfile::tempdir()?;
     let (file, out) = (folder.path().join("scene.json"), folder.path().join("g.npy"));
     std::fs::write(&file, scene.to_string())?;
-    let mut command = Command::new(binary);
-    command.arg("gradient").arg(&file).arg("-o").arg(&out).args(flags).args(["--json", "--quiet"]);
-    wrt.iter().for_each(|wrt| {
-        command.args(["--wrt", wrt]);
-    });
-    let output = command.output()?;
-    if !output.status.success() {
-        bail!("dsdf gradient {}: {}", flags.join(" "), String::from_utf8_lossy(&output.stderr));
-    }
-    let report: Value = serde_json::from_slice(&output.stdout)?;
+    let (file_name, out_name) = (file.to_string_lossy(), out.to_string_lossy());
+    let by = wrt.iter().flat_map(|wrt| ["--wrt", wrt]);
+    let report = report(
+        binary,
+        &["gradient", &file_name, "-o", &out_name]
+            .into_iter()
+            .chain(by)
+            .chain(flags.iter().copied())
+            .collect::<Vec<_>>(),
+    )?;
     let images = wrt.iter().map(|one| {
         let suffix = one.trim_start_matches('/').replace('/', "_");
         read_npy(&if wrt.len() == 1 { out.clone() } else { folder.path().join(format!("g.{suffix}.npy")) })

@@ -1,9 +1,10 @@
-//! Development commands of dsdf: `cargo xtask ci`, `cargo xtask bench` and `cargo xtask figures`.
+//! Development commands of dsdf: `cargo xtask ci`, `bench`, `tradeoff` and `figures`.
 
 mod bench;
 mod dsdf;
 mod figures;
 mod plot;
+mod tradeoff;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -12,6 +13,10 @@ use anyhow::{Context, bail};
 use clap::{Parser, Subcommand};
 
 use figures::Figure;
+
+/// That of the binary: what is measured here allocates as it does there.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Development commands of dsdf.
 #[derive(Parser)]
@@ -30,6 +35,12 @@ enum Task {
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
+    /// Measure what each parameter costs and buys, and the presets
+    Tradeoff {
+        /// Where to write [default: docs/results/tradeoff]
+        #[arg(short, long)]
+        output: Option<PathBuf>,
+    },
     /// Measure what the documentation shows, and write its tables and plots
     Figures {
         /// What to measure
@@ -44,6 +55,7 @@ fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Task::Ci => ci(),
         Task::Bench { output } => bench::run(output),
+        Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
     }
 }

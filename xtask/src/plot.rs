@@ -23,7 +23,7 @@ const LEFT: f64 = 52.0;
 const TOP: f64 = 26.0;
 const COLUMNS: usize = 3;
 
-/// Panels in rows, with one legend. All panels have the curves' names in the same order.
+/// Panels in rows. Where all have the curves' names in the same order there is one legend, else one in each panel.
 pub(crate) fn svg(panels: &[Panel], x_label: &str, y_label: &str) -> String {
     let columns = COLUMNS.min(panels.len().max(1));
     let rows = panels.len().div_ceil(columns);
@@ -32,13 +32,26 @@ pub(crate) fn svg(panels: &[Panel], x_label: &str, y_label: &str) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"10\">\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
+    let names = |panel: &Panel| panel.curves.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+    let alike = panels.windows(2).all(|pair| names(&pair[0]) == names(&pair[1]));
     for (i, panel) in panels.iter().enumerate() {
         let corner = ((i % columns) as f64 * (WIDTH + 20.0) + 10.0, (i / columns) as f64 * (HEIGHT + 30.0) + 10.0);
         draw(&mut out, panel, corner, x_label, y_label);
+        if !alike {
+            let place = |j: usize| (corner.0 + WIDTH - 70.0, corner.1 + TOP + 8.0 + 12.0 * j as f64);
+            legend(&mut out, &names(panel), place);
+        }
     }
-    let names: Vec<&str> = panels.first().map_or(Vec::new(), |p| p.curves.iter().map(|c| c.name.as_str()).collect());
+    if let Some(panel) = panels.first().filter(|_| alike) {
+        legend(&mut out, &names(panel), |j| (20.0 + j as f64 * 95.0, height - 16.0));
+    }
+    out + "</svg>\n"
+}
+
+/// The curves' names, each at its place.
+fn legend(out: &mut String, names: &[String], place: impl Fn(usize) -> (f64, f64)) {
     for (i, name) in names.iter().enumerate() {
-        let (x, y) = (20.0 + i as f64 * 95.0, height - 16.0);
+        let (x, y) = place(i);
         let color = COLORS[i % COLORS.len()];
         let _ = writeln!(
             out,
@@ -47,7 +60,6 @@ pub(crate) fn svg(panels: &[Panel], x_label: &str, y_label: &str) -> String {
             y + 3.0
         );
     }
-    out + "</svg>\n"
 }
 
 /// The powers of ten that hold all values, as exponents.

@@ -81,6 +81,13 @@ const BEYOND: f64 = 1.02;
 /// 24° of its normal.
 const HEAD_ON: f64 = 1.1;
 
+/// The part of the step at which the balls of two points should just touch that is taken: less is walked twice, more has to be
+/// taken back where f bends downwards.
+const CAUTION: f64 = 0.95;
+
+/// How many times f a step may go, with both ends' balls touching.
+const MOST: f64 = 8.0;
+
 /// Parts of L Δt by which the balls of two points may fail to touch, for rounding.
 const SLACK: f64 = 1e-3;
 
@@ -229,7 +236,13 @@ impl<R: Real> Tracer<'_, R> {
         self.note(here);
         let clear = here.f / s.slope;
         let first = self.ray.scale * R::of(FIRST_STEP);
-        let mut step = if last.is_none() { clear.min(first) } else { clear };
+        let mut step = last.map_or(clear.min(first), |last| {
+            // If f goes on as it did, the ball there reaches back to the one here (Bálint and Valasek 2018; Bán and Valasek 2023).
+            let rate = (here.f - last.f) / (here.t - last.t);
+            (clear * R::of(2.0 * CAUTION) * s.slope / (s.slope - rate).max(R::min_positive_value()))
+                .max(clear)
+                .min(clear * R::of(MOST))
+        });
         if here.t >= self.ray.far || (last.is_some() && clear >= self.ray.far - here.t) {
             // The rest of the interval is inside the ball that f says is empty. A miss still passes its closest approach.
             let closest = Point { t: self.out.t, f: self.out.f };

@@ -10,7 +10,7 @@
 //! use glam::DVec3;
 //! use trace::{Options, Outcome, Ray, intersect};
 //!
-//! let ball = Shape::<f64>::sphere([0.0; 3], 1.0);
+//! let ball = Shape::<f64>::sphere([0.0; 3], 1.01);
 //! let bounds = Sphere { center: DVec3::ZERO, radius: 1.5 };
 //! let mut picture = String::new();
 //! for row in 0..7 {

@@ -75,31 +75,76 @@ fn disc(size: u32) -> anyhow::Result<Value> {
     Ok(scene)
 }
 
+/// Photographs of the suite's disc: a data set as small as can be fitted.
+fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Result<String> {
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    let (scene, data) = (text(&folder.join("photographed.json")), text(&folder.join(format!("photographs.{size}"))));
+    std::fs::write(&scene, dsdf::scene("off-axis.lambert")?.to_string())?;
+    let size = format!("{size}x{size}");
+    dsdf::report(binary, &["synth", &scene, "-o", &data, "--views", "12", "--size", &size])?;
+    Ok(data)
+}
+
+/// A fresh network's sphere of half the bounding radius, as the disc is seen.
+fn network(binary: &Path, folder: &Path, pixels: u32, width: u32, layers: u32) -> anyhow::Result<String> {
+    let data = photographs(binary, folder, 32)?;
+    let run = folder.join(format!("run.{width}.{layers}"));
+    let run_name = run.to_string_lossy().into_owned();
+    let (width_text, layers_text) = (width.to_string(), layers.to_string());
+    let shape = ["--width", &width_text, "--layers", &layers_text, "--iterations", "1"];
+    dsdf::report(binary, &[&["fit", &data, "-o", &run_name], &shape[..]].concat())?;
+    let mut scene = disc(pixels)?;
+    scene["sdf"] = serde_json::json!({"type": "neural", "weights": run.join("model.safetensors")});
+    let path = folder.join(format!("network.{width}.{layers}.json"));
+    std::fs::write(&path, scene.to_string())?;
+    Ok(path.to_string_lossy().into_owned())
+}
+
+/// Seconds of one iteration of a fit at its defaults but for its size, in the steady state.
+fn iteration(binary: &Path, folder: &Path) -> anyhow::Result<f64> {
+    let (data, run) = (photographs(binary, folder, 256)?, tempfile::tempdir_in(folder)?);
+    let run = run.path().to_string_lossy().into_owned();
+    let count = 300;
+    let flags = ["--iterations", &count.to_string(), "--preview-every", "100000"];
+    dsdf::report(binary, &[&["fit", &data, "-o", &run], &flags[..]].concat())?;
+    let metrics = std::fs::read_to_string(Path::new(&run).join("metrics.jsonl"))?;
+    let last: Value = serde_json::from_str(metrics.lines().last().context("metrics")?)?;
+    Ok(last["seconds"].as_f64().context("seconds in the metrics")? / f64::from(count))
+}
+
 /// Measures whole commands and prints them.
 pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Program>> {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-    let (scene, large, out) = (path("128.json"), path("1024.json"), path("out.npy"));
+    let (scene, large, out, weights) = (path("128.json"), path("1024.json"), path("out.npy"), path("out.safetensors"));
     std::fs::write(&scene, disc(128)?.to_string())?;
     std::fs::write(&large, disc(1024)?.to_string())?;
-    let network = path("network.json");
-    std::fs::write(&network, dsdf::scene("network.constant")?.to_string())?;
-    let by = ["--wrt", "/sdf/radius"];
-    let commands: [(&str, Vec<&str>); 4] = [
-        ("image of a disc, 128 × 128, 16 samples", vec!["render", &scene, "--spp", "16"]),
-        ("its derivative by the radius, 4 samples", [&["gradient", &scene, "--spp", "4"], &by[..]].concat()),
-        ("the same, 1024 × 1024", [&["gradient", &large, "--spp", "4"], &by[..]].concat()),
+    let (network, by) = (network(binary, folder.path(), 128, 64, 3)?, ["--wrt", "/sdf/radius"]);
+    let target = path("target.npy");
+    dsdf::report(binary, &["render", &scene, "-o", &target])?;
+    let all = ["gradient", &network, "--target", &target, "--spp", "4", "-o", &weights, "--precision"];
+    let commands: [(&str, Vec<&str>); 6] = [
+        ("image of a disc, 128 × 128, 16 samples", vec!["render", &scene, "--spp", "16", "-o", &out]),
         (
-            "derivative of a network along a random direction, 16 × 16, 64 samples",
-            vec!["gradient", &network, "--spp", "64", "--wrt", "/sdf/weights/0"],
+            "its derivative by the radius, 4 samples",
+            [&["gradient", &scene, "--spp", "4", "-o", &out], &by[..]].concat(),
         ),
+        ("the same, 1024 × 1024", [&["gradient", &large, "--spp", "4", "-o", &out], &by[..]].concat()),
+        ("image of a network of 3 × 64, 128 × 128, 16 samples", vec!["render", &network, "--spp", "16", "-o", &out]),
+        ("gradient of its loss by all weights, 4 samples, f32", [&all[..], &["f32"]].concat()),
+        ("the same, f64", [&all[..], &["f64"]].concat()),
     ];
     let mut programs = Vec::new();
     for (name, arguments) in commands {
-        let (seconds, peak_mebibytes) = best(binary, &[&arguments[..], &["-o", &out]].concat())?;
+        let (seconds, peak_mebibytes) = best(binary, &arguments)?;
+        programs.push(Program { name: name.to_owned(), seconds, peak_mebibytes });
+    }
+    let seconds =
+        (0..2).map(|_| iteration(binary, folder.path())).try_fold(f64::INFINITY, |m, s| s.map(|s| m.min(s)))?;
+    programs.push(Program { name: "an iteration of a fit".to_owned(), seconds, peak_mebibytes: None });
+    for Program { name, seconds, peak_mebibytes } in &programs {
         let memory = peak_mebibytes.map_or("?".to_owned(), |m| format!("{m:.0}"));
         println!("| {name} | {seconds:.4} | {memory} |");
-        programs.push(Program { name: name.to_owned(), seconds, peak_mebibytes });
     }
     Ok(programs)
 }
@@ -132,13 +177,31 @@ pub(crate) fn growth(binary: &Path) -> anyhow::Result<Vec<Growth>> {
                 _ => seconds(64, &["--spp", "16", "--estimator", "paper", flag, &text])?,
             });
         }
-        let values: Vec<f64> =
-            values.iter().map(|v| if flag.is_empty() { f64::from(v * v) } else { f64::from(*v) }).collect();
-        let exponent = slope(&values, &times);
-        println!("| {with} | {exponent:.2} |");
-        all.push(Growth { with, values, seconds: times, exponent });
+        let values = values.iter().map(|v| if flag.is_empty() { f64::from(v * v) } else { f64::from(*v) }).collect();
+        all.push(Growth::new(with, values, times));
+    }
+    let shapes: [(&'static str, &[[u32; 2]], usize); 2] = [
+        ("width of a network of 3 layers", &[[32, 3], [64, 3], [128, 3], [256, 3]], 0),
+        ("hidden layers of 64", &[[64, 2], [64, 4], [64, 8]], 1),
+    ];
+    for (with, shapes, which) in shapes {
+        let mut times = Vec::new();
+        for [width, layers] in shapes {
+            let scene = network(binary, folder.path(), 32, *width, *layers)?;
+            let flags = ["--wrt", "/sdf/weights/0", "--spp", "16", "--precision", "f32"];
+            times.push(best(binary, &[&["gradient", &scene, "-o", &out], &flags[..]].concat())?.0);
+        }
+        all.push(Growth::new(with, shapes.iter().map(|s| f64::from(s[which])).collect(), times));
     }
     Ok(all)
+}
+
+impl Growth {
+    fn new(with: &'static str, values: Vec<f64>, seconds: Vec<f64>) -> Self {
+        let exponent = slope(&values, &seconds);
+        println!("| {with} | {exponent:.2} |");
+        Growth { with, values, seconds, exponent }
+    }
 }
 
 /// The least-squares slope of ln y over ln x.

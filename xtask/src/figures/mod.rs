@@ -2,7 +2,7 @@
 
 mod estimators;
 mod filters;
-mod reference;
+pub(crate) mod reference;
 mod steps;
 
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
 }
 
 /// Writes a file of a figure whole.
-fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
     std::io::Write::write_all(&mut file, content.as_ref())?;
     file.persist(folder.join(name)).with_context(|| name.to_owned())?;

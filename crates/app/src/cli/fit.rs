@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use super::common::Global;
+use super::preset::Preset;
 use crate::data::{self, Dataset, LoadOptions};
 use crate::error::{InputError, Interrupted};
 use crate::fit::{Fit as Fitting, FitOptions, Metrics, RunFile};
@@ -28,6 +29,10 @@ pub(crate) struct Fit {
     /// Go on from the checkpoint in the run folder, with the options it was started with
     #[arg(long)]
     resume: bool,
+    /// How much to spend where no option says otherwise
+    #[arg(long, value_enum)]
+    #[allow(dead_code, reason = "put into the other options before they are read")]
+    preset: Option<Preset>,
     #[command(flatten)]
     options: FitOptions,
 }

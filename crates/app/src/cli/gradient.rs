@@ -8,6 +8,7 @@ use field::{Counted, Evaluations};
 use serde::Serialize;
 
 use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use super::preset::Preset;
 use crate::error::InputError;
 use crate::estimate::{
     Derivative, Direction, Filter, Method, Sampling, Setup, differentiate, finite_difference, render, target_gradient,
@@ -34,6 +35,10 @@ pub(crate) struct Gradient {
     /// gaussian with --filter gaussian]
     #[arg(long)]
     estimator: Option<String>,
+    /// How much to spend where no option says otherwise
+    #[arg(long, value_enum)]
+    #[allow(dead_code, reason = "put into the other options before they are read")]
+    preset: Option<Preset>,
     /// Samples a pixel
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
@@ -55,6 +60,13 @@ pub(crate) struct Gradient {
     /// ε: guard inside the weights, in world units
     #[arg(long, default_value_t = 1e-6)]
     epsilon: f64,
+    /// ρ: the fraction of f that a step of the tracer takes; below 1 for fields steeper than a distance
+    #[arg(long, default_value_t = 1.0)]
+    relaxation: f64,
+    /// |f| at which a hit is good enough, in bounding radii (or widths of the film there, if these are less) [default: 16 units in
+    /// the last place]
+    #[arg(long)]
+    hit_tolerance: Option<f64>,
     /// Pixel filter, box or gaussian [default: the estimator's]
     #[arg(long)]
     filter: Option<String>,
@@ -117,6 +129,7 @@ impl Gradient {
         let mut setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
         setup.steps = self.steps as usize;
         setup.warp = self.warp_options()?;
+        setup.trace = self.trace_options()?;
         let bar = global.progress("gradient");
         let start = Instant::now();
         let invalid = |e| InputError::new(&self.scene, "/sdf", e, "a finite field");
@@ -177,6 +190,16 @@ impl Gradient {
         };
         options.validate().map_err(refused)?;
         Ok(options)
+    }
+
+    fn trace_options<R: Precision>(&self) -> Result<trace::Options<R>, InputError> {
+        let constant = <R as field::Real>::of;
+        let default = trace::Options::<R>::default();
+        let tolerance = self.hit_tolerance.map_or(default.tolerance, constant);
+        let options = trace::Options { relaxation: constant(self.relaxation), tolerance, ..default };
+        let flag = |name: &str| if name == "tolerance" { "--hit-tolerance".to_owned() } else { format!("--{name}") };
+        let refused = |e: trace::InvalidOptions| InputError::new(ARGUMENTS, flag(e.name), e.found, e.expected);
+        options.validate().map_err(refused).map(|()| options)
     }
 
     /// The parameter that each --wrt names.
@@ -245,7 +268,8 @@ impl Gradient {
                 let field = Counted::new(moved.sdf.build::<R>()?);
                 let shader = moved.shader::<R>(&field)?;
                 let cameras = [moved.camera];
-                let setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(moved.background));
+                let mut setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(moved.background));
+                setup.trace = self.trace_options()?;
                 let image = render(&setup, 0, part.spp, part.seed, &|_| {});
                 **counted.borrow_mut() += field.evaluations();
                 anyhow::Ok(image.map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?.film)

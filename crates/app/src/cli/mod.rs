@@ -7,6 +7,7 @@ mod fit;
 mod gradient;
 mod inspect;
 mod mesh;
+mod preset;
 mod query;
 mod render;
 mod synth;
@@ -53,7 +54,9 @@ enum Command {
 /// Ctrl-C, 1 for anything else.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let command = with_negative_numbers(Cli::command()).mut_subcommands(with_negative_numbers);
-    let parsed = command.try_get_matches_from(arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    let parsed = command
+        .try_get_matches_from(preset::expand(arguments.into_iter().collect()))
+        .and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {

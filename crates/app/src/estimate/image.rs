@@ -103,14 +103,14 @@ pub fn differentiate<R: Real>(
         .par_iter()
         .map(|pixels| {
             let mut survey = Survey::default();
-            let replicate = |(estimator, part): (&Box<dyn Estimator<R>>, &Sampling)| {
+            let mut images = Vec::with_capacity(parts.len());
+            for (estimator, part) in estimators.iter().zip(&parts) {
                 let record = estimator.record_surveyed(setup, pixels, part.seed, &mut survey)?;
-                Ok(forward(setup, &record, pixels.len(), directions))
-            };
-            let images = estimators.iter().zip(&parts).map(replicate).collect();
+                images.push(forward(setup, &record, pixels.len(), directions));
+            }
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             progress(done as f64 / tiles.len() as f64);
-            images
+            Ok(images)
         })
         .collect::<Result<_, _>>()?;
     let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();

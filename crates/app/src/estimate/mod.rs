@@ -27,7 +27,7 @@ pub use convolution::Convolution;
 pub use difference::finite_difference;
 pub use estimator::{Estimator, Filter, Method, Pixel, Survey};
 pub use image::{Derivative, Direction, Sampling, differentiate, random_unit};
-pub(crate) use near::near_silhouettes;
+pub(crate) use near::{Doubt, near_silhouettes};
 pub use parallel::ordered_sum;
 pub(crate) use pixels::check_valid;
 pub use pixels::{Render, render};

@@ -8,7 +8,7 @@ use glam::DVec2;
 use trace::{Intersection, Outcome};
 
 use super::lines::{Crossing, Line, crossings};
-use super::near::{Passage, near_silhouettes, passages};
+use super::near::{Doubt, Passage, near_silhouettes, passages};
 use super::pixels::{check_valid, first_invalid, pixel_samples};
 use super::{Area, Estimator, Pixel, Record, Sample, Setup, Survey};
 use crate::error::InvalidField;
@@ -116,7 +116,7 @@ impl Refined {
         let primary = setup.primary(&samples);
         check_valid(setup, &samples, primary.invalid)?;
         record.rays += samples.len() as u64;
-        let near = near_silhouettes(setup, &samples, &primary);
+        let near = near_silhouettes(setup, &samples, &primary, Doubt::SMALL);
         let mut hit = vec![false; samples.len()];
         primary.hits.iter().for_each(|&i| hit[i] = true);
         let count = range.len();
@@ -268,7 +268,7 @@ fn corners<R: Real>(
     for (&pixel, four) in which.iter().zip(&of_pixel) {
         let Pixel { x, y, .. } = pixels[pixel as usize];
         let least = DVec2::new(f64::from(x), f64::from(y));
-        let close = |i: usize| passed[i].as_ref().is_some_and(|p| p.crosses(samples[i].u, least));
+        let close = |i: usize| passed[i].as_ref().is_some_and(|p| p.crosses(samples[i].u, least, Doubt::SMALL));
         survey.near[pixel as usize] = four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
     }
     Ok(())

@@ -7,7 +7,8 @@ use super::loss::{Target, photometric, squared_error};
 use super::pyramid::{Backdrop, Level, Pixel};
 use crate::error::InvalidField;
 use crate::estimate::{
-    self, Adjoints, Area, Estimator, Pass, Primary, Sample, Setup, Survey, check_valid, near_silhouettes, ordered_sum,
+    self, Adjoints, Area, Doubt, Estimator, Pass, Primary, Sample, Setup, Survey, check_valid, near_silhouettes,
+    ordered_sum,
 };
 use crate::sampler::{mix, unit};
 
@@ -123,7 +124,7 @@ impl<'a> Chunk<'a> {
         check_valid(setup, &samples, first.invalid)?;
         self.tally.rays += samples.len() as u64;
         self.tally.pixels += count(self.pixels);
-        let crossed = near_silhouettes(setup, &samples, &first);
+        let crossed = near_silhouettes(setup, &samples, &first, Doubt::LARGE);
         self.clear_background(&samples, &first);
         self.eikonal(&first);
         self.inside(samples, first, &crossed, shader);
