@@ -1,0 +1,74 @@
+//! Rays a second of the warp field, one core, single precision, by the number of points that keep a weight.
+#![allow(missing_docs, reason = "Criterion's macros make public functions")]
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use field::{Field, Shape};
+use glam::Vec3;
+use warp::{Options, Projection, WarpedRay, evaluate};
+
+/// A film at distance 1 before an eye at (0, 0, 4) that looks down −z.
+struct Film;
+
+impl Projection<f32> for Film {
+    fn jacobian(&self, x: Vec3) -> [Vec3; 2] {
+        let depth = 4.0 - x.z;
+        [Vec3::new(1.0, 0.0, x.x / depth) / depth, Vec3::new(0.0, 1.0, x.y / depth) / depth]
+    }
+    fn jacobian_derivative(&self, x: Vec3, dx: Vec3) -> [Vec3; 2] {
+        let depth = 4.0 - x.z;
+        let turn = |x: f32, x_dot: f32| x_dot / depth + 2.0 * x * dx.z / (depth * depth);
+        let slow = dx.z / (depth * depth);
+        [Vec3::new(slow, 0.0, turn(x.x, dx.x) / depth), Vec3::new(0.0, slow, turn(x.y, dx.y) / depth)]
+    }
+}
+
+const RAYS: usize = 256;
+const POINTS: usize = 22;
+
+fn warps(c: &mut Criterion) {
+    let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
+    let origin = Vec3::new(0.0, 0.0, 4.0);
+    let (mut t, mut f, mut g) = (vec![3.0; RAYS * POINTS], vec![0.0; RAYS * POINTS], vec![Vec3::ZERO; RAYS * POINTS]);
+    let direction = |r: usize| Vec3::new(0.26 + 0.02 * (r as f32 / RAYS as f32), 0.0, -1.0).normalize();
+    for r in 0..RAYS {
+        for i in r * POINTS..(r + 1) * POINTS {
+            ball.value_gradient(&[origin + t[i] * direction(r)], &mut f[i..=i], &mut g[i..=i]);
+            if i + 1 < (r + 1) * POINTS {
+                t[i + 1] = t[i] + f[i];
+            }
+        }
+    }
+    let rays: Vec<WarpedRay<'_, f32>> = (0..RAYS)
+        .map(|r| {
+            let own = r * POINTS..(r + 1) * POINTS;
+            WarpedRay {
+                origin,
+                direction: direction(r),
+                direction_du: [Vec3::X, -Vec3::Y],
+                entry_du: [0.0; 2],
+                exit_du: [0.0; 2],
+                t: &t[own.clone()],
+                f: &f[own.clone()],
+                gradient: &g[own.clone()],
+                step: &f[own],
+                clamped: false,
+                valid: true,
+            }
+        })
+        .collect();
+    let films: Vec<&Film> = rays.iter().map(|_| &Film).collect();
+    let mut group = c.benchmark_group("a ball passed closely");
+    group.throughput(Throughput::Elements(RAYS as u64)).sample_size(10);
+    for k in [4, 7, 14, 22] {
+        let options = Options { k, ..Options::default() };
+        group.bench_with_input(BenchmarkId::new("V and its divergence, k", k), &options, |b, options| {
+            b.iter(|| evaluate(&ball, options, &films, black_box(&rays), true));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, warps);
+criterion_main!(benches);
