@@ -27,6 +27,7 @@ pub mod cli;
 pub mod data;
 pub mod error;
 pub mod estimate;
+pub mod evaluations;
 pub mod film;
 pub mod fit;
 pub mod inspect;

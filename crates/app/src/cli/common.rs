@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
-use field::{Evaluations, Real, Vector3};
+use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
@@ -60,26 +60,6 @@ pub(crate) enum PrecisionArg {
     F32,
     /// Double precision
     F64,
-}
-
-/// Field evaluations as the reports show them.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct EvaluationReport {
-    value: u64,
-    gradient: u64,
-    hessian_vector: u64,
-    parameter: u64,
-}
-
-impl From<Evaluations> for EvaluationReport {
-    fn from(e: Evaluations) -> Self {
-        EvaluationReport {
-            value: e.value,
-            gradient: e.gradient,
-            hessian_vector: e.hessian_vector,
-            parameter: e.parameter,
-        }
-    }
 }
 
 /// A colour of a scene in the precision of the computation.

@@ -7,12 +7,13 @@ use clap::Args;
 use field::{Counted, Evaluations};
 use serde::Serialize;
 
-use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use super::common::{Global, PrecisionArg, check_extension, color, mover};
 use super::preset::Preset;
 use crate::error::InputError;
 use crate::estimate::{
     Derivative, Direction, Filter, Method, Sampling, Setup, differentiate, finite_difference, render, target_gradient,
 };
+use crate::evaluations::EvaluationReport;
 use crate::io::{read_image, write_image};
 use crate::scene::{Appearance, Precision, Scene, Sdf};
 

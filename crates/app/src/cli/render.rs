@@ -7,10 +7,11 @@ use clap::Args;
 use field::Counted;
 use serde::Serialize;
 
-use super::common::{EvaluationReport, Global, PrecisionArg, check_extension, color, mover};
+use super::common::{Global, PrecisionArg, check_extension, color, mover};
 use crate::data::{self, LoadOptions};
 use crate::error::InputError;
 use crate::estimate::{Setup, render};
+use crate::evaluations::EvaluationReport;
 use crate::fit::{Model, RunFile};
 use crate::io::write_image;
 use crate::scene::{Precision, Scene};

@@ -46,8 +46,8 @@ pub struct Derivative {
 /// The samples of a tile: enough to fill the field's blocks, few enough to stay in the caches and to balance threads.
 const TILE_SAMPLES: u32 = 1024;
 
-/// The sides that a tile may have, in pixels.
-const TILE_SIDES: [u32; 2] = [8, 32];
+/// The largest side of a tile, in pixels.
+const LARGEST_TILE: u32 = 32;
 
 /// Independent replicates that samples are divided over, for the standard error.
 const REPLICATES: u32 = 4;
@@ -167,7 +167,7 @@ impl<'a> Mean<'a> {
 
 /// The film of camera 0 in square tiles, for so many samples a pixel: most edges between pixels lie inside one.
 pub(super) fn tiles(width: u32, height: u32, spp: u32) -> Vec<Vec<Pixel>> {
-    let side = (TILE_SAMPLES / spp).isqrt().clamp(TILE_SIDES[0], TILE_SIDES[1]);
+    let side = (TILE_SAMPLES / spp).isqrt().clamp(1, LARGEST_TILE);
     let corners =
         (0..height).step_by(side as usize).flat_map(|y| (0..width).step_by(side as usize).map(move |x| (x, y)));
     corners

@@ -12,8 +12,8 @@ use crate::error::InvalidField;
 use crate::film::Film;
 use crate::sampler::{mix, sobol};
 
-/// Pixels a chunk: enough samples to fill the field's blocks, few enough to balance threads.
-pub(crate) const CHUNK: usize = 64;
+/// Samples a chunk: enough to fill the field's blocks, few enough to stay in the caches and to balance threads.
+const CHUNK: usize = 1024;
 
 /// A rendered view.
 #[derive(Clone, Debug)]
@@ -74,13 +74,14 @@ pub fn render<R: Real>(
     let (width, height) = (setup.cameras[camera].width, setup.cameras[camera].height);
     let count = width as usize * height as usize;
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let chunks: Vec<Vec<([f32; 3], f32)>> = (0..count.div_ceil(CHUNK))
+    let size = (CHUNK / spp as usize).max(1);
+    let chunks: Vec<Vec<([f32; 3], f32)>> = (0..count.div_ceil(size))
         .into_par_iter()
         .map(|chunk| {
-            let pixels = chunk * CHUNK..((chunk + 1) * CHUNK).min(count);
+            let pixels = chunk * size..((chunk + 1) * size).min(count);
             let result = render_pixels(setup, camera, pixels, spp, seed);
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress((done * CHUNK) as f64 / count as f64);
+            progress((done * size) as f64 / count as f64);
             result
         })
         .collect::<Result<_, _>>()?;

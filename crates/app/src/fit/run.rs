@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use field::Field;
+use field::{Counted, Evaluations, Field};
 use glam::Vec3;
 use optim::{Adam, Group};
 use serde::Serialize;
@@ -17,6 +17,7 @@ use crate::camera::Camera;
 use crate::data::Dataset;
 use crate::error::InputError;
 use crate::estimate::Setup;
+use crate::evaluations::EvaluationReport;
 use crate::metrics::psnr;
 use crate::sampler::mix;
 
@@ -46,6 +47,8 @@ pub struct Metrics {
     pub train_psnr: f64,
     /// PSNR of the held-out view last rendered, dB; absent without one.
     pub psnr: Option<f64>,
+    /// Field evaluations of the iteration.
+    pub evaluations: EvaluationReport,
     /// Rays traced a second.
     pub rays_per_second: f64,
     /// Fraction of the pixels that a silhouette may have crossed.
@@ -209,8 +212,9 @@ impl Fit {
         let (pixels, weights) =
             (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
         let estimator = options.estimator();
+        let counted = Counted::new(&self.model.field);
         let batch = Batch {
-            setup: self.setup(&self.levels[level].cameras),
+            setup: Setup { field: &counted, ..self.setup(&self.levels[level].cameras) },
             level: &self.levels[level],
             pixels: &pixels,
             backdrop: self.file.backdrop(),
@@ -220,6 +224,7 @@ impl Fit {
             seed,
         };
         let (mut gradient, tally) = gradient(&batch)?;
+        let evaluations = counted.evaluations();
         let norm =
             optim::clip_norm(&mut gradient, if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { f32::MAX });
         let kept = norm.min(if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { norm });
@@ -230,7 +235,7 @@ impl Fit {
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
         self.set_windows();
-        Ok(self.metrics(&tally, level, norm))
+        Ok(self.metrics(&tally, evaluations, level, norm))
     }
 
     /// Fades in the octaves of both encodings as far as the fit has come. Part of the function that is saved, so it has to be
@@ -251,7 +256,7 @@ impl Fit {
         (0..draws).map(|i| level_pixels.draw(self.iteration * draws + i, every, seed)).collect()
     }
 
-    fn metrics(&self, tally: &Tally, level: usize, norm: f32) -> Metrics {
+    fn metrics(&self, tally: &Tally, evaluations: Evaluations, level: usize, norm: f32) -> Metrics {
         let n = tally.pixels as f64;
         Metrics {
             iteration: self.iteration,
@@ -261,6 +266,7 @@ impl Fit {
             eikonal: tally.eikonal / tally.eikonal_points.max(1) as f64,
             train_psnr: -10.0 * (tally.squared_error / n).max(1e-10).log10(),
             psnr: self.held_out_psnr,
+            evaluations: evaluations.into(),
             rays_per_second: tally.rays as f64,
             edge_fraction: tally.edge_pixels as f64 / n,
             level,

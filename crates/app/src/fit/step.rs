@@ -12,8 +12,11 @@ use crate::estimate::{
 };
 use crate::sampler::{mix, unit};
 
-/// Pixels a chunk of an iteration.
+/// Pixels a chunk of an iteration, at most; fewer fill the field's blocks less.
 const CHUNK: usize = 512;
+
+/// Chunks of an iteration, at least, for two threads to share.
+const CHUNKS: usize = 2;
 
 /// The weights of the loss's terms at this point of the schedule.
 #[derive(Clone, Copy, Debug)]
@@ -81,9 +84,10 @@ impl Tally {
 pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, Tally), InvalidField> {
     let field = batch.setup.field.parameter_count();
     let length = field + batch.setup.shader.parameter_count();
-    let chunks = batch.pixels.len().div_ceil(CHUNK);
+    let chunks = batch.pixels.len().div_ceil(CHUNK).max(CHUNKS);
+    let size = batch.pixels.len().div_ceil(chunks);
     let (sum, tallies) = ordered_sum(chunks, length, |chunk, sum: &mut [f32]| {
-        let pixels = chunk * CHUNK..((chunk + 1) * CHUNK).min(batch.pixels.len());
+        let pixels = (chunk * size).min(batch.pixels.len())..((chunk + 1) * size).min(batch.pixels.len());
         let (field_sum, shader_sum) = sum.split_at_mut(field);
         let mut work = Chunk::new(batch, &batch.pixels[pixels], mix(batch.seed, chunk as u64));
         work.run(shader_sum)?;

@@ -1,0 +1,63 @@
+//! The largest resident set of derivative images: it grows with neither samples nor points along a ray.
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use tests::{binary, root};
+
+/// The high-water mark of `dsdf gradient` on a scene, in MiB.
+fn peak(scene: &str, flags: &[&str]) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new(binary())
+        .args(["gradient", scene, "--quiet", "--threads", "2", "-o"])
+        .arg(folder.path().join("g.npy"))
+        .args(flags)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0.0f64;
+    // The mark goes with the process, so it is read until then.
+    while child.try_wait().unwrap().is_none() {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let mark = text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<f64>().ok());
+        peak = mark.map_or(peak, |kib| peak.max(kib / 1024.0));
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(child.wait().unwrap().success(), "dsdf gradient {flags:?}");
+    peak
+}
+
+#[test]
+fn memory_grows_with_neither_samples_nor_points() {
+    let scene = root().join("tests/gradients/disc.lambert.json").to_string_lossy().into_owned();
+    for estimator in ["refined", "paper"] {
+        let at = |spp: &str, steps: &str| {
+            peak(&scene, &["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp, "--steps", steps])
+        };
+        // The film is small: only with so many samples are its tiles as full as those of a large one.
+        let (few, many, long) = (at("512", "22"), at("4096", "22"), at("512", "200"));
+        println!("{estimator}: {few:.0} MiB; 8 times the samples {many:.0}, 9 times the points {long:.0}");
+        assert!(many < 1.5 * few, "{estimator}: {few} MiB with 512 samples, {many} with 4096");
+        assert!(long < 2.0 * few, "{estimator}: {few} MiB with 22 points, {long} with 200");
+    }
+}
+
+#[test]
+fn a_large_derivative_image_fits_in_a_gibibyte() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(root().join("tests/gradients/disc.lambert.json")).unwrap();
+    let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let factor = 1024.0 / scene["camera"]["width"].as_f64().unwrap();
+    for key in ["width", "height"] {
+        scene["camera"][key] = 1024.into();
+    }
+    scene["camera"]["focal"] = (scene["camera"]["focal"].as_f64().unwrap() * factor).into();
+    scene["camera"]["principal"] = [512, 512].to_vec().into();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, scene.to_string()).unwrap();
+    let mebibytes = peak(&path.to_string_lossy(), &["--wrt", "/sdf/radius", "--spp", "4"]);
+    assert!(mebibytes < 1024.0, "{mebibytes} MiB");
+}
