@@ -25,7 +25,7 @@ const POINTS: usize = 8192;
 
 /// A measurement lasts so long at least; the best of `TRIES` counts.
 const SECONDS: f64 = 0.15;
-const TRIES: usize = 5;
+const TRIES: usize = 10;
 
 type Work<'a> = &'a (dyn Fn(&[Vec3]) + Sync);
 

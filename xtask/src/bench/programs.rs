@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::dsdf;
 
@@ -61,21 +61,18 @@ fn best(binary: &Path, arguments: &[&str]) -> anyhow::Result<(f64, Option<f64>)>
     Ok(best)
 }
 
-/// The suite's disc at a size, seen as large as ever.
-fn disc(size: u32) -> anyhow::Result<Value> {
-    let mut scene = dsdf::scene("disc.constant")?;
-    let old = scene["camera"]["width"].as_f64().context("a width")?;
-    let factor = f64::from(size) / old;
-    let focal = scene["camera"]["focal"].as_f64().context("a focal length")? * factor;
-    let camera = &mut scene["camera"];
-    camera["width"] = size.into();
-    camera["height"] = size.into();
-    camera["focal"] = focal.into();
-    camera["principal"] = [f64::from(size) / 2.0; 2].to_vec().into();
-    Ok(scene)
+/// A ball of constant radiance, seen as large at every size.
+fn disc(size: u32) -> Value {
+    json!({
+        "camera": {"width": size, "height": size, "focal": 2 * size, "principal": [size / 2, size / 2],
+                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
+        "sdf": {"type": "sphere", "center": [0.05, 0.03, 0.0], "radius": 0.7},
+        "appearance": {"type": "constant", "radiance": [1, 1, 1]},
+        "background": [0, 0, 0]
+    })
 }
 
-/// Photographs of the suite's disc: a data set as small as can be fitted.
+/// Photographs of a lit ball: a data set as small as can be fitted.
 fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Result<String> {
     let text = |path: &Path| path.to_string_lossy().into_owned();
     let (scene, data) = (text(&folder.join("photographed.json")), text(&folder.join(format!("photographs.{size}"))));
@@ -93,14 +90,14 @@ fn network(binary: &Path, folder: &Path, pixels: u32, width: u32, layers: u32) -
     let (width_text, layers_text) = (width.to_string(), layers.to_string());
     let shape = ["--width", &width_text, "--layers", &layers_text, "--iterations", "1"];
     dsdf::report(binary, &[&["fit", &data, "-o", &run_name], &shape[..]].concat())?;
-    let mut scene = disc(pixels)?;
-    scene["sdf"] = serde_json::json!({"type": "neural", "weights": run.join("model.safetensors")});
+    let mut scene = disc(pixels);
+    scene["sdf"] = json!({"type": "neural", "weights": run.join("model.safetensors")});
     let path = folder.join(format!("network.{width}.{layers}.json"));
     std::fs::write(&path, scene.to_string())?;
     Ok(path.to_string_lossy().into_owned())
 }
 
-/// Seconds of one iteration of a fit at its defaults but for its size, in the steady state.
+/// Seconds of one iteration of a fit at its defaults: the mean over a short schedule.
 fn iteration(binary: &Path, folder: &Path) -> anyhow::Result<f64> {
     let (data, run) = (photographs(binary, folder, 256)?, tempfile::tempdir_in(folder)?);
     let run = run.path().to_string_lossy().into_owned();
@@ -117,8 +114,8 @@ pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Program>> {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let (scene, large, out, weights) = (path("128.json"), path("1024.json"), path("out.npy"), path("out.safetensors"));
-    std::fs::write(&scene, disc(128)?.to_string())?;
-    std::fs::write(&large, disc(1024)?.to_string())?;
+    std::fs::write(&scene, disc(128).to_string())?;
+    std::fs::write(&large, disc(1024).to_string())?;
     let (network, by) = (network(binary, folder.path(), 128, 64, 3)?, ["--wrt", "/sdf/radius"]);
     let target = path("target.npy");
     dsdf::report(binary, &["render", &scene, "-o", &target])?;
@@ -149,13 +146,47 @@ pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Program>> {
     Ok(programs)
 }
 
+/// How wrong the measured derivative image is, relative L2.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Accuracy {
+    /// Of the mean over infinitely many seeds, estimated from those taken.
+    pub(crate) bias: f64,
+    /// What noise alone makes of the mean over those taken.
+    pub(crate) noise: f64,
+    /// Of one run.
+    pub(crate) rmse: f64,
+}
+
+const SEEDS: u32 = 64;
+
+/// The accuracy of the disc's derivative at 4 samples, against contours.
+pub(crate) fn accuracy(binary: &Path) -> anyhow::Result<Accuracy> {
+    let (scene, wrt) = (disc(128), ["/sdf/radius".to_owned()]);
+    let reference =
+        dsdf::gradient(binary, &scene, &wrt, &["--estimator", "contour", "--spp", "1024"])?.images.remove(0);
+    let mut images = Vec::new();
+    for seed in 0..SEEDS {
+        let flags = ["--spp", "4", "--seed", &seed.to_string()];
+        images.push(dsdf::gradient(binary, &scene, &wrt, &flags)?.images.remove(0));
+    }
+    let all: Vec<&dsdf::Image> = images.iter().collect();
+    let (mean, norm) = (dsdf::Image::mean(&all), reference.norm());
+    let square = |to: &dsdf::Image| images.iter().map(|i| i.distance(to).powi(2)).sum::<f64>() / f64::from(SEEDS);
+    let noise = square(&mean) / f64::from(SEEDS - 1);
+    Ok(Accuracy {
+        bias: (mean.distance(&reference).powi(2) - noise).max(0.0).sqrt() / norm,
+        noise: noise.sqrt() / norm,
+        rmse: square(&reference).sqrt() / norm,
+    })
+}
+
 /// How the seconds of a derivative image grow with what it is asked for.
 pub(crate) fn growth(binary: &Path) -> anyhow::Result<Vec<Growth>> {
     let folder = tempfile::tempdir()?;
     let out = folder.path().join("out.npy").to_string_lossy().into_owned();
     let seconds = |size: u32, flags: &[&str]| -> anyhow::Result<f64> {
         let scene = folder.path().join("scene.json");
-        std::fs::write(&scene, disc(size)?.to_string())?;
+        std::fs::write(&scene, disc(size).to_string())?;
         let scene = scene.to_string_lossy().into_owned();
         let arguments = [&["gradient", &scene, "--wrt", "/sdf/radius", "-o", &out], flags].concat();
         best(binary, &arguments).map(|(seconds, _)| seconds)

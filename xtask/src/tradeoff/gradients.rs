@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use anyhow::ensure;
 use serde_json::Value;
 
 use crate::dsdf::{Image, gradient, scene, suite};
@@ -14,6 +15,8 @@ pub(super) struct Axis {
     flag: &'static str,
     base: &'static [&'static str],
     pub(super) values: &'static [&'static str],
+    /// The one of them that the base has anyway.
+    pub(super) default: &'static str,
 }
 
 const PAPER: &[&str] = &["--estimator", "paper"];
@@ -25,23 +28,39 @@ pub(super) const AXES: [Axis; 10] = [
         flag: "--estimator",
         base: &[],
         values: &["interior", "paper", "paper-all", "gaussian", "was", "loubet", "band", "refined"],
+        default: "",
     },
-    Axis { name: "N", flag: "--steps", base: PAPER, values: &["6", "10", "22", "64", "200"] },
-    Axis { name: "k", flag: "--top-k", base: PAPER, values: &["2", "4", "7", "14", "22"] },
-    Axis { name: "gamma", flag: "--gamma", base: PAPER, values: &["1", "2", "3", "6", "8"] },
-    Axis { name: "epsilon", flag: "--epsilon", base: PAPER, values: &["0", "1e-8", "1e-6", "1e-4", "1e-2"] },
-    Axis { name: "lambda_d", flag: "--lambda-d", base: PAPER, values: &["0.01", "0.1", "1", "10"] },
-    Axis { name: "edge samples", flag: "--edge-samples", base: &[], values: &["1", "4", "16", "64"] },
-    Axis { name: "hit tolerance", flag: "--hit-tolerance", base: &[], values: &["1e-12", "1e-6", "1e-4", "1e-2"] },
-    Axis { name: "relaxation", flag: "--relaxation", base: &[], values: &["1", "0.7", "0.4"] },
-    Axis { name: "precision", flag: "--precision", base: &[], values: &["f64", "f32"] },
+    Axis { name: "N", flag: "--steps", base: PAPER, values: &["6", "10", "22", "64", "200"], default: "22" },
+    Axis { name: "k", flag: "--top-k", base: PAPER, values: &["2", "4", "7", "14", "22"], default: "14" },
+    Axis { name: "gamma", flag: "--gamma", base: PAPER, values: &["1", "2", "3", "6", "8"], default: "3" },
+    Axis {
+        name: "epsilon",
+        flag: "--epsilon",
+        base: PAPER,
+        values: &["0", "1e-8", "1e-6", "1e-4", "1e-2"],
+        default: "1e-6",
+    },
+    Axis { name: "lambda_d", flag: "--lambda-d", base: PAPER, values: &["0.01", "0.1", "1", "10"], default: "1" },
+    Axis { name: "edge samples", flag: "--edge-samples", base: &[], values: &["1", "4", "16", "64"], default: "" },
+    Axis {
+        name: "hit tolerance",
+        flag: "--hit-tolerance",
+        base: &[],
+        values: &["1e-12", "1e-6", "1e-4", "1e-2"],
+        default: "",
+    },
+    Axis { name: "relaxation", flag: "--relaxation", base: &[], values: &["1", "0.7", "0.4"], default: "1" },
+    Axis { name: "precision", flag: "--precision", base: &[], values: &["f64", "f32"], default: "f64" },
 ];
 
 /// Scenes of the suite: a lit ball, one outline behind another, a lit torus, a network.
 const SCENES: [&str; 4] = ["off-axis.lambert", "occlusion.constant", "torus.lambert", "network.constant"];
 
+/// The estimators of the other filter's image.
+pub(super) const GAUSSIAN: [&str; 3] = ["gaussian", "was", "loubet"];
+
 /// Samples a pixel.
-pub(super) const SPP: [u32; 4] = [4, 16, 64, 256];
+pub(super) const SPP: [u32; 3] = [4, 16, 64];
 
 /// Runs of every cell.
 const SEEDS: u32 = 8;
@@ -80,6 +99,7 @@ impl Gradients {
             let references = [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
             subjects.push(Subject { name, scene, wrt: case.wrt, references });
         }
+        ensure!(subjects.len() == SCENES.len(), "the suite lacks one of {SCENES:?}");
         Ok(Gradients { subjects })
     }
 
@@ -100,7 +120,7 @@ impl Gradients {
 
     /// Measures flags on every scene.
     pub(super) fn cell(&self, binary: &Path, flags: &[&str], label: &str, csv: &mut String) -> anyhow::Result<Cell> {
-        let gaussian = flags.iter().any(|f| ["gaussian", "was", "loubet"].contains(f));
+        let gaussian = flags.iter().any(|f| GAUSSIAN.contains(f));
         let mut logs = [0.0; 3];
         for subject in &self.subjects {
             let cell = subject.cell(binary, flags, usize::from(gaussian))?;

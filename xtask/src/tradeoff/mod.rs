@@ -12,7 +12,7 @@ use crate::dsdf;
 use crate::figures::write;
 use crate::plot::{Curve, Panel, svg};
 use fits::{Fitted, NETWORKS, PRESETS};
-use gradients::{AXES, Axis, Cell, Cells, Gradients, SPP};
+use gradients::{AXES, Axis, Cell, Cells, GAUSSIAN, Gradients, SPP};
 
 /// The samples a pixel that tables of one number show.
 const SHOWN: usize = 2;
@@ -22,8 +22,9 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results/tradeoff"));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let binary = dsdf::build()?;
-    let measured = measure_gradients(&binary, &folder)?;
-    let gradient_presets = measure_presets(&binary)?;
+    let gradients = Gradients::new(&binary)?;
+    let measured = measure_gradients(&gradients, &binary, &folder)?;
+    let gradient_presets = measure_presets(&gradients, &binary)?;
     let fits = measure_fits(&binary, &folder)?;
     write(&folder, "tradeoff.md", page(&measured, &gradient_presets, &fits))?;
     eprintln!("{}", folder.display());
@@ -31,8 +32,7 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
 }
 
 /// All axes; what is measured is written at once.
-fn measure_gradients(binary: &Path, folder: &Path) -> anyhow::Result<Vec<Cells>> {
-    let gradients = Gradients::new(binary)?;
+fn measure_gradients(gradients: &Gradients, binary: &Path, folder: &Path) -> anyhow::Result<Vec<Cells>> {
     let mut csv = String::from("parameter,value,spp,scene,seconds,rmse,bias\n");
     let (mut panels, mut all) = (Vec::new(), Vec::new());
     for (i, axis) in AXES.iter().enumerate() {
@@ -52,8 +52,7 @@ fn curves(axis: &Axis, cells: &Cells) -> Vec<Curve> {
 }
 
 /// The presets of `dsdf gradient`.
-fn measure_presets(binary: &Path) -> anyhow::Result<Vec<(&'static str, Cell)>> {
-    let gradients = Gradients::new(binary)?;
+fn measure_presets(gradients: &Gradients, binary: &Path) -> anyhow::Result<Vec<(&'static str, Cell)>> {
     let cell = |preset| Ok((preset, gradients.cell(binary, &["--preset", preset], preset, &mut String::new())?));
     ["fast", "balanced", "accurate"].into_iter().map(cell).collect()
 }
@@ -102,7 +101,9 @@ fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -
         for (value, ladder) in axis.values.iter().zip(cells) {
             let Cell { seconds, error, bias } = ladder[SHOWN];
             let _ = writeln!(out, "| {} | {value} | {:.2} | {error:.4} | {bias:.4} |", axis.name, seconds * 1e3);
-            for (spp, cell) in SPP.iter().zip(ladder) {
+            // What is measured under another name anyway, or is of another image, is not of the front.
+            let counts = *value != axis.default && !GAUSSIAN.contains(value);
+            for (spp, cell) in SPP.iter().zip(ladder).filter(|_| counts) {
                 let name = format!("{} {value}, {spp} samples", axis.name);
                 points.push(Point { name, seconds: cell.seconds, error: cell.error });
             }

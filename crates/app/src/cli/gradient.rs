@@ -61,7 +61,7 @@ pub(crate) struct Gradient {
     /// ε: guard inside the weights, in world units
     #[arg(long, default_value_t = 1e-6)]
     epsilon: f64,
-    /// ρ: the fraction of f that a step of the tracer takes; below 1 for fields steeper than a distance
+    /// ρ: the fraction of f that a step of the tracer, and of the warps' recursion, takes; below 1 for fields steeper than a distance
     #[arg(long, default_value_t = 1.0)]
     relaxation: f64,
     /// |f| at which a hit is good enough, in bounding radii (or widths of the film there, if these are less) [default: 16 units in
@@ -184,6 +184,7 @@ impl Gradient {
             gamma: constant(self.gamma),
             lambda_d: constant(self.lambda_d),
             epsilon: constant(self.epsilon),
+            relaxation: constant(self.relaxation),
             ..warp::Options::default()
         };
         let refused = |e: warp::InvalidOptions| {

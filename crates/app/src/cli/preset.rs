@@ -31,7 +31,8 @@ impl Preset {
 /// The arguments with the flags of a preset put in, but for those that are given anyway: what is asked for by name counts.
 pub(super) fn expand(arguments: Vec<OsString>) -> Vec<OsString> {
     let text: Vec<&str> = arguments.iter().map(|a| a.to_str().unwrap_or_default()).collect();
-    let Some(at) = text.iter().position(|a| *a == "gradient" || *a == "fit") else { return arguments };
+    let command = text.iter().skip(1).position(|a| *a == "gradient" || *a == "fit");
+    let Some(at) = command.map(|i| i + 1) else { return arguments };
     let given = |flag: &str| {
         text[at..].iter().any(|a| a.strip_prefix(flag).is_some_and(|rest| rest.is_empty() || rest.starts_with('=')))
     };
@@ -39,7 +40,11 @@ pub(super) fn expand(arguments: Vec<OsString>) -> Vec<OsString> {
     let joined = |a: &&str| a.strip_prefix("--preset=").map(str::to_owned);
     let name = text[at..].windows(2).find_map(follows).or_else(|| text[at..].iter().find_map(joined));
     let Some(preset) = name.and_then(|name| Preset::from_str(&name, false).ok()) else { return arguments };
-    let asked = |flag: &str| given(flag) || (flag == "--iterations" && (given("--time") || given("--resume")));
+    // A resumed run has its options.
+    if given("--resume") {
+        return arguments;
+    }
+    let asked = |flag: &str| given(flag) || (flag == "--iterations" && given("--time"));
     let flags = preset.flags(text[at]).iter().filter(|[flag, _]| !asked(flag)).flatten().map(OsString::from);
     let flags: Vec<OsString> = flags.collect();
     let mut expanded = arguments;
@@ -67,7 +72,13 @@ mod tests {
             "dsdf gradient --precision f32 --preset=fast --spp=4 s.json"
         );
         assert_eq!(expanded("dsdf fit d --preset fast --time 1m"), "dsdf fit d --preset fast --time 1m");
-        for same in ["dsdf gradient s.json", "dsdf fit d --preset balanced", "dsdf fit --preset wrong", "dsdf"] {
+        for same in [
+            "dsdf gradient s.json",
+            "dsdf fit d --preset balanced",
+            "dsdf fit --preset wrong",
+            "fit",
+            "dsdf fit --resume --preset fast",
+        ] {
             assert_eq!(expanded(same), same);
         }
     }

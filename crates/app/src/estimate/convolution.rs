@@ -70,7 +70,11 @@ impl Convolution {
     }
 
     fn warp<R: Real>(&self, setup: &Setup<'_, R>, samples: &[Sample], seed: u64) -> Result<Warped<R>, InvalidField> {
-        let stream = |i: usize| mix(mix(seed, 0xa0c5), i as u64);
+        // By place, not by number: a batch is a tile, and tiles are not to share their offsets.
+        let stream = |i: usize| {
+            let [x, y] = samples[i].u.to_array().map(f64::to_bits);
+            mix(mix(mix(seed, 0xa0c5 + samples[i].camera as u64), x), y)
+        };
         let shift = |i: usize| match self.weights {
             Weights::Harmonic => DVec2::ZERO,
             Weights::Mean => Self::offset(0, mix(stream(i), 1)),

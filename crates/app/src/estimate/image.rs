@@ -3,6 +3,7 @@
 use field::{Real, Vector3};
 use rayon::prelude::*;
 
+use super::primary::PUBLISHED_STEPS;
 use super::{Adjoints, Area, Control, Estimator, Method, Pass, Pixel, Record, Setup, Survey};
 use crate::error::InvalidField;
 use crate::film::Film;
@@ -44,10 +45,10 @@ pub struct Derivative {
 }
 
 /// The samples of a tile: enough to fill the field's blocks, few enough to stay in the caches and to balance threads.
-const TILE_SAMPLES: u32 = 1024;
+const TILE_SAMPLES: usize = 1024;
 
 /// The largest side of a tile, in pixels.
-const LARGEST_TILE: u32 = 32;
+const LARGEST_TILE: usize = 32;
 
 /// Independent replicates that samples are divided over, for the standard error.
 const REPLICATES: u32 = 4;
@@ -96,7 +97,7 @@ pub fn differentiate<R: Real>(
     let parts = sampling.replicates();
     let estimators: Vec<_> = parts.iter().map(Sampling::estimator::<R>).collect();
     let camera = &setup.cameras[0];
-    let tiles = tiles(camera.width, camera.height, parts[0].spp);
+    let tiles = tiles(camera.width, camera.height, parts[0], setup.steps);
     let done = std::sync::atomic::AtomicUsize::new(0);
     // The derivatives of each tile, by replicate and direction.
     let of_tile: Vec<Vec<Vec<Image>>> = tiles
@@ -165,9 +166,15 @@ impl<'a> Mean<'a> {
     }
 }
 
-/// The film of camera 0 in square tiles, for so many samples a pixel: most edges between pixels lie inside one.
-pub(super) fn tiles(width: u32, height: u32, spp: u32) -> Vec<Vec<Pixel>> {
-    let side = (TILE_SAMPLES / spp).isqrt().clamp(1, LARGEST_TILE);
+/// The film of camera 0 in square tiles, for what is sampled in each pixel: most edges between pixels lie inside one, unless
+/// a pixel alone has as many samples as a tile should have.
+pub(super) fn tiles(width: u32, height: u32, sampling: Sampling, steps: usize) -> Vec<Vec<Pixel>> {
+    let points = match sampling.method {
+        Method::Paper | Method::PaperAll | Method::Gaussian => steps.div_ceil(PUBLISHED_STEPS),
+        _ => 1,
+    };
+    let samples = sampling.spp.max(sampling.edge_samples) as usize * points;
+    let side = (TILE_SAMPLES / samples).isqrt().clamp(1, LARGEST_TILE) as u32;
     let corners =
         (0..height).step_by(side as usize).flat_map(|y| (0..width).step_by(side as usize).map(move |x| (x, y)));
     corners

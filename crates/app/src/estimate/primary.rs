@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::scene::Shader;
 
 /// N of the published estimator.
-const PUBLISHED_STEPS: usize = 22;
+pub(super) const PUBLISHED_STEPS: usize = 22;
 
 /// What every estimator needs to know.
 #[derive(Clone, Copy)]

@@ -37,13 +37,13 @@ impl<R: Real> Setup<'_, R> {
         }
         let m: Vec<R::Vec3> =
             (0..n).map(|i| HitAdjoint::<R>::normal_coefficient(primary.gradient[i], n_bar[i])).collect();
-        // A radiance that does not look at the normal needs no Hessian.
-        if m.iter().any(|m| *m != R::Vec3::zero()) {
-            let (mut gradient, mut product) = (zero(), zero());
-            self.field.hessian_vector(x, &m, &mut gradient, &mut product);
-            for (x_bar, product) in x_bar.iter_mut().zip(product) {
-                *x_bar += product;
-            }
+        // Without an adjoint, or where radiance does not look at the normal, no Hessian is needed.
+        let turned: Vec<usize> = (0..n).filter(|&i| m[i] != R::Vec3::zero()).collect();
+        let pick = |from: &[R::Vec3]| turned.iter().map(|&i| from[i]).collect::<Vec<_>>();
+        let (mut gradient, mut product) = (vec![R::Vec3::zero(); turned.len()], vec![R::Vec3::zero(); turned.len()]);
+        self.field.hessian_vector(&pick(x), &pick(&m), &mut gradient, &mut product);
+        for (&i, product) in turned.iter().zip(product) {
+            x_bar[i] += product;
         }
         let (mut alpha, mut c, mut film) = (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
         for i in 0..n {

@@ -1,7 +1,5 @@
 //! The gradient of an image loss by all parameters of the field, reverse mode.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use field::{Real, Vector3};
 
 use super::image::tiles;
@@ -51,27 +49,29 @@ pub fn target_gradient<R: Real>(
         .collect();
 
     let parts = sampling.replicates();
-    let estimators: Vec<_> = parts.iter().map(Sampling::estimator::<R>).collect();
     let camera = &setup.cameras[0];
     let of = |p: &Pixel| adjoint[p.y as usize * camera.width as usize + p.x as usize];
     // Where the image is as it should be there is nothing to differentiate.
-    let mut tiles = tiles(camera.width, camera.height, parts[0].spp);
+    let mut tiles = tiles(camera.width, camera.height, parts[0], setup.steps);
     tiles.iter_mut().for_each(|tile| tile.retain(|p| of(p) != R::Vec3::zero()));
-    let (length, done) = (setup.field.parameter_count(), AtomicUsize::new(0));
-    let (sums, _) = ordered_sum(tiles.len(), length * parts.len(), |tile, sums: &mut [R]| {
-        let (pixels, mut survey) = (&tiles[tile], Survey::default());
-        let delta: Vec<R::Vec3> = pixels.iter().map(of).collect();
-        for ((estimator, part), sum) in estimators.iter().zip(&parts).zip(sums.chunks_mut(length)) {
+    let mut surveys = vec![Survey::default(); tiles.len()];
+    let mut runs = Vec::new();
+    for (r, part) in parts.iter().enumerate() {
+        let estimator = part.estimator::<R>();
+        let (sum, surveyed) = ordered_sum(tiles.len(), setup.field.parameter_count(), |tile, sum: &mut [R]| {
+            let (pixels, mut survey) = (&tiles[tile], surveys[tile].clone());
             let record = estimator.record_surveyed(setup, pixels, mix(part.seed, 2), &mut survey)?;
+            let delta: Vec<R::Vec3> = pixels.iter().map(of).collect();
             let (mut adjoints, mut ignored) = (Adjoints::default(), vec![R::zero(); setup.shader.parameter_count()]);
             record.vjp(setup, &delta, Pass::Sum, &mut ignored, &mut adjoints);
             adjoints.backward(setup.field, sum);
-        }
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(0.2 + 0.8 * done as f64 / tiles.len() as f64);
-        Ok(())
-    })?;
-    let (parameters, standard_error) = mean(&sums.chunks(length).collect::<Vec<_>>());
+            Ok(survey)
+        })?;
+        surveys = surveyed;
+        runs.push(sum);
+        progress(0.2 + 0.8 * (r + 1) as f64 / parts.len() as f64);
+    }
+    let (parameters, standard_error) = mean(&runs);
     Ok(TargetGradient { loss, parameters, standard_error })
 }
 
@@ -96,7 +96,7 @@ fn image<R: Real>(
         control: Control::Background,
     };
     let mut pixels = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
-    for tile in tiles(camera.width, camera.height, sampling.spp) {
+    for tile in tiles(camera.width, camera.height, sampling, setup.steps) {
         for (p, radiance) in tile.iter().zip(samples.record(setup, &tile, seed)?.radiance) {
             let rgb = R::Vec3::to_array(radiance).map(R::to_double);
             pixels[p.y as usize * camera.width as usize + p.x as usize] = rgb;
@@ -106,7 +106,7 @@ fn image<R: Real>(
 }
 
 /// The mean of replicates and the relative L2 of its standard error.
-fn mean<R: Real>(runs: &[&[R]]) -> (Vec<R>, Option<f64>) {
+fn mean<R: Real>(runs: &[Vec<R>]) -> (Vec<R>, Option<f64>) {
     let n = runs.len() as f64;
     let (mut square, mut spread) = (0.0, 0.0);
     let mean = (0..runs[0].len())

@@ -134,6 +134,11 @@ impl Level {
         (pixels as f64 * self.draws(every) as f64 / self.pixel_count() as f64).round().max(1.0) as u64
     }
 
+    /// The number of pixels that so many draws stand for on average.
+    pub(crate) fn count_of(&self, draws: u64, every: usize) -> f64 {
+        draws as f64 * self.pixel_count() as f64 / self.draws(every) as f64
+    }
+
     /// Pixel number `draw` of an endless sequence of random permutations of all that is drawn: busy pixels, and of `every` plain
     /// ones one that stands for them all. The mean over draws, by count, is that over all pixels.
     pub(crate) fn draw(&self, draw: u64, every: usize, seed: u64) -> Pixel {

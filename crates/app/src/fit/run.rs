@@ -209,14 +209,16 @@ impl Fit {
         let progress = self.progress();
         let level = schedule::level(progress, self.levels.len());
         let seed = mix(options.seed, self.iteration);
-        let (pixels, weights) =
-            (self.draw(level), schedule::weights(progress, options, f64::from(self.file.background_confidence)));
+        let pixels = self.draw(level);
+        let pixel_count = self.levels[level].count_of(pixels.len() as u64, schedule::plain(progress)) as f32;
+        let weights = schedule::weights(progress, options, f64::from(self.file.background_confidence));
         let estimator = options.estimator();
         let counted = Counted::new(&self.model.field);
         let batch = Batch {
             setup: Setup { field: &counted, ..self.setup(&self.levels[level].cameras) },
             level: &self.levels[level],
             pixels: &pixels,
+            pixel_count,
             backdrop: self.file.backdrop(),
             weights,
             estimator: &*estimator,

@@ -37,6 +37,9 @@ pub(crate) struct Batch<'a> {
     pub(crate) level: &'a Level,
     /// The pixels.
     pub(crate) pixels: &'a [Pixel],
+    /// The number of pixels that so many draws stand for on average. Their own count would favour what is drawn for itself: a
+    /// mean of ratios.
+    pub(crate) pixel_count: f32,
     /// What tells of the background.
     pub(crate) backdrop: Backdrop,
     /// Weights of the terms.
@@ -117,7 +120,7 @@ struct Chunk<'a> {
 
 impl<'a> Chunk<'a> {
     fn new(batch: &'a Batch<'a>, pixels: &'a [Pixel], seed: u64) -> Self {
-        let share = 1.0 / count(batch.pixels) as f32;
+        let share = 1.0 / batch.pixel_count;
         Chunk { batch, pixels, seed, share, adjoints: Adjoints::default(), tally: Tally::default() }
     }
 
@@ -217,9 +220,11 @@ impl<'a> Chunk<'a> {
             points.push(first.x[hit] + self.jitter(hit as u64) * (NEAR * bounds.radius));
             weights.push(weight * f32::from(self.pixels[first.hits[hit]].count));
         }
-        let free = (count(self.pixels) as usize).div_ceil(2 * EIKONAL_EVERY);
-        points.extend((0..free).map(|i| bounds.center + in_ball(mix(self.seed, 0xba11 + i as u64)) * bounds.radius));
-        weights.resize(points.len(), weight);
+        let pixels = count(self.pixels);
+        let free = pixels.div_ceil(2 * EIKONAL_EVERY as u64);
+        points.extend((0..free).map(|i| bounds.center + in_ball(mix(self.seed, 0xba11 + i)) * bounds.radius));
+        let of_free = self.batch.weights.eikonal * self.share * pixels as f32 / (2.0 * free as f32);
+        weights.resize(points.len(), of_free);
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
         self.batch.setup.field.value_gradient(&points, &mut f, &mut g);
         self.tally.eikonal_points += points.len() as u64;

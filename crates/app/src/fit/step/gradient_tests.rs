@@ -56,17 +56,19 @@ fn error(method: Method, steps: usize) -> f64 {
     let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
     let backdrop = Backdrop { bounds: BOUNDS, background, use_masks: false };
     let levels = pyramid(&[view], &backdrop, 1);
-    let draws = levels[0].draws_for(levels[0].pixel_count() as u64, 4);
+    // A part of them, so that draws and what they stand for do not always go together.
+    let draws = levels[0].draws_for(levels[0].pixel_count() as u64, 4) * 3 / 4;
     let mut mean = vec![0.0f64; model.parameters().len()];
     let seeds = 40;
     let share = levels[0].pixel_count() as f64 / f64::from(SIZE * SIZE);
     for seed in 0..seeds {
         let estimator = method.estimator(32, 8, Control::Mean).unwrap();
-        let pixels: Vec<Pixel> = (0..draws).map(|i| levels[0].draw(i, 4, seed)).collect();
+        let pixels: Vec<Pixel> = (0..draws).map(|i| levels[0].draw(i + seed * draws, 4, 1)).collect();
         let batch = Batch {
             setup: setup(&model, &cameras, steps),
             level: &levels[0],
             pixels: &pixels,
+            pixel_count: levels[0].count_of(draws, 4) as f32,
             backdrop,
             weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
             estimator: &*estimator,
