@@ -185,7 +185,6 @@ impl Gradient {
             lambda_d: constant(self.lambda_d),
             epsilon: constant(self.epsilon),
             relaxation: constant(self.relaxation),
-            ..warp::Options::default()
         };
         let refused = |e: warp::InvalidOptions| {
             InputError::new(ARGUMENTS, format!("--{}", e.name.replace('_', "-")), e.found, e.expected)
