@@ -162,3 +162,23 @@ fn a_fit_leaves_a_run_that_the_other_commands_read() {
     assert_eq!((report["train_views"].as_u64(), report["test_views"].as_u64()), (Some(6), Some(1)));
     assert!(Path::new(&inspect).exists());
 }
+
+/// Finite differences of a ball alone, smaller than a pixel: as it grows it leaves the bounds that it had.
+#[test]
+fn differences_follow_a_growing_ball() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.json");
+    let text = r#"{"camera": {"width": 8, "height": 8, "focal": 14, "principal": [4, 4], "eye": [0.1, 0.2, 4],
+        "target": [0.02, 0.01, 0], "up": [0, 1, 0]}, "sdf": {"type": "sphere", "center": [0, 0, 0], "radius": 0.0141},
+        "appearance": {"type": "constant", "radiance": [1, 1, 1]}, "background": [0, 0, 0]}"#;
+    std::fs::write(&scene, text).unwrap();
+    let total = |estimator: &str, spp: &str| {
+        let out = folder.path().join("g.npy");
+        let (scene, out_name) = (scene.to_string_lossy().into_owned(), out.to_string_lossy().into_owned());
+        let by = ["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp];
+        dsdf_json(&[&["gradient", &scene, "-o", &out_name], &by[..]].concat());
+        npy(&out).iter().map(|v| f64::from(*v)).sum::<f64>()
+    };
+    let (differences, refined) = (total("fd", "65536"), total("refined", "1024"));
+    assert!((differences - refined).abs() < 0.05 * refined, "differences {differences}, refined {refined}");
+}

@@ -54,7 +54,7 @@ impl<R: Real> Options<R> {
                 "tolerance",
                 self.tolerance.to_string(),
                 self.tolerance >= zero && self.tolerance < R::one(),
-                "from 0 to 1",
+                "0 or more, and below 1",
             ),
             (
                 "min_step",

@@ -129,8 +129,8 @@ impl Gradient {
         let cameras = [scene.camera];
         let mut setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
         setup.steps = self.steps as usize;
-        setup.warp = self.warp_options()?;
         setup.trace = self.trace_options()?;
+        setup.warp = self.warp_options()?;
         let bar = global.progress("gradient");
         let start = Instant::now();
         let invalid = |e| InputError::new(&self.scene, "/sdf", e, "a finite field");
@@ -269,7 +269,7 @@ impl Gradient {
                 let field = Counted::new(moved.sdf.build::<R>()?);
                 let shader = moved.shader::<R>(&field)?;
                 let cameras = [moved.camera];
-                let mut setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(moved.background));
+                let mut setup = Setup::new(&field, &*shader, &cameras, &moved.bounds, color::<R>(moved.background));
                 setup.trace = self.trace_options()?;
                 let image = render(&setup, 0, part.spp, part.seed, &|_| {});
                 **counted.borrow_mut() += field.evaluations();

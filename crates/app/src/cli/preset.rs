@@ -19,7 +19,7 @@ impl Preset {
     /// The flags that the preset stands for.
     fn flags(self, command: &str) -> &'static [[&'static str; 2]] {
         match (command, self) {
-            ("gradient", Preset::Fast) => &[["--spp", "16"], ["--precision", "f32"]],
+            ("gradient", Preset::Fast) => &[["--spp", "16"]],
             ("gradient", Preset::Accurate) => &[["--spp", "1024"]],
             ("fit", Preset::Fast) => &[["--iterations", "2000"]],
             ("fit", Preset::Accurate) => &[["--iterations", "20000"], ["--width", "96"]],
@@ -63,13 +63,10 @@ mod tests {
 
     #[test]
     fn presets_give_way_to_what_is_asked_for() {
+        assert_eq!(expanded("dsdf gradient s.json --preset fast"), "dsdf gradient --spp 16 s.json --preset fast");
         assert_eq!(
-            expanded("dsdf gradient s.json --preset fast"),
-            "dsdf gradient --spp 16 --precision f32 s.json --preset fast"
-        );
-        assert_eq!(
-            expanded("dsdf gradient --preset=fast --spp=4 s.json"),
-            "dsdf gradient --precision f32 --preset=fast --spp=4 s.json"
+            expanded("dsdf fit d --preset=accurate --width=8"),
+            "dsdf fit --iterations 20000 d --preset=accurate --width=8"
         );
         assert_eq!(expanded("dsdf fit d --preset fast --time 1m"), "dsdf fit d --preset fast --time 1m");
         for same in [
