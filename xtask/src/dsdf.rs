@@ -63,7 +63,7 @@ pub(crate) struct Image {
 
 impl Image {
     /// The mean of images of one size.
-    pub(crate) fn mean(images: &[&Image]) -> Image {
+    fn mean(images: &[&Image]) -> Image {
         let share = 1.0 / images.len() as f64;
         let pixel = |p: usize| std::array::from_fn(|c| images.iter().map(|i| i.pixels[p][c]).sum::<f64>() * share);
         Image { width: images[0].width, pixels: (0..images[0].pixels.len()).map(pixel).collect() }
@@ -76,6 +76,27 @@ impl Image {
     pub(crate) fn distance(&self, other: &Image) -> f64 {
         let pairs = self.pixels.iter().flatten().zip(other.pixels.iter().flatten());
         pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    }
+}
+
+/// How far runs with different seeds are from a reference: squared L2 distances.
+pub(crate) struct Spread {
+    /// Of a run, the mean.
+    pub(crate) run: f64,
+    /// Of the mean over infinitely many runs, estimated; below 0 where noise explains more than there is.
+    pub(crate) bias: f64,
+    /// What noise alone makes of the mean over the runs taken.
+    pub(crate) noise: f64,
+}
+
+impl Spread {
+    /// Of two or more runs.
+    pub(crate) fn of(runs: &[&Image], reference: &Image) -> Self {
+        let (n, mean) = (runs.len() as f64, Image::mean(runs));
+        let square = |to: &Image| runs.iter().map(|run| run.distance(to).powi(2)).sum::<f64>() / n;
+        // The mean's own noise is in its distance.
+        let noise = square(&mean) / (n - 1.0);
+        Spread { run: square(reference), bias: mean.distance(reference).powi(2) - noise, noise }
     }
 }
 

@@ -22,6 +22,12 @@ impl Film {
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
+    /// The column and row of the first pixel with a NaN or an infinity.
+    pub fn first_non_finite(&self) -> Option<(u32, u32)> {
+        let bad = self.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite()))? as u32;
+        Some((bad % self.width, bad / self.width))
+    }
+
     /// The image at half the size, each pixel the mean of the 2 × 2 (at an odd border, fewer) that it covers.
     pub fn halved(&self) -> Film {
         self.downscaled(2)

@@ -72,13 +72,15 @@ fn disc(size: u32) -> Value {
     })
 }
 
-/// Photographs of a lit ball: a data set as small as can be fitted.
+/// Photographs of a lit ball, taken once: a data set as small as can be fitted.
 fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Result<String> {
     let text = |path: &Path| path.to_string_lossy().into_owned();
     let (scene, data) = (text(&folder.join("photographed.json")), text(&folder.join(format!("photographs.{size}"))));
     std::fs::write(&scene, dsdf::scene("off-axis.lambert")?.to_string())?;
-    let size = format!("{size}x{size}");
-    dsdf::report(binary, &["synth", &scene, "-o", &data, "--views", "12", "--size", &size])?;
+    if !Path::new(&data).exists() {
+        let size = format!("{size}x{size}");
+        dsdf::report(binary, &["synth", &scene, "-o", &data, "--views", "12", "--size", &size])?;
+    }
     Ok(data)
 }
 
@@ -169,15 +171,9 @@ pub(crate) fn accuracy(binary: &Path) -> anyhow::Result<Accuracy> {
         let flags = ["--spp", "4", "--seed", &seed.to_string()];
         images.push(dsdf::gradient(binary, &scene, &wrt, &flags)?.images.remove(0));
     }
-    let all: Vec<&dsdf::Image> = images.iter().collect();
-    let (mean, norm) = (dsdf::Image::mean(&all), reference.norm());
-    let square = |to: &dsdf::Image| images.iter().map(|i| i.distance(to).powi(2)).sum::<f64>() / f64::from(SEEDS);
-    let noise = square(&mean) / f64::from(SEEDS - 1);
-    Ok(Accuracy {
-        bias: (mean.distance(&reference).powi(2) - noise).max(0.0).sqrt() / norm,
-        noise: noise.sqrt() / norm,
-        rmse: square(&reference).sqrt() / norm,
-    })
+    let spread = dsdf::Spread::of(&images.iter().collect::<Vec<_>>(), &reference);
+    let relative = |square: f64| square.sqrt() / reference.norm();
+    Ok(Accuracy { bias: relative(spread.bias.max(0.0)), noise: relative(spread.noise), rmse: relative(spread.run) })
 }
 
 /// How the seconds of a derivative image grow with what it is asked for.

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::ensure;
 use serde_json::Value;
 
-use crate::dsdf::{Image, gradient, scene, suite};
+use crate::dsdf::{Image, Spread, gradient, scene, suite};
 use crate::figures::reference::{box_filtered, gaussian_filtered};
 
 /// A parameter with the values that are tried, all else as `base` says.
@@ -147,15 +147,12 @@ impl Subject {
             seconds += run.seconds / f64::from(SEEDS);
             runs.push(run.images);
         }
-        let (mut square, mut bias, n) = (0.0, 0.0, f64::from(SEEDS));
+        let (mut square, mut bias) = (0.0, 0.0);
         for (w, reference) in self.references[filter].iter().enumerate() {
+            let spread = Spread::of(&runs.iter().map(|run| &run[w]).collect::<Vec<_>>(), reference);
             let norm = reference.norm().powi(2) * self.wrt.len() as f64;
-            let one = runs.iter().map(|run| run[w].distance(reference).powi(2)).sum::<f64>() / n / norm;
-            let all: Vec<&Image> = runs.iter().map(|run| &run[w]).collect();
-            // The mean's own noise is taken out of its distance: E|mean − r|² = bias² + (one − bias²)/n.
-            let mean = Image::mean(&all).distance(reference).powi(2) / norm;
-            bias += (mean - one / n) * n / (n - 1.0);
-            square += one;
+            square += spread.run / norm;
+            bias += spread.bias / norm;
         }
         Ok(Cell { seconds, error: square.sqrt(), bias: bias.max(0.0).sqrt() })
     }

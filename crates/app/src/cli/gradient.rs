@@ -247,6 +247,7 @@ impl Gradient {
         scene.sdf.build::<f64>()?.value(&[camera.eye], &mut nearest);
         let away = if nearest[0] > 0.0 { nearest[0] } else { (camera.eye - scene.bounds.center).length() };
         let pixel = camera.pixel_angle() * away;
+        let trace = self.trace_options()?;
         let (mut derivatives, counted) = (Vec::new(), std::cell::RefCell::new(evaluations));
         for (done, wrt) in self.wrt.iter().enumerate() {
             let step = if wrt.starts_with("/sdf/") { STEP_PIXELS * pixel } else { STEP };
@@ -270,7 +271,7 @@ impl Gradient {
                 let shader = moved.shader::<R>(&field)?;
                 let cameras = [moved.camera];
                 let mut setup = Setup::new(&field, &*shader, &cameras, &moved.bounds, color::<R>(moved.background));
-                setup.trace = self.trace_options()?;
+                setup.trace = trace;
                 let image = render(&setup, 0, part.spp, part.seed, &|_| {});
                 **counted.borrow_mut() += field.evaluations();
                 anyhow::Ok(image.map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?.film)
@@ -282,9 +283,8 @@ impl Gradient {
     fn write_images(&self, derivatives: &[Derivative], seconds: f64) -> anyhow::Result<Report> {
         let mut outputs = Vec::new();
         for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
-            if let Some(bad) = derivative.film.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
-                let (x, y) = (bad as u32 % derivative.film.width, bad as u32 / derivative.film.width);
-                let found = format!("a derivative of {:?} in pixel ({x}, {y})", derivative.film.pixels[bad]);
+            if let Some((x, y)) = derivative.film.first_non_finite() {
+                let found = format!("a derivative of {:?} in pixel ({x}, {y})", derivative.film.at(x, y));
                 return Err(InputError::new(&self.scene, wrt, found, "one within single precision").into());
             }
             let path = if self.wrt.len() == 1 { self.output.clone() } else { suffixed(&self.output, wrt) };
@@ -308,9 +308,8 @@ impl Gradient {
             return Err(InputError::new(&self.scene, "/sdf/type", "an analytic shape", "neural, for --target").into());
         };
         let (target, _) = read_image(path)?;
-        if let Some(bad) = target.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
-            let (x, y) = (bad as u32 % target.width, bad as u32 / target.width);
-            let found = format!("{:?}", target.pixels[bad]);
+        if let Some((x, y)) = target.first_non_finite() {
+            let found = format!("{:?}", target.at(x, y));
             return Err(InputError::new(path, format!("pixel ({x}, {y})"), found, "finite numbers").into());
         }
         let size = (scene.camera.width, scene.camera.height);

@@ -209,8 +209,7 @@ impl Fit {
         let progress = self.progress();
         let level = schedule::level(progress, self.levels.len());
         let seed = mix(options.seed, self.iteration);
-        let pixels = self.draw(level);
-        let pixel_count = self.levels[level].count_of(pixels.len() as u64, schedule::plain(progress)) as f32;
+        let (pixels, pixel_count) = self.draw(level);
         let weights = schedule::weights(progress, options, f64::from(self.file.background_confidence));
         let estimator = options.estimator();
         let counted = Counted::new(&self.model.field);
@@ -248,14 +247,15 @@ impl Fit {
         self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
     }
 
-    /// The pixels of this iteration.
-    fn draw(&self, level: usize) -> Vec<Pixel> {
+    /// The pixels of this iteration, and how many they stand for.
+    fn draw(&self, level: usize) -> (Vec<Pixel>, f32) {
         // Coarse images have few pixels: a quarter of the batch goes twice as far.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
         let every = schedule::plain(self.progress());
         let (draws, seed) = (level_pixels.draws_for(batch, every), mix(self.file.options.seed, level as u64));
-        (0..draws).map(|i| level_pixels.draw(self.iteration * draws + i, every, seed)).collect()
+        let pixels = (0..draws).map(|i| level_pixels.draw(self.iteration * draws + i, every, seed)).collect();
+        (pixels, level_pixels.count_of(draws, every) as f32)
     }
 
     fn metrics(&self, tally: &Tally, evaluations: Evaluations, level: usize, norm: f32) -> Metrics {
