@@ -56,7 +56,7 @@ fn passing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<
         // All that is in sight may lie between the samples.
         let reach = R::of(setup.cameras[sample.camera].pixel_angle() * REACH);
         let (nearest, clearance) = setup.beside(sample);
-        near[i] = clearance < reach && setup.bounds.radius < reach * nearest;
+        near[i] = clearance < reach && setup.within.radius < reach * nearest;
     }
     for passage in passages(setup, samples, &primary.rays, &primary.found, REACH) {
         let u = samples[passage.sample].u;

@@ -71,6 +71,7 @@ pub fn render<R: Real>(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Render, InvalidField> {
+    let setup = &setup.hugged();
     let (width, height) = (setup.cameras[camera].width, setup.cameras[camera].height);
     let count = width as usize * height as usize;
     let done = std::sync::atomic::AtomicUsize::new(0);

@@ -21,8 +21,10 @@ pub struct Setup<'a, R: Real> {
     pub shader: &'a dyn Shader<R>,
     /// The cameras that samples refer to.
     pub cameras: &'a [Camera],
-    /// Where tracing starts and ends.
+    /// Where the scene starts and ends, with room for a warp around the solid.
     pub bounds: Sphere<R>,
+    /// Where rays start and end: the bounds, unless [`Setup::hugged`].
+    pub(crate) within: Sphere<R>,
     /// Radiance of rays that hit nothing, linear RGB.
     pub background: R::Vec3,
     /// How rays are traced.
@@ -80,6 +82,9 @@ const FINE: f64 = 256.0;
 /// Nothing is measured by less than this part of the bounding radius: an eye on a surface has nothing near to go by.
 const FINEST: f64 = 1e-6;
 
+/// The radius of a ball that a solid may touch from inside, in radii of the field's own: a ray has to start outside of the solid.
+const HUG: f64 = 1.02;
+
 /// The way from the eye to the nearest surface.
 fn clear_of_the_eye<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
@@ -129,7 +134,15 @@ impl<'a, R: Real> Setup<'a, R> {
     ) -> Self {
         let bounds = Sphere { center: R::Vec3::of(bounds.center), radius: R::of(bounds.radius) };
         let (trace, warp) = (trace::Options::default(), warp::Options::default());
-        Setup { field, shader, cameras, bounds, background, trace, warp, steps: PUBLISHED_STEPS }
+        Setup { field, shader, cameras, bounds, within: bounds, background, trace, warp, steps: PUBLISHED_STEPS }
+    }
+
+    /// The same for what needs nothing but hits: rays are followed in the ball that the field says holds the solid, not in all of
+    /// the bounds.
+    pub(super) fn hugged(mut self) -> Self {
+        let ball = self.field.bounds().map(|ball| ball.scaled(R::of(HUG)));
+        self.within = ball.filter(|ball| self.bounds.union(ball) == self.bounds).unwrap_or(self.bounds);
+        self
     }
 }
 
@@ -140,7 +153,7 @@ impl<R: Real> Setup<'_, R> {
         radiance - self.background
     }
 
-    /// The ray of every sample that meets the bounding sphere.
+    /// The ray of every sample that meets the ball that rays are followed in.
     pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
         let mut clear = HashMap::new();
         samples
@@ -148,7 +161,7 @@ impl<R: Real> Setup<'_, R> {
             .map(|sample| {
                 let camera = &self.cameras[sample.camera];
                 let eye = R::Vec3::of(camera.eye);
-                let mut ray = Ray::enter(eye, R::Vec3::of(camera.direction(sample.u)), &self.bounds)?;
+                let mut ray = Ray::enter(eye, R::Vec3::of(camera.direction(sample.u)), &self.within)?;
                 let mut nearest = ray.near;
                 if ray.near < self.bounds.radius * R::of(CLOSE) {
                     let clear = *clear.entry(sample.camera).or_insert_with(|| clear_of_the_eye(self.field, eye));
@@ -171,13 +184,13 @@ impl<R: Real> Setup<'_, R> {
         self.bounds.radius.min(R::of(camera.pixel_angle() * pixels) * t)
     }
 
-    /// The distance at which a sample's line of sight passes the centre of the bounding sphere that it misses, and the tangent of the
-    /// angle by which it clears the sphere; 0 and infinity if that is behind.
+    /// The distance at which a sample's line of sight passes the centre of the ball of rays, which it misses, and the tangent of the
+    /// angle by which it clears the ball; 0 and infinity if that is behind.
     pub(super) fn beside(&self, sample: &Sample) -> (R, R) {
         let camera = &self.cameras[sample.camera];
-        let (direction, away) = (R::Vec3::of(camera.direction(sample.u)), self.bounds.center - R::Vec3::of(camera.eye));
+        let (direction, away) = (R::Vec3::of(camera.direction(sample.u)), self.within.center - R::Vec3::of(camera.eye));
         let nearest = away.dot(direction);
-        let gap = (away - direction * nearest).length() - self.bounds.radius;
+        let gap = (away - direction * nearest).length() - self.within.radius;
         if nearest > R::zero() { (nearest, gap.max(R::zero()) / nearest) } else { (R::zero(), R::infinity()) }
     }
 

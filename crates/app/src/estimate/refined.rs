@@ -70,6 +70,7 @@ impl<R: Real> Estimator<R> for Refined {
         seed: u64,
         survey: &mut Survey,
     ) -> Result<Record<R>, InvalidField> {
+        let setup = &setup.hugged();
         let mut record = Record { radiance: vec![R::Vec3::zero(); pixels.len()], ..Record::default() };
         let first = survey.near.is_empty();
         survey.near.resize(pixels.len(), false);
