@@ -1,5 +1,7 @@
 //! Random numbers: a pure function of what they are for, so that no order of evaluation can change them.
 
+use sobol_burley::parts::{owen_scramble_int4_rev, sobol_int4_rev};
+
 /// A well-mixed number from two (the finaliser of SplitMix64).
 pub fn mix(a: u64, b: u64) -> u64 {
     let mut z = a.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(b).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -20,8 +22,11 @@ const SOBOL_LENGTH: u32 = 1 << 16;
 ///
 /// Streams are independent. Past 65 536 points a stream goes on with a fresh scramble.
 pub fn sobol<const D: usize>(index: u32, stream: u64) -> [f64; D] {
-    let scramble = mix(stream, u64::from(index / SOBOL_LENGTH)) as u32;
-    let point = sobol_burley::sample_4d(index % SOBOL_LENGTH, 0, scramble);
+    // The library's own sampler shuffles the indices too, for points of more dimensions than four, and takes three times as long.
+    let scramble = [0, 1].map(|half| mix(mix(stream, half), u64::from(index / SOBOL_LENGTH)));
+    let scramble = [scramble[0] as u32, (scramble[0] >> 32) as u32, scramble[1] as u32, (scramble[1] >> 32) as u32];
+    let point = sobol_int4_rev((index % SOBOL_LENGTH).reverse_bits(), 0);
+    let point = owen_scramble_int4_rev(point, scramble.into()).reverse_bits().to_f32_norm();
     std::array::from_fn(|d| f64::from(point[d]))
 }
 

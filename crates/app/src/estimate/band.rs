@@ -3,10 +3,10 @@
 use field::{Real, Vector3};
 use warp::Projection;
 
-use super::pixels::check_valid;
+use super::pixels::{check_valid, pixel_samples};
 use super::primary::normals;
 use super::record::Silhouettes;
-use super::warped::{box_samples, means, plain_area};
+use super::warped::{means, plain_area};
 use super::{Estimator, Pixel, Primary, Record, Sample, Setup};
 use crate::error::InvalidField;
 
@@ -55,7 +55,7 @@ fn approaches<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Prima
 
 impl<R: Real> Estimator<R> for Band {
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
-        let samples = box_samples(pixels, self.spp, seed);
+        let samples = pixel_samples(pixels.iter().copied(), &(0..self.spp), seed);
         let primary = setup.primary(&samples);
         check_valid(setup, &samples, primary.invalid)?;
         let near = approaches(setup, &samples, &primary);

@@ -30,9 +30,7 @@ pub fn finite_difference<E>(
         progress((i + 1) as f64 / parts.len() as f64);
     }
     let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
-    let mut mean = Mean::new(size.0, size.1, &weights);
-    for p in 0..size.0 * size.1 {
-        mean.set(p % size.0, p / size.0, |r| images[r][p as usize]);
-    }
-    Ok(mean.finish())
+    let mean = Mean::of(images[0].len(), &weights, |r, p| images[r][p]);
+    let standard_error = Mean::standard_error(std::iter::once(&mean), weights.len());
+    Ok(Derivative { film: Film { width: size.0, height: size.1, pixels: mean.pixels }, standard_error })
 }

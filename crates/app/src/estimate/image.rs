@@ -53,13 +53,17 @@ const LARGEST_TILE: usize = 32;
 /// Independent replicates that samples are divided over, for the standard error.
 const REPLICATES: u32 = 4;
 
+/// Samples of a pixel in one replicate at most: they are in memory together.
+const LONGEST_REPLICATE: u32 = 1024;
+
 pub(super) type Image = Vec<[f64; 3]>;
 
 impl Sampling {
     /// Independent parts of the same total, for standard errors: each with its number of samples.
     pub(super) fn replicates(self) -> Vec<Sampling> {
         // A grid is the same for every seed.
-        let most = REPLICATES.min(self.spp).min(self.edge_samples.max(2));
+        let enough = REPLICATES.max(self.spp.max(self.edge_samples).div_ceil(LONGEST_REPLICATE));
+        let most = enough.min(self.spp).min(self.edge_samples.max(2));
         let replicates = if self.method == Method::Contour { 1 } else { most };
         let share = |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
         let part = |r: u32| Sampling {
@@ -94,13 +98,17 @@ pub fn differentiate<R: Real>(
     sampling: Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<Derivative>, InvalidField> {
+    let of_field = |direction: &Direction| matches!(direction, Direction::Field(_) | Direction::Along(_));
+    let smooth = !setup.shader.is_uniform() || !directions.iter().all(of_field);
+    let setup = &Setup { smooth, ..*setup };
     let parts = sampling.replicates();
     let estimators: Vec<_> = parts.iter().map(Sampling::estimator::<R>).collect();
     let camera = &setup.cameras[0];
     let tiles = tiles(camera.width, camera.height, parts[0], setup.steps);
     let done = std::sync::atomic::AtomicUsize::new(0);
-    // The derivatives of each tile, by replicate and direction.
-    let of_tile: Vec<Vec<Vec<Image>>> = tiles
+    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
+    // The derivatives of each tile, by direction.
+    let of_tile: Vec<Vec<Mean>> = tiles
         .par_iter()
         .map(|pixels| {
             let mut survey = Survey::default();
@@ -111,58 +119,56 @@ pub fn differentiate<R: Real>(
             }
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
             progress(done as f64 / tiles.len() as f64);
-            Ok(images)
+            Ok((0..directions.len()).map(|d| Mean::of(pixels.len(), &weights, |r, i| images[r][d][i])).collect())
         })
         .collect::<Result<_, _>>()?;
-    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
     Ok((0..directions.len())
         .map(|d| {
-            let mut mean = Mean::new(camera.width, camera.height, &weights);
-            for (pixels, images) in tiles.iter().zip(&of_tile) {
-                for (i, pixel) in pixels.iter().enumerate() {
-                    mean.set(pixel.x, pixel.y, |r| images[r][d][i]);
+            let mut film = Film::new(camera.width, camera.height);
+            for (pixels, means) in tiles.iter().zip(&of_tile) {
+                for (pixel, mean) in pixels.iter().zip(&means[d].pixels) {
+                    film.pixels[pixel.y as usize * camera.width as usize + pixel.x as usize] = *mean;
                 }
             }
-            mean.finish()
+            let standard_error = Mean::standard_error(of_tile.iter().map(|means| &means[d]), weights.len());
+            Derivative { film, standard_error }
         })
         .collect())
 }
 
-/// The weighted mean of replicates of an image, and the relative L2 of its standard error.
-pub(super) struct Mean<'a> {
-    film: Film,
-    weights: &'a [f64],
+/// The weighted mean of replicates of some pixels, and what its standard error is made of.
+pub(super) struct Mean {
+    pub(super) pixels: Vec<[f32; 3]>,
+    /// The sum of squares of the mean.
     square: f64,
-    error: f64,
+    /// The sum of the squares of what each replicate takes the mean off by.
+    spread: f64,
 }
 
-impl<'a> Mean<'a> {
-    /// No pixel is known yet.
-    pub(super) fn new(width: u32, height: u32, weights: &'a [f64]) -> Self {
-        Mean { film: Film::new(width, height), weights, square: 0.0, error: 0.0 }
+impl Mean {
+    /// The mean of `value(r, i)` over the replicates r, for `count` pixels i.
+    pub(super) fn of(count: usize, weights: &[f64], value: impl Fn(usize, usize) -> [f64; 3]) -> Self {
+        let total: f64 = weights.iter().sum();
+        let (mut square, mut spread) = (0.0, 0.0);
+        let mut pixel = |i: usize| {
+            let weighted = || weights.iter().enumerate().map(|(r, w)| (w, value(r, i)));
+            std::array::from_fn(|c| {
+                let mean = weighted().map(|(w, value)| w * value[c]).sum::<f64>() / total;
+                square += mean * mean;
+                spread += weighted().map(|(w, value)| (w * (value[c] - mean) / total).powi(2)).sum::<f64>();
+                mean as f32
+            })
+        };
+        let pixels = (0..count).map(&mut pixel).collect();
+        Mean { pixels, square, spread }
     }
 
-    /// Sets a pixel from each replicate's value.
-    pub(super) fn set(&mut self, x: u32, y: u32, value: impl Fn(usize) -> [f64; 3]) {
-        let total: f64 = self.weights.iter().sum();
-        let weighted = || self.weights.iter().enumerate().map(|(r, w)| (w, value(r)));
-        let at = y as usize * self.film.width as usize + x as usize;
-        self.film.pixels[at] = std::array::from_fn(|c| {
-            let mean = weighted().map(|(w, value)| w * value[c]).sum::<f64>() / total;
-            let spread = weighted().map(|(w, value)| (w * (value[c] - mean)).powi(2)).sum::<f64>();
-            self.square += mean * mean;
-            self.error += spread / (total * total);
-            mean as f32
-        });
-    }
-
-    pub(super) fn finish(self) -> Derivative {
-        let n = self.weights.len() as f64;
-        let standard_error = (n > 1.0).then(|| {
-            let error = self.error * n / (n - 1.0);
-            if self.square > 0.0 { (error / self.square).sqrt() } else { 0.0 }
-        });
-        Derivative { film: self.film, standard_error }
+    /// The relative L2 of the standard error of parts of an image, for a number of replicates; `None` for one.
+    pub(super) fn standard_error<'a>(parts: impl Iterator<Item = &'a Mean>, replicates: usize) -> Option<f64> {
+        let n = replicates as f64;
+        let (square, spread) = parts.fold((0.0, 0.0), |(a, b), part| (a + part.square, b + part.spread));
+        let relative = if square > 0.0 { (spread * n / (n - 1.0) / square).sqrt() } else { 0.0 };
+        (replicates > 1).then_some(relative)
     }
 }
 

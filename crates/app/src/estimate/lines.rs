@@ -1,9 +1,8 @@
 //! Silhouettes along lines of the film.
 
-use std::collections::HashMap;
-
 use field::{Real, Vector3};
 use glam::DVec2;
+use rustc_hash::FxHashMap;
 use trace::{Outcome, Start, Tangency, Turn, tangencies};
 
 use super::neighbours::Neighbours;
@@ -340,7 +339,7 @@ fn visible<R: Real>(
     let samples: Vec<Sample> = edges.iter().map(|&i| beside(&found[i], -aside)).collect();
     let within = setup.primary(&samples);
     check_valid(setup, &samples, within.invalid)?;
-    let mut shown: HashMap<usize, (R, R::Vec3)> =
+    let mut shown: FxHashMap<usize, (R, R::Vec3)> =
         within.hits.iter().zip(&within.t).map(|(&i, t)| (edges[i], (*t, within.radiance[i]))).collect();
     let mut seen = Vec::with_capacity(found.len());
     let (mut x, mut normal, mut direction, mut inside) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

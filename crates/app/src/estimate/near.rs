@@ -55,8 +55,12 @@ fn passing<R: Real>(setup: &Setup<'_, R>, samples: &[Sample], primary: &Primary<
     for (i, sample) in samples.iter().enumerate().filter(|(i, _)| primary.rays[*i].is_none()) {
         // All that is in sight may lie between the samples.
         let reach = R::of(setup.cameras[sample.camera].pixel_angle() * REACH);
-        let (nearest, clearance) = setup.beside(sample);
-        near[i] = clearance < reach && setup.within.radius < reach * nearest;
+        let camera = &setup.cameras[sample.camera];
+        // Rarely: only what is less than a pixel.
+        if setup.within.radius < reach * (setup.within.center - R::Vec3::of(camera.eye)).length() {
+            let (nearest, clearance) = setup.beside(sample);
+            near[i] = clearance < reach && setup.within.radius < reach * nearest;
+        }
     }
     for passage in passages(setup, samples, &primary.rays, &primary.found, REACH) {
         let u = samples[passage.sample].u;

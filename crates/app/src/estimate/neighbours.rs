@@ -1,10 +1,10 @@
 //! Silhouettes followed from one line of a pixel to those beside it.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use field::{Real, Vector3};
 use glam::DVec2;
+use rustc_hash::FxHashMap;
 
 use super::Setup;
 use super::lines::{Found, Known, Line, Searches, least_reach, tolerance};
@@ -14,7 +14,7 @@ pub(super) struct Neighbours {
     /// Lines by pixel, axis and offset.
     order: Vec<usize>,
     /// The part of `order` of a pixel and an axis.
-    groups: HashMap<(u32, usize), Range<usize>>,
+    groups: FxHashMap<(u32, usize), Range<usize>>,
 }
 
 /// A silhouette that was expected on a line and found this far off, in parts of the way that it was followed, is the one.
@@ -29,7 +29,7 @@ impl Neighbours {
         let mut order: Vec<usize> = (0..lines.len()).collect();
         let group = |i: &usize| (lines[*i].pixel, lines[*i].axis);
         order.sort_by(|a, b| group(a).cmp(&group(b)).then(offset(&lines[*a]).total_cmp(&offset(&lines[*b]))));
-        let mut groups = HashMap::new();
+        let mut groups = FxHashMap::default();
         let mut from = 0;
         for chunk in order.chunk_by(|a, b| group(a) == group(b)) {
             groups.insert(group(&chunk[0]), from..from + chunk.len());

@@ -7,7 +7,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 use trace::{Intersection, Outcome};
 
-use super::{Sample, Setup};
+use super::{Pixel, Sample, Setup};
 use crate::error::InvalidField;
 use crate::film::Film;
 use crate::sampler::{mix, sobol};
@@ -24,19 +24,22 @@ pub struct Render {
     pub coverage: Vec<f32>,
 }
 
-/// Samples of one pixel: those of the numbers `range` of a Sobol point set in its unit square, scrambled by `stream` and the pixel.
+/// Samples of every pixel, in order: those of the numbers `range` of a Sobol point set in its unit square, scrambled by `seed` and the
+/// pixel.
 pub(crate) fn pixel_samples(
-    camera: usize,
-    x: u32,
-    y: u32,
-    range: Range<u32>,
-    stream: u64,
-) -> impl Iterator<Item = Sample> {
-    let stream = mix(stream, u64::from(y) << 32 | u64::from(x));
-    range.map(move |i| {
-        let [a, b] = sobol(i, stream);
-        Sample { camera, u: DVec2::new(f64::from(x) + a, f64::from(y) + b) }
-    })
+    pixels: impl ExactSizeIterator<Item = Pixel>,
+    range: &Range<u32>,
+    seed: u64,
+) -> Vec<Sample> {
+    let mut samples = Vec::with_capacity(pixels.len() * range.len());
+    for Pixel { camera, x, y } in pixels {
+        let stream = mix(seed, u64::from(y) << 32 | u64::from(x));
+        samples.extend(range.clone().map(|i| {
+            let [a, b] = sobol(i, stream);
+            Sample { camera, u: DVec2::new(f64::from(x) + a, f64::from(y) + b) }
+        }));
+    }
+    samples
 }
 
 /// The error for a NaN met at one of `samples`, if there was one.
@@ -98,8 +101,8 @@ fn render_pixels<R: Real>(
     seed: u64,
 ) -> Result<Vec<([f32; 3], f32)>, InvalidField> {
     let width = setup.cameras[camera].width as usize;
-    let samples: Vec<Sample> =
-        pixels.flat_map(|p| pixel_samples(camera, (p % width) as u32, (p / width) as u32, 0..spp, seed)).collect();
+    let pixels = pixels.map(|p| Pixel { camera, x: (p % width) as u32, y: (p / width) as u32 });
+    let samples = pixel_samples(pixels, &(0..spp), seed);
     let primary = setup.primary(&samples);
     check_valid(setup, &samples, primary.invalid)?;
     let mut hit = vec![0.0f32; samples.len()];

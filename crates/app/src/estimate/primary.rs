@@ -1,9 +1,8 @@
 //! Camera rays: where they hit, and the radiance they bring back.
 
-use std::collections::HashMap;
-
 use field::{Field, Real, Sphere, Vector3};
 use glam::DVec2;
+use rustc_hash::FxHashMap;
 use trace::{Intersection, Outcome, Ray};
 
 use crate::camera::Camera;
@@ -33,6 +32,8 @@ pub struct Setup<'a, R: Real> {
     pub warp: warp::Options<R>,
     /// N: the points of T(u).
     pub steps: usize,
+    /// Whether records hold more than silhouettes: the pixels' values, and how these change where they are smooth.
+    pub(crate) smooth: bool,
 }
 
 /// A position on the film of one camera.
@@ -134,7 +135,8 @@ impl<'a, R: Real> Setup<'a, R> {
     ) -> Self {
         let bounds = Sphere { center: R::Vec3::of(bounds.center), radius: R::of(bounds.radius) };
         let (trace, warp) = (trace::Options::default(), warp::Options::default());
-        Setup { field, shader, cameras, bounds, within: bounds, background, trace, warp, steps: PUBLISHED_STEPS }
+        let (within, steps) = (bounds, PUBLISHED_STEPS);
+        Setup { field, shader, cameras, bounds, within, background, trace, warp, steps, smooth: true }
     }
 
     /// The same for what needs nothing but hits: rays are followed in the ball that the field says holds the solid, not in all of
@@ -155,7 +157,7 @@ impl<R: Real> Setup<'_, R> {
 
     /// The ray of every sample that meets the ball that rays are followed in.
     pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
-        let mut clear = HashMap::new();
+        let mut clear = FxHashMap::default();
         samples
             .iter()
             .map(|sample| {

@@ -1,10 +1,10 @@
 //! The estimator that is the default: silhouettes integrated where they are.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use field::{Real, Vector3};
 use glam::DVec2;
+use rustc_hash::FxHashMap;
 use trace::{Intersection, Outcome};
 
 use super::lines::{Crossing, Line, crossings};
@@ -84,6 +84,9 @@ impl<R: Real> Estimator<R> for Refined {
             self.scout(setup, pixels, sampled..self.spp, seed, &mut record, survey)?;
         }
         let near: Vec<u32> = (0..pixels.len()).filter(|&i| survey.near[i]).map(|i| i as u32).collect();
+        if !setup.smooth {
+            record.area.clear();
+        }
         record.area.iter_mut().for_each(|area| area.retain(|pixel| !survey.near[pixel as usize]));
         let share = R::one() / R::of(f64::from(self.spp));
         for area in &record.area {
@@ -109,11 +112,7 @@ impl Refined {
         survey: &mut Survey,
     ) -> Result<Vec<u32>, InvalidField> {
         let which: Vec<u32> = (0..pixels.len() as u32).filter(|&i| !survey.near[i as usize]).collect();
-        let of = |&i: &u32| {
-            let p = &pixels[i as usize];
-            pixel_samples(p.camera, p.x, p.y, range.clone(), seed)
-        };
-        let samples: Vec<_> = which.iter().flat_map(of).collect();
+        let samples = pixel_samples(which.iter().map(|&i| pixels[i as usize]), &range, seed);
         let primary = setup.primary(&samples);
         check_valid(setup, &samples, primary.invalid)?;
         record.rays += samples.len() as u64;
@@ -166,6 +165,9 @@ impl Refined {
             for (point, weight) in crossing.points.into_iter().zip(crossing.weights) {
                 record.silhouettes.push(line.pixel, point, rgb * weight);
             }
+        }
+        if !setup.smooth {
+            return Ok(());
         }
         crossings.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
         between(setup, &lines, (&along, SEGMENT_RAYS), &crossings, record)
@@ -242,7 +244,7 @@ fn corners<R: Real>(
     record: &mut Record<R>,
     survey: &mut Survey,
 ) -> Result<(), InvalidField> {
-    let mut known = HashMap::new();
+    let mut known = FxHashMap::default();
     let mut samples = Vec::new();
     let mut corner = |camera: usize, x: u32, y: u32| {
         *known.entry((camera, x, y)).or_insert_with(|| {

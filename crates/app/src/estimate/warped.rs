@@ -38,15 +38,10 @@ pub struct WarpedArea {
     pub control: Control,
 }
 
-/// `spp` samples of every pixel, in order.
-pub(super) fn box_samples(pixels: &[Pixel], spp: u32, seed: u64) -> Vec<Sample> {
-    pixels.iter().flat_map(|p| pixel_samples(p.camera, p.x, p.y, 0..spp, seed)).collect()
-}
-
 /// Samples from the Gaussian filter of every pixel, and ∇ ln k at each.
 pub(super) fn gaussian_samples<R: Real>(pixels: &[Pixel], spp: u32, seed: u64) -> (Vec<Sample>, Vec<[R; 2]>) {
     let mut du = Vec::with_capacity(pixels.len() * spp as usize);
-    let mut samples = box_samples(pixels, spp, seed);
+    let mut samples = pixel_samples(pixels.iter().copied(), &(0..spp), seed);
     for sample in &mut samples {
         let corner = sample.u.floor();
         let off = glam::DVec2::from(gaussian((sample.u - corner).into())) * FILTER_DEVIATION;
@@ -76,7 +71,7 @@ impl<R: Real> Estimator<R> for WarpedArea {
             setup.warp.k = usize::MAX;
         }
         let (samples, filter_du) = match self.filter {
-            Filter::Box => (box_samples(pixels, self.spp, seed), Vec::new()),
+            Filter::Box => (pixel_samples(pixels.iter().copied(), &(0..self.spp), seed), Vec::new()),
             Filter::Gaussian => gaussian_samples(pixels, self.spp, seed),
         };
         let primary = setup.primary(&samples);

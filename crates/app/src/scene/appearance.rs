@@ -15,6 +15,11 @@ pub trait Shader<R: Real>: Send + Sync {
     /// The number of parameters.
     fn parameter_count(&self) -> usize;
 
+    /// Whether radiance is the same at every point in every direction, whatever the parameters.
+    fn is_uniform(&self) -> bool {
+        false
+    }
+
     /// The radiance of every point.
     fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]);
 
@@ -258,6 +263,10 @@ impl<R: Precision> Analytic<R> {
 impl<R: Precision> Shader<R> for Analytic<R> {
     fn parameter_count(&self) -> usize {
         self.parameters.len()
+    }
+
+    fn is_uniform(&self) -> bool {
+        self.appearance == Appearance::Constant
     }
 
     fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
