@@ -71,6 +71,9 @@ struct State<R> {
 /// it can step over the whole solid. Without it, a ball whose f is five times the distance is not seen at all.
 const FIRST_STEP: f64 = 0.5;
 
+/// Nor than this fraction of the interval, which may hug the solid.
+const FIRST_PART: f64 = 0.25;
+
 /// Steps of up to this many `min_step` may go beyond the ball that f says is empty.
 const RESOLUTION: f64 = 2.0;
 
@@ -235,7 +238,8 @@ impl<R: Real> Tracer<'_, R> {
         s.phase = Phase::March;
         self.note(here);
         let clear = here.f / s.slope;
-        let first = self.ray.scale * R::of(FIRST_STEP);
+        let room = self.ray.far - self.ray.near;
+        let first = (self.ray.scale * R::of(FIRST_STEP)).min(room * R::of(FIRST_PART));
         let mut step = last.map_or(clear.min(first), |last| {
             // If f goes on as it did, the ball there reaches back to the one here (Bálint and Valasek 2018; Bán and Valasek 2023).
             let rate = (here.f - last.f) / (here.t - last.t);
