@@ -14,9 +14,15 @@ pub(crate) fn root() -> PathBuf {
 
 /// Builds the binary for measurements.
 pub(crate) fn build() -> anyhow::Result<PathBuf> {
-    crate::cargo(&["build", "--release", "--package", "app", "--bin", "dsdf"], &[])?;
+    build_package("app")
+}
+
+/// Builds the binary of a package: `dsdf` of the application, or of one that extends it, by its own name.
+pub(crate) fn build_package(package: &str) -> anyhow::Result<PathBuf> {
+    let name = if package == "app" { "dsdf" } else { package };
+    crate::cargo(&["build", "--release", "--package", package, "--bin", name], &[])?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join(format!("dsdf{}", std::env::consts::EXE_SUFFIX)))
+    Ok(target.join("release").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// A case of the gradient suite.
@@ -109,6 +115,18 @@ pub(crate) fn report(binary: &Path, arguments: &[&str]) -> anyhow::Result<Value>
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
+/// A way to run commands of the binary.
+pub(crate) trait Run {
+    /// The report of a command.
+    fn report(&self, arguments: &[&str]) -> anyhow::Result<Value>;
+}
+
+impl Run for Path {
+    fn report(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+        report(self, arguments)
+    }
+}
+
 /// Derivative images, one for each thing the scene was differentiated by, with the seconds and field evaluations they took.
 pub(crate) struct Derivatives {
     pub(crate) images: Vec<Image>,
@@ -117,14 +135,18 @@ pub(crate) struct Derivatives {
 }
 
 /// Runs `dsdf gradient` on a scene.
-pub(crate) fn gradient(binary: &Path, scene: &Value, wrt: &[String], flags: &[&str]) -> anyhow::Result<Derivatives> {
+pub(crate) fn gradient(
+    program: &(impl Run + ?Sized),
+    scene: &Value,
+    wrt: &[String],
+    flags: &[&str],
+) -> anyhow::Result<Derivatives> {
     let folder = tempfile::tempdir()?;
     let (file, out) = (folder.path().join("scene.json"), folder.path().join("g.npy"));
     std::fs::write(&file, scene.to_string())?;
     let (file_name, out_name) = (file.to_string_lossy(), out.to_string_lossy());
     let by = wrt.iter().flat_map(|wrt| ["--wrt", wrt]);
-    let report = report(
-        binary,
+    let report = program.report(
         &["gradient", &file_name, "-o", &out_name]
             .into_iter()
             .chain(by)

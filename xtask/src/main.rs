@@ -1,5 +1,6 @@
-//! Development commands of dsdf: `cargo xtask ci`, `bench`, `tradeoff` and `figures`.
+//! Development commands of dsdf: `cargo xtask ci`, `bench`, `ablate`, `tradeoff` and `figures`.
 
+mod ablate;
 mod bench;
 mod dsdf;
 mod figures;
@@ -7,7 +8,7 @@ mod plot;
 mod tradeoff;
 
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
 use clap::{Parser, Subcommand};
@@ -35,6 +36,8 @@ enum Task {
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
+    /// Run a sweep over parameters: fits, their quality, their gradients, and a report
+    Ablate(ablate::Ablate),
     /// Measure what each parameter costs and buys, and the presets
     Tradeoff {
         /// Where to write [default: docs/results/tradeoff]
@@ -51,9 +54,21 @@ enum Task {
     },
 }
 
-fn main() -> anyhow::Result<()> {
+/// Exit status 2 for what is refused, 1 for what fails.
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(if error.downcast_ref::<ablate::Refusal>().is_some() { 2 } else { 1 })
+        }
+    }
+}
+
+fn run() -> anyhow::Result<()> {
     match Cli::parse().command {
         Task::Ci => ci(),
+        Task::Ablate(arguments) => ablate::run(&arguments),
         Task::Bench { output } => bench::run(output),
         Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),

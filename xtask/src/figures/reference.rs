@@ -1,11 +1,9 @@
 //! Reference derivative images under either pixel filter.
 
-use std::path::Path;
-
 use anyhow::Context;
 use serde_json::{Value, json};
 
-use crate::dsdf::{Image, gradient};
+use crate::dsdf::{Image, Run, gradient};
 
 /// Fine pixels along the side of a pixel, for the Gaussian filter.
 const FINE: usize = 8;
@@ -17,13 +15,17 @@ const REACH: usize = 2;
 const DEVIATION: f64 = 0.5;
 
 /// The derivatives of box-filtered pixels.
-pub(crate) fn box_filtered(binary: &Path, scene: &Value, wrt: &[String]) -> anyhow::Result<Vec<Image>> {
-    Ok(gradient(binary, scene, wrt, &["--estimator", "contour", "--spp", "1024"])?.images)
+pub(crate) fn box_filtered(program: &(impl Run + ?Sized), scene: &Value, wrt: &[String]) -> anyhow::Result<Vec<Image>> {
+    Ok(gradient(program, scene, wrt, &["--estimator", "contour", "--spp", "1024"])?.images)
 }
 
 /// The derivatives of Gaussian-filtered pixels: contours on a finer and wider film, and the filter's sum over it. A fine pixel
 /// stands for its middle, which is right to 0.3 %.
-pub(crate) fn gaussian_filtered(binary: &Path, scene: &Value, wrt: &[String]) -> anyhow::Result<Vec<Image>> {
+pub(crate) fn gaussian_filtered(
+    program: &(impl Run + ?Sized),
+    scene: &Value,
+    wrt: &[String],
+) -> anyhow::Result<Vec<Image>> {
     let mut fine = scene.clone();
     let camera = fine.get_mut("camera").context("a camera")?;
     let number = |camera: &Value, key: &str| camera[key].as_f64().with_context(|| format!("camera/{key}"));
@@ -35,7 +37,7 @@ pub(crate) fn gaussian_filtered(binary: &Path, scene: &Value, wrt: &[String]) ->
     let middle: Vec<f64> =
         camera["principal"].as_array().context("camera/principal")?.iter().filter_map(Value::as_f64).collect();
     camera["principal"] = json!([(middle[0] + REACH as f64) * scale, (middle[1] + REACH as f64) * scale]);
-    let images = gradient(binary, &fine, wrt, &["--estimator", "contour", "--spp", "16"])?.images;
+    let images = gradient(program, &fine, wrt, &["--estimator", "contour", "--spp", "16"])?.images;
     Ok(images.iter().map(|fine| filtered(fine, width, height)).collect())
 }
 

@@ -21,7 +21,7 @@ pub(super) use crate::fit::{parse_bounds, parse_duration};
 #[derive(Args, Debug)]
 pub(crate) struct Fit {
     /// The data set: a folder in NeRF/Blender, NeuS/IDR, Middlebury or COLMAP form
-    #[arg(required_unless_present = "resume")]
+    #[arg(required_unless_present_any = ["resume", "check"])]
     dataset: Option<PathBuf>,
     /// The run folder to write
     #[arg(short, long)]
@@ -29,6 +29,9 @@ pub(crate) struct Fit {
     /// Go on from the checkpoint in the run folder, with the options it was started with
     #[arg(long)]
     resume: bool,
+    /// Check the options, and do nothing
+    #[arg(long)]
+    check: bool,
     /// How much to spend where no option says otherwise
     #[arg(long, value_enum)]
     #[allow(dead_code, reason = "put into the other options before they are read")]
@@ -55,6 +58,9 @@ impl Report {
 
 impl Fit {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        if self.check {
+            return Ok(self.options.validate(Path::new("arguments"))?);
+        }
         let (dataset, file) = if self.resume { self.resumed()? } else { self.started()? };
         let report = fit(dataset, file, &self.output, self.resume, global)?;
         global.report(&report, || {
@@ -153,8 +159,13 @@ pub(super) fn fit(
         let expected = "an empty folder, or --resume to go on";
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected).into());
     }
+    let mut claimed = if resume { Some(claim(run)?) } else { None };
     // What can be refused is refused before anything is written.
     let mut fitting = Fitting::new(run, dataset, file, resume)?;
+    if claimed.is_none() {
+        std::fs::create_dir_all(run).map_err(|e| InputError::new(run, "run", e, "a folder that can be written"))?;
+        claimed = Some(claim(run)?);
+    }
     prepare(run, &fitting.file)?;
     let stop = on_interrupt()?;
     let mut metrics = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
@@ -172,6 +183,7 @@ pub(super) fn fit(
         return Err(Interrupted.into());
     }
     fitting.preview()?;
+    drop(claimed);
     Ok(Report {
         run: run.to_owned(),
         iterations: fitting.iteration,
@@ -179,6 +191,19 @@ pub(super) fn fit(
         loss: last.map(|m| m.loss),
         psnr: fitting.held_out_psnr(),
     })
+}
+
+/// Takes a run folder for this process: two fits in one would spoil each other's files.
+fn claim(run: &Path) -> anyhow::Result<std::fs::File> {
+    let path = run.join("lock");
+    let lock = std::fs::File::create(&path).map_err(|e| InputError::new(&path, "lock", e, "a file to write"))?;
+    match lock.try_lock() {
+        Err(std::fs::TryLockError::WouldBlock) => {
+            Err(InputError::new(run, "run", "a fit at work", "a folder of its own, or patience").into())
+        }
+        // Where files cannot be locked, nobody is kept out.
+        _ => Ok(lock),
+    }
 }
 
 /// A flag that the first Ctrl-C raises; the second ends the program at once.

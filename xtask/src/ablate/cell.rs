@@ -1,0 +1,310 @@
+//! One cell: a fit, what it is worth, and how good its gradients are. Every stage leaves a file, and is not done again.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde_json::{Value, json};
+
+use super::process::{Failure, Limited, run};
+use super::results::{Row, finished, write};
+use super::sweep::{Cell, Sweep, flag};
+use crate::dsdf::{Image, Spread, gradient};
+use crate::figures::reference::{box_filtered, gaussian_filtered};
+
+/// What all cells share.
+pub(super) struct Bench<'a> {
+    pub(super) sweep: &'a Sweep,
+    /// The program that fits.
+    pub(super) binary: &'a Path,
+    /// The folder of each data set, with its true surface.
+    pub(super) data: &'a [(PathBuf, Option<PathBuf>)],
+    /// The folder of the cells.
+    pub(super) cells: PathBuf,
+    /// Threads of one cell.
+    pub(super) threads: usize,
+}
+
+/// Pixels of a cell's picture along a side.
+const PICTURE: &str = "96";
+
+/// Parts of a fit over which losses are averaged.
+const WINDOWS: usize = 20;
+
+/// Estimators of Gaussian-filtered pixels.
+const GAUSSIAN: [&str; 3] = ["gaussian", "was", "loubet"];
+
+impl Bench<'_> {
+    pub(super) fn folder(&self, cell: &Cell) -> PathBuf {
+        self.cells.join(&cell.name)
+    }
+
+    /// Runs what is left of a cell; `watch` is told the fraction of the fit that is done.
+    ///
+    /// # Errors
+    /// If files cannot be written. What goes wrong in the cell itself is its result.
+    pub(super) fn run(&self, cell: &Cell, watch: &dyn Fn(f64)) -> anyhow::Result<Row> {
+        let folder = self.folder(cell);
+        if let Some(row) = finished(&folder) {
+            return Ok(row);
+        }
+        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        let mut row = Row::new(self.sweep, cell);
+        if let Err(failure) = self.measure(cell, &folder, &mut row, watch)? {
+            (row.status, row.reason) = (failure.status.to_owned(), failure.reason);
+        }
+        let converged = &self.sweep.converged;
+        let number = |name: &str| row.numbers.get(name).copied().unwrap_or(f64::INFINITY);
+        row.converged = row.status == "done"
+            && number("chamfer") <= converged.chamfer
+            && number("loss") <= converged.rise * number("best_loss");
+        write(&folder.join("result.json"), serde_json::to_vec_pretty(&row)?)?;
+        Ok(row)
+    }
+
+    fn measure(
+        &self,
+        cell: &Cell,
+        folder: &Path,
+        row: &mut Row,
+        watch: &dyn Fn(f64),
+    ) -> anyhow::Result<Result<(), Failure>> {
+        let fit = folder.join("run");
+        if let Err(failure) = self.fit(cell, folder, &fit, watch)? {
+            // How far it came is part of the result.
+            losses(&fit, row);
+            return Ok(Err(failure));
+        }
+        losses(&fit, row);
+        let truth = &self.data[cell.data].1;
+        let mut arguments = vec!["eval".to_owned(), text(&fit), "--resolution=128".to_owned()];
+        arguments.extend(truth.iter().map(|path| format!("--mesh={}", text(path))));
+        match self.stage(folder, "eval", &arguments)? {
+            Err(failure) => return Ok(Err(failure)),
+            Ok(report) => {
+                for (from, to) in [
+                    ("chamfer_relative", "chamfer"),
+                    ("psnr", "psnr"),
+                    ("ssim", "ssim"),
+                    ("mask_iou", "mask_iou"),
+                    ("f_score", "f_score"),
+                ] {
+                    row.numbers.extend(report[from].as_f64().map(|v| (to.to_owned(), v)));
+                }
+            }
+        }
+        let picture = text(&folder.join("picture.png"));
+        let views = ["--views", "1", "--size", PICTURE].map(str::to_owned);
+        let arguments = [vec!["render".to_owned(), text(&fit), "-o".to_owned(), picture], views.to_vec()].concat();
+        if let Err(failure) = self.stage(folder, "picture", &arguments)? {
+            return Ok(Err(failure));
+        }
+        let first = folder.join("first");
+        if !first.join("model.safetensors").exists() {
+            let arguments = self.fit_arguments(cell, &first, &["--iterations=1".to_owned()]);
+            if let Err(failure) = self.program(folder, "first", &arguments, &|| {})? {
+                return Ok(Err(failure));
+            }
+        }
+        for (name, run) in [("first", &first), ("last", &fit)] {
+            match self.gradients(cell, folder, name, run) {
+                Ok([bias, deviation]) => {
+                    row.numbers.insert(format!("{name}_bias"), bias);
+                    row.numbers.insert(format!("{name}_deviation"), deviation);
+                }
+                Err(error) => {
+                    let status = error.downcast_ref::<Failure>().map_or("failed", |failure| failure.status);
+                    let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
+                    return Ok(Err(Failure { status, reason }));
+                }
+            }
+        }
+        Ok(Ok(()))
+    }
+
+    /// Fits, or goes on from a checkpoint.
+    fn fit(
+        &self,
+        cell: &Cell,
+        folder: &Path,
+        run: &Path,
+        watch: &dyn Fn(f64),
+    ) -> anyhow::Result<Result<Value, Failure>> {
+        // A sweep that was killed may have left a fit running: what it does need not be done twice.
+        if let Ok(lock) = std::fs::File::open(run.join("lock")) {
+            lock.lock()?;
+        }
+        let resume = run.join("checkpoint/state.safetensors").exists();
+        let arguments = if resume {
+            vec!["fit".to_owned(), "-o".to_owned(), text(run), "--resume".to_owned(), self.threads()]
+        } else {
+            if run.exists() {
+                std::fs::remove_dir_all(run)?;
+            }
+            self.fit_arguments(cell, run, &[])
+        };
+        let metrics = run.join("metrics.jsonl");
+        self.program(folder, "fit", &arguments, &|| watch(last_line(&metrics)["progress"].as_f64().unwrap_or(0.0)))
+    }
+
+    fn fit_arguments(&self, cell: &Cell, run: &Path, budget: &[String]) -> Vec<String> {
+        let mut arguments = vec!["fit".to_owned(), text(&self.data[cell.data].0), "-o".to_owned(), text(run)];
+        let flags = self.sweep.flags(cell).into_iter().filter(|f| {
+            let of_budget = f.starts_with("--iterations=") || f.starts_with("--time=");
+            !f.starts_with("--gradient-") && (budget.is_empty() || !of_budget)
+        });
+        arguments.extend(flags);
+        arguments.extend(budget.iter().cloned());
+        arguments.extend(["--preview-every=1000000000".to_owned(), self.threads()]);
+        arguments
+    }
+
+    /// Seconds of a fit of a few iterations.
+    pub(super) fn pilot(&self, cell: &Cell, iterations: u64) -> anyhow::Result<f64> {
+        let folder = self.folder(cell);
+        std::fs::create_dir_all(&folder)?;
+        let arguments = self.fit_arguments(cell, &folder.join("run"), &[format!("--iterations={iterations}")]);
+        let report = self.program(&folder, "fit", &arguments, &|| {})?;
+        let report = report.map_err(|failure| anyhow::anyhow!("{}: {}", cell.name, failure.reason))?;
+        report["seconds"].as_f64().context("seconds in the report")
+    }
+
+    fn threads(&self) -> String {
+        format!("--threads={}", self.threads)
+    }
+
+    /// A stage whose report is kept.
+    fn stage(&self, folder: &Path, name: &str, arguments: &[String]) -> anyhow::Result<Result<Value, Failure>> {
+        let path = folder.join(format!("{name}.json"));
+        if let Some(report) = std::fs::read_to_string(&path).ok().and_then(|t| serde_json::from_str(&t).ok()) {
+            return Ok(Ok(report));
+        }
+        let report = self.program(folder, name, &[arguments, &[self.threads()]].concat(), &|| {})?;
+        if let Ok(report) = &report {
+            write(&path, report.to_string())?;
+        }
+        Ok(report)
+    }
+
+    fn program(
+        &self,
+        folder: &Path,
+        name: &str,
+        arguments: &[String],
+        watch: &dyn Fn(),
+    ) -> anyhow::Result<Result<Value, Failure>> {
+        run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
+    }
+
+    /// Bias and deviation of the cell's estimator at a run's model, relative L2.
+    fn gradients(&self, cell: &Cell, folder: &Path, name: &str, run: &Path) -> anyhow::Result<[f64; 2]> {
+        let path = folder.join(format!("{name}.gradient.json"));
+        let known = std::fs::read_to_string(&path).ok().and_then(|t| serde_json::from_str::<[f64; 2]>(&t).ok());
+        if let Some(known) = known {
+            return Ok(known);
+        }
+        let test = &self.sweep.gradient;
+        let file: toml::Table = toml::from_str(&std::fs::read_to_string(run.join("fit.toml"))?)?;
+        let bounds: Vec<f64> =
+            file["bounds"].as_array().context("bounds")?.iter().filter_map(toml::Value::as_float).collect();
+        let &[x, y, z, radius] = &bounds[..] else { anyhow::bail!("bounds of {} numbers", bounds.len()) };
+        let options = &file["options"];
+        let option = |key: &str| options.get(key).map(super::sweep::text).unwrap_or_default();
+        let length = |key: &str| option(key).parse::<f64>().map(|v| (v * radius).to_string()).unwrap_or_default();
+        let estimator = option("estimator");
+        let mut flags: Vec<String> = [
+            ("estimator", estimator.clone()),
+            ("steps", option("steps")),
+            ("top_k", option("top_k")),
+            ("gamma", option("gamma")),
+            ("epsilon", length("epsilon")),
+            ("lambda_d", length("lambda_d")),
+        ]
+        .into_iter()
+        .flat_map(|(key, value)| flag((key.to_owned(), value)))
+        .collect();
+        if let Some(precision) = self.sweep.setting(cell, "gradient_precision") {
+            flags.extend(flag(("precision".to_owned(), precision)));
+        }
+        flags.extend([format!("--spp={}", test.spp), self.threads()]);
+        let log = folder.join(format!("{name}.gradient.log"));
+        let program = Limited { program: self.binary, limits: &self.sweep.limits, log: &log };
+        // Three radii away, where the ball of bounds fills the film.
+        let eye = [x + 1.44 * radius, y - 1.8 * radius, z + 1.92 * radius];
+        let size = test.size;
+        let scene = json!({
+            "camera": {"width": size, "height": size, "focal": 1.4 * f64::from(size),
+                       "principal": [f64::from(size) / 2.0, f64::from(size) / 2.0],
+                       "eye": eye, "target": [x, y, z], "up": [0, 0, 1]},
+            "sdf": {"type": "neural", "weights": run.join("model.safetensors")},
+            "appearance": {"type": "constant", "radiance": [1, 1, 1]},
+            "background": [0, 0, 0]
+        });
+        let wrt = ["/sdf/weights/0".to_owned()];
+        let gaussian = GAUSSIAN.contains(&estimator.as_str());
+        let reference = if gaussian { gaussian_filtered } else { box_filtered }(&program, &scene, &wrt)?.remove(0);
+        let images: Vec<Image> = (0..test.runs)
+            .map(|seed| {
+                let seed = format!("--seed={seed}");
+                let flags: Vec<&str> = flags.iter().map(String::as_str).chain([seed.as_str()]).collect();
+                Ok(gradient(&program, &scene, &wrt, &flags)?.images.remove(0))
+            })
+            .collect::<anyhow::Result<_>>()?;
+        let spread = Spread::of(&images.iter().collect::<Vec<_>>(), &reference);
+        let norm = reference.norm();
+        anyhow::ensure!(norm > 0.0, "nothing is in sight");
+        // Of one run: what is not bias.
+        let bias = spread.bias.max(0.0);
+        let found = [bias.sqrt() / norm, (spread.run - bias).max(0.0).sqrt() / norm];
+        anyhow::ensure!(found.iter().all(|v| v.is_finite()), "not finite");
+        write(&path, serde_json::to_vec(&found)?)?;
+        Ok(found)
+    }
+}
+
+fn text(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+/// The last whole line of a file of JSON lines.
+fn last_line(path: &Path) -> Value {
+    const TAIL: u64 = 4096;
+    let tail = || {
+        use std::io::{Read, Seek, SeekFrom};
+        let mut file = std::fs::File::open(path).ok()?;
+        let length = file.metadata().ok()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(TAIL))).ok()?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).ok()?;
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        text.lines().rev().find_map(|line| serde_json::from_str(line).ok())
+    };
+    tail().unwrap_or(Value::Null)
+}
+
+/// Losses, evaluations and time from the metrics of a fit, with the curve.
+fn losses(run: &Path, row: &mut Row) {
+    let text = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default();
+    let lines: Vec<Value> = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    let Some(last) = lines.last() else { return };
+    row.numbers.extend(last["seconds"].as_f64().map(|s| ("seconds".to_owned(), s)));
+    row.numbers.insert("iterations".to_owned(), lines.len() as f64);
+    for (from, to) in [
+        ("value", "values"),
+        ("gradient", "gradients"),
+        ("hessian_vector", "hessian_vectors"),
+        ("parameter", "parameters"),
+    ] {
+        let total = lines.iter().filter_map(|line| line["evaluations"][from].as_f64()).sum();
+        row.numbers.insert(to.to_owned(), total);
+    }
+    let mean = |lines: &[Value]| lines.iter().filter_map(|l| l["loss"].as_f64()).sum::<f64>() / lines.len() as f64;
+    let window = lines.len().div_ceil(WINDOWS);
+    row.curve = lines.chunks(window).map(|part| (part[0]["iteration"].as_f64().unwrap_or(0.0), mean(part))).collect();
+    // Coarse images have other losses: only full-sized ones compare.
+    let full: Vec<Value> = lines.iter().filter(|line| line["level"] == 0).cloned().collect();
+    let windows: Vec<f64> = full.chunks_exact(window).map(mean).collect();
+    if let Some(end) = windows.last() {
+        row.numbers.insert("loss".to_owned(), *end);
+        row.numbers.insert("best_loss".to_owned(), windows.iter().copied().fold(f64::INFINITY, f64::min));
+    }
+}

@@ -1,0 +1,220 @@
+//! `cargo xtask ablate`: sweeps over what the method leaves open.
+
+mod cell;
+mod claims;
+mod compare;
+mod pictures;
+mod plan;
+mod pool;
+mod process;
+mod refusal;
+mod report;
+mod results;
+mod slurm;
+mod statistics;
+mod sweep;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+
+use cell::Bench;
+pub(crate) use refusal::Refusal;
+use results::{Row, finished, write};
+use slurm::Shard;
+use sweep::{Cell, Sweep};
+
+/// Run a sweep over parameters: fits, their quality, their gradients, and a report
+#[derive(Args, Debug)]
+pub(crate) struct Ablate {
+    /// A shipped sweep (k-gamma, steps-epsilon, steps-refined, filters, precision, smoke) or a TOML file
+    #[arg(required_unless_present = "compare")]
+    sweep: Option<String>,
+    /// The folder to write; what is finished there is not run again
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Cells at a time [default: one a core]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    jobs: Option<u32>,
+    /// Show the cells and an estimate of the time, and run none
+    #[arg(long)]
+    dry_run: bool,
+    /// Only cells whose name holds this text; all of several
+    #[arg(long)]
+    only: Vec<String>,
+    /// Only part I of N, in a folder of its own; a task of a Slurm array takes its own part without being told
+    #[arg(long, value_name = "I/N")]
+    shard: Option<String>,
+    /// Write the script of a Slurm job array instead
+    #[arg(long)]
+    slurm: bool,
+    /// Tasks of the array
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    shards: u32,
+    /// Gather the cells of these folders in the output folder
+    #[arg(long, num_args = 1.., value_name = "DIR")]
+    merge: Vec<PathBuf>,
+    /// Compare the results of two sweeps: folders, or their results.csv
+    #[arg(long, num_args = 2, value_names = ["A", "B"])]
+    compare: Vec<PathBuf>,
+}
+
+/// A sweep with where things are.
+struct Work {
+    sweep: Sweep,
+    /// What the sweep's own paths start from.
+    folder: PathBuf,
+    output: PathBuf,
+}
+
+pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
+    if let [a, b] = &arguments.compare[..] {
+        let page = compare::compare(a, b)?;
+        if let Some(output) = &arguments.output {
+            std::fs::create_dir_all(output)?;
+            write(&output.join("compare.md"), &page)?;
+        }
+        print!("{page}");
+        return Ok(());
+    }
+    let name = arguments.sweep.as_deref().unwrap_or_default();
+    let (sweep, folder) = Sweep::load(name)?;
+    let shard = Shard::read(arguments.shard.as_deref(), |name| std::env::var(name).ok())?;
+    let binary = crate::dsdf::build_package(&sweep.package)?;
+    plan::check(&sweep, name, &binary)?;
+    let chosen: Vec<(usize, Cell)> = sweep
+        .cells()
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| shard.is_none_or(|shard| shard.holds(*i)))
+        .filter(|(_, cell)| arguments.only.iter().all(|text| cell.name.contains(text)))
+        .collect();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = arguments.jobs.map_or(cores, |jobs| jobs as usize);
+    if chosen.is_empty() {
+        let found = format!("{} {}", arguments.only.join(" "), arguments.shard.as_deref().unwrap_or_default());
+        return Err(Refusal::new(Path::new("arguments"), "--only", found, "what some cell's name holds").into());
+    }
+    let asked = || arguments.output.clone();
+    if arguments.dry_run {
+        let output = asked().unwrap_or_else(|| PathBuf::from("."));
+        let work = Work { sweep, folder, output };
+        return plan::show(&work, &binary, &chosen, jobs);
+    }
+    let Some(output) = asked() else {
+        return Err(Refusal::new(Path::new("arguments"), "-o", "nothing", "a folder to write").into());
+    };
+    std::fs::create_dir_all(&output).with_context(|| output.display().to_string())?;
+    let output = std::path::absolute(&output)?;
+    if arguments.slurm {
+        let name = std::fs::canonicalize(name).map_or_else(|_| name.to_owned(), |p| p.to_string_lossy().into_owned());
+        let script = slurm::script(&std::env::current_exe()?, &name, &sweep, &output, jobs, arguments.shards as usize);
+        let path = output.join("submit.sh");
+        write(&path, script)?;
+        println!("{}", path.display());
+        return Ok(());
+    }
+    let output = shard.map_or_else(|| output.clone(), |shard| slurm::folder(&output, shard));
+    std::fs::create_dir_all(&output)?;
+    let work = Work { sweep, folder, output };
+    let _lock = work.claim()?;
+    if arguments.merge.is_empty() {
+        let data = work.photographs(&binary)?;
+        let threads = (cores / jobs).max(1);
+        let cells = work.output.join("cells");
+        let context = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads };
+        let chosen: Vec<Cell> = chosen.into_iter().map(|(_, cell)| cell).collect();
+        pool::run(&context, &chosen, jobs)?;
+    } else {
+        work.merge(&arguments.merge)?;
+    }
+    work.report()
+}
+
+impl Work {
+    /// Takes the folder for this sweep: no other sweep's, and no other process's.
+    fn claim(&self) -> anyhow::Result<std::fs::File> {
+        let lock = std::fs::File::create(self.output.join("lock"))?;
+        if lock.try_lock().is_err() {
+            return Err(Refusal::new(&self.output, "lock", "another sweep at work", "a folder of one's own").into());
+        }
+        let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
+        match std::fs::read_to_string(&path) {
+            Ok(there) if there != text => {
+                let found = there.lines().find(|line| !text.lines().any(|own| own == *line)).unwrap_or("less");
+                return Err(Refusal::new(&path, "sweep", found, "the same sweep, or another folder").into());
+            }
+            Ok(_) => {}
+            Err(_) => write(&path, text)?,
+        }
+        Ok(lock)
+    }
+
+    /// The folders of the data sets, with their true surfaces; scenes are photographed once.
+    fn photographs(&self, binary: &Path) -> anyhow::Result<Vec<(PathBuf, Option<PathBuf>)>> {
+        let own = |name: &str| self.folder.join(name);
+        let mut folders = Vec::new();
+        for data in &self.sweep.data {
+            let mesh = data.mesh.as_deref().map(own);
+            if let Some(dataset) = &data.dataset {
+                folders.push((std::path::absolute(own(dataset))?, mesh));
+                continue;
+            }
+            let folder = self.output.join("data").join(&data.name);
+            if !folder.exists() {
+                let scene = own(data.scene.as_deref().unwrap_or_default());
+                let (part, views) = (folder.with_extension("part"), data.views.to_string());
+                let _ = std::fs::remove_dir_all(&part);
+                std::fs::create_dir_all(part.parent().context("a folder")?)?;
+                let size = format!("{0}x{0}", data.size);
+                let (scene, out) = (scene.to_string_lossy(), part.to_string_lossy());
+                crate::dsdf::report(binary, &["synth", &scene, "-o", &out, "--views", &views, "--size", &size])?;
+                std::fs::rename(&part, &folder)?;
+            }
+            folders.push((folder.clone(), Some(mesh.unwrap_or_else(|| folder.join("truth.ply")))));
+        }
+        Ok(folders)
+    }
+
+    /// Takes finished cells from other folders of the same sweep.
+    fn merge(&self, folders: &[PathBuf]) -> anyhow::Result<()> {
+        let sweep = toml::to_string(&self.sweep)?;
+        for folder in folders {
+            let path = folder.join("sweep.toml");
+            if std::fs::read_to_string(&path).ok().as_deref() != Some(&sweep) {
+                return Err(Refusal::new(&path, "sweep", "another or none", "a shard of this sweep").into());
+            }
+        }
+        for cell in self.sweep.cells() {
+            let to = self.output.join("cells").join(&cell.name);
+            let from = folders.iter().map(|f| f.join("cells").join(&cell.name)).find(|f| finished(f).is_some());
+            let Some(from) = from.filter(|_| finished(&to).is_none()) else { continue };
+            std::fs::create_dir_all(&to)?;
+            for name in ["picture.png", "result.json"] {
+                if let Ok(bytes) = std::fs::read(from.join(name)) {
+                    write(&to.join(name), bytes)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Results and report of all cells that are finished here, in the sweep's order.
+    fn report(&self) -> anyhow::Result<()> {
+        let folder = |cell: &Cell| self.output.join("cells").join(&cell.name);
+        let mut pictures: HashMap<(String, u64, Vec<(String, String)>), PathBuf> = HashMap::new();
+        let key = |row: &Row| (row.data.clone(), row.seed, row.values.clone());
+        let mut rows = Vec::new();
+        for cell in self.sweep.cells() {
+            if let Some(row) = finished(&folder(&cell)) {
+                pictures.insert(key(&row), folder(&cell).join("picture.png"));
+                rows.push(row);
+            }
+        }
+        report::report(&self.sweep, &rows, &self.output, &|row| pictures.get(&key(row)).cloned().unwrap_or_default())?;
+        println!("{}", self.output.join("report.md").display());
+        Ok(())
+    }
+}

@@ -1,0 +1,126 @@
+//! What a sweep would do: its values judged by the program itself, its cells, its time.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::refusal::Refusal;
+use super::results::finished;
+use super::sweep::{Cell, Sweep, flag, text};
+use super::{Bench, Work};
+
+/// Options that a sweep has keys of its own for.
+const OWN: [(&str, &str); 8] = [
+    ("seed", "seeds = [...] beside title"),
+    ("iterations", "iterations = N beside title"),
+    ("time", "time = \"...\" beside title"),
+    ("threads", "--jobs"),
+    ("output", "-o"),
+    ("resume", "nothing: sweeps go on by themselves"),
+    ("json", "nothing"),
+    ("quiet", "nothing"),
+];
+
+/// Asks the program that will run the cells whether it takes every value, and every combination.
+pub(super) fn check(sweep: &Sweep, name: &str, binary: &Path) -> anyhow::Result<()> {
+    let file = Path::new(name);
+    let listed =
+        sweep.parameters.keys().flat_map(|key| sweep.values(key).into_iter().map(move |v| ("parameters", key, v)));
+    let fixed = sweep.fixed.iter().map(|(key, value)| ("fixed", key, text(value)));
+    for (table, key, value) in fixed.chain(listed) {
+        let field = format!("{table}.{key}");
+        if let Some((_, instead)) = OWN.iter().find(|(own, _)| own == key) {
+            return Err(Refusal::new(file, field, key, instead).into());
+        }
+        if key == "gradient_precision" {
+            if value != "f32" && value != "f64" {
+                return Err(Refusal::new(file, field, value, "f32 or f64").into());
+            }
+            continue;
+        }
+        let flags = flag((key.clone(), value.clone()));
+        if let Some(said) = refused(binary, &flags)? {
+            let unknown = said.contains("unexpected argument");
+            let expected = said.rsplit_once("expected ").map(|(_, e)| e.to_owned()).filter(|_| !unknown);
+            let (found, expected) = if unknown {
+                (key.clone(), "an option of `dsdf fit`".to_owned())
+            } else {
+                (value, expected.unwrap_or(said))
+            };
+            return Err(Refusal::new(file, field, found, expected).into());
+        }
+    }
+    // Values may be good alone and not together.
+    let mut seen: Vec<Vec<String>> = Vec::new();
+    for cell in sweep.cells() {
+        let flags: Vec<String> = sweep.flags(&cell).into_iter().filter(|f| !f.starts_with("--gradient-")).collect();
+        let place: Vec<String> = flags.iter().filter(|f| !f.starts_with("--seed=")).cloned().collect();
+        if !seen.contains(&place) {
+            if let Some(said) = refused(binary, &flags)? {
+                return Err(Refusal::new(file, cell.name, said, "options that go together").into());
+            }
+            seen.push(place);
+        }
+    }
+    Ok(())
+}
+
+/// What the program says against options, if anything.
+fn refused(binary: &Path, flags: &[String]) -> anyhow::Result<Option<String>> {
+    let output = Command::new(binary).args(["fit", "--check", "-o", "unused"]).args(flags).output()?;
+    let said = String::from_utf8_lossy(&output.stderr).trim().trim_start_matches("error: ").to_owned();
+    Ok((!output.status.success()).then_some(said))
+}
+
+/// Iterations of a fit that is timed for the estimate, and how many cells are.
+const PILOT: u64 = 30;
+const PILOTS: usize = 4;
+
+/// Prints the cells, and how long those take that are left.
+pub(super) fn show(work: &Work, binary: &Path, cells: &[(usize, Cell)], jobs: usize) -> anyhow::Result<()> {
+    let folder = |cell: &Cell| work.output.join("cells").join(&cell.name);
+    let (mut known, mut left) = (Vec::new(), Vec::new());
+    for (number, cell) in cells {
+        let row = finished(&folder(cell));
+        let state = row.as_ref().map_or("", |row| row.status.as_str());
+        println!("{number:>5} {} {state}", cell.name);
+        match row {
+            Some(row) => known.extend(row.numbers.get("seconds").copied()),
+            None => left.push(cell),
+        }
+    }
+    let each = if left.is_empty() {
+        0.0
+    } else if known.is_empty() {
+        pilot(work, binary, &left)?
+    } else {
+        known.iter().sum::<f64>() / known.len() as f64
+    };
+    // Evaluation and gradients take about ten seconds beside the fit.
+    let minutes = left.len() as f64 * (each + 10.0) / jobs as f64 / 60.0;
+    println!(
+        "{} cells, {} to run: about {minutes:.0} minutes with {jobs} at a time ({each:.0} s a fit)",
+        cells.len(),
+        left.len()
+    );
+    Ok(())
+}
+
+/// Seconds of a fit, by a few short ones.
+fn pilot(work: &Work, binary: &Path, cells: &[&Cell]) -> anyhow::Result<f64> {
+    let Some(iterations) = work.sweep.iterations else {
+        let time = work.sweep.time.as_deref().unwrap_or("0s");
+        return Ok(humantime::parse_duration(time)?.as_secs_f64());
+    };
+    let folder = tempfile::tempdir()?;
+    let trial = Work { sweep: work.sweep.clone(), folder: work.folder.clone(), output: folder.path().to_owned() };
+    let data = trial.photographs(binary)?;
+    let cells_folder = folder.path().join("cells");
+    let context = Bench { sweep: &trial.sweep, binary, data: &data, cells: cells_folder, threads: 1 };
+    let step = cells.len().div_ceil(PILOTS).max(1);
+    let some: Vec<&&Cell> = cells.iter().step_by(step).collect();
+    let mut seconds = 0.0;
+    for cell in &some {
+        seconds += context.pilot(cell, PILOT)?;
+    }
+    Ok(seconds / some.len() as f64 / PILOT as f64 * iterations as f64)
+}

@@ -1,0 +1,121 @@
+//! Programs run with a limit on time and memory.
+
+use std::fs::File;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use serde_json::Value;
+
+use super::sweep::Limits;
+
+/// Why a program did not do what it should.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{reason}")]
+pub(super) struct Failure {
+    /// `failed`, `time` or `memory`.
+    pub(super) status: &'static str,
+    pub(super) reason: String,
+}
+
+/// A program with limits, for commands in a row.
+pub(super) struct Limited<'a> {
+    pub(super) program: &'a Path,
+    pub(super) limits: &'a Limits,
+    pub(super) log: &'a Path,
+}
+
+impl crate::dsdf::Run for Limited<'_> {
+    fn report(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+        let arguments: Vec<String> = arguments.iter().map(|&a| a.to_owned()).collect();
+        Ok(run(self.program, &arguments, self.limits, self.log, &|| {})??)
+    }
+}
+
+/// How often a program is looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Runs `program` and reads the JSON object that it prints. What it says otherwise goes to `log`; `watch` is called all the while.
+///
+/// # Errors
+/// If the program cannot be started. What it does then is a result.
+pub(super) fn run(
+    program: &Path,
+    arguments: &[String],
+    limits: &Limits,
+    log: &Path,
+    watch: &dyn Fn(),
+) -> anyhow::Result<Result<Value, Failure>> {
+    let out_path = log.with_extension("out");
+    let out = File::create(&out_path).with_context(|| out_path.display().to_string())?;
+    let mut child = Command::new(program)
+        .args(arguments)
+        .args(["--json", "--quiet"])
+        .stdin(Stdio::null())
+        .stdout(out)
+        .stderr(File::create(log)?)
+        .spawn()
+        .with_context(|| format!("cannot start {}", program.display()))?;
+    let (start, memory) = (Instant::now(), format!("/proc/{}/status", child.id()));
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        let used = resident(&memory);
+        let seconds = start.elapsed().as_secs_f64();
+        let over = if seconds > limits.seconds {
+            Some(("time", format!("{} s are over", limits.seconds)))
+        } else {
+            used.filter(|used| *used > limits.mebibytes)
+                .map(|used| ("memory", format!("{used:.0} MiB of {} in use", limits.mebibytes)))
+        };
+        if let Some((status, reason)) = over {
+            child.kill()?;
+            child.wait()?;
+            return Ok(Err(Failure { status, reason }));
+        }
+        watch();
+        std::thread::sleep(LOOK);
+    };
+    let text = std::fs::read_to_string(&out_path)?;
+    std::fs::remove_file(&out_path)?;
+    if status.success() {
+        return Ok(serde_json::from_str(&text).map_err(|e| Failure { status: "failed", reason: e.to_string() }));
+    }
+    let errors = std::fs::read_to_string(log).unwrap_or_default();
+    let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
+}
+
+/// The resident set of a process, in MiB, where the system tells.
+fn resident(status: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(status).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, limits: Limits) -> Result<Value, Failure> {
+        let folder = tempfile::tempdir().unwrap();
+        let arguments = ["-c".to_owned(), script.to_owned()];
+        run(Path::new("sh"), &arguments, &limits, &folder.path().join("log"), &|| {}).unwrap()
+    }
+
+    #[test]
+    fn limits_end_a_program_and_what_it_says_is_kept() {
+        let limits = Limits { seconds: 0.2, mebibytes: 1000.0 };
+        assert_eq!(shell("echo '{\"a\": 1}'", limits).unwrap()["a"], 1);
+        assert_eq!(shell("sleep 10", limits).unwrap_err().status, "time");
+        let failure = shell("echo one >&2; echo two >&2; exit 3", limits).unwrap_err();
+        assert!(failure.status == "failed" && failure.reason.ends_with(": two"), "{failure:?}");
+        assert_eq!(shell("echo nonsense", limits).unwrap_err().status, "failed");
+        if cfg!(target_os = "linux") {
+            let small = Limits { seconds: 10.0, mebibytes: 0.1 };
+            assert_eq!(shell("sleep 5", small).unwrap_err().status, "memory");
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! Input that is refused: one line, exit status 2.
+
+use std::fmt::Display;
+use std::path::Path;
+
+/// What was wrong with a file or an argument.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {field}: found {found}, expected {expected}")]
+pub(crate) struct Refusal {
+    file: String,
+    field: String,
+    found: String,
+    expected: String,
+}
+
+impl Refusal {
+    pub(super) fn new(file: &Path, field: impl Display, found: impl Display, expected: impl Display) -> Self {
+        let line = |text: &dyn Display| text.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        let file = file.display().to_string();
+        Refusal { file, field: line(&field), found: line(&found), expected: line(&expected) }
+    }
+}

@@ -1,0 +1,257 @@
+//! The report of a sweep: a page that can be read alone, as Markdown and as HTML.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use super::claims::{Judged, error_name, judge, percent, worse};
+use super::pictures::{Table, save, shown};
+use super::results::{METRICS, Metric, Row, to_csv, write};
+use super::statistics::Mean;
+use super::sweep::{Kind, Sweep};
+
+/// Writes results, pictures and report of what is there; `picture` is where a row's picture lies.
+pub(super) fn report(
+    sweep: &Sweep,
+    rows: &[Row],
+    output: &Path,
+    picture: &dyn Fn(&Row) -> PathBuf,
+) -> anyhow::Result<()> {
+    write(&output.join("results.csv"), to_csv(rows)?)?;
+    save(sweep, rows, output, picture)?;
+    let text = markdown(sweep, rows);
+    write(&output.join("report.html"), html(&sweep.title, &text, output)?)?;
+    write(&output.join("report.md"), text)
+}
+
+/// The metrics that a sweep asks for.
+fn metrics(sweep: &Sweep) -> Vec<&'static Metric> {
+    METRICS.iter().filter(|m| sweep.metrics.is_empty() || sweep.metrics.iter().any(|n| n == m.name)).collect()
+}
+
+fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
+    let cells = sweep.cells().len();
+    let mut out = format!("# {}\n\n", sweep.title);
+    if !sweep.about.is_empty() {
+        let _ = writeln!(out, "{}\n", sweep.about.trim());
+    }
+    setup(&mut out, sweep);
+    let failed: Vec<&Row> = rows.iter().filter(|r| r.status != "done").collect();
+    let converged = rows.iter().filter(|r| r.converged).count();
+    let _ = writeln!(
+        out,
+        "{} of {cells} cells are here; {} were ended or failed; {converged} converged.\n",
+        rows.len(),
+        failed.len()
+    );
+    if rows.len() < cells {
+        let _ = writeln!(out, "**This sweep is not complete: what follows is of the cells that are here.**\n");
+    }
+    if !sweep.claim.is_empty() {
+        claims(&mut out, sweep, rows);
+    }
+    recommendation(&mut out, rows);
+    let _ = writeln!(out, "## Reconstructions\n\n![The reconstructions](grid.png)\n");
+    let _ = writeln!(
+        out,
+        "Each is the seed with the median Chamfer distance, with the means over the seeds. Red: not all seeds converged.\n"
+    );
+    tables(&mut out, sweep, rows);
+    let plots = [
+        ("Heat maps", "heat.svg"),
+        ("Loss over iterations", "curves.svg"),
+        ("Chamfer distance over time", "pareto.svg"),
+    ];
+    for (title, file) in plots {
+        let _ = writeln!(out, "## {title}\n\n![{title}]({file})\n");
+    }
+    if !failed.is_empty() {
+        let _ = writeln!(out, "## What was ended or failed\n\n| cell | seed | status | reason |\n|---|---|---|---|");
+        for row in failed {
+            let values: Vec<String> = row.values.iter().map(|(k, v)| format!("{k} = {v}")).collect();
+            let reason = row.reason.replace('|', "/");
+            let _ = writeln!(out, "| {}, {} | {} | {} | {reason} |", row.data, values.join(", "), row.seed, row.status);
+        }
+        out.push('\n');
+    }
+    out
+}
+
+fn setup(out: &mut String, sweep: &Sweep) {
+    let _ = writeln!(out, "## Setup\n\n| | |\n|---|---|");
+    for (key, _) in &sweep.parameters {
+        let _ = writeln!(out, "| {key} | {} |", sweep.values(key).join(", "));
+    }
+    let fixed: Vec<String> = sweep.fixed.iter().map(|(k, v)| format!("{k} = {}", super::sweep::text(v))).collect();
+    let _ = writeln!(out, "| all cells | {} |", fixed.join(", "));
+    for data in &sweep.data {
+        let of = data.scene.as_deref().or(data.dataset.as_deref()).unwrap_or_default();
+        let views = data
+            .scene
+            .as_ref()
+            .map_or(String::new(), |_| format!(", {} views of {} × {} pixels", data.views, data.size, data.size));
+        let _ = writeln!(out, "| {} | {of}{views} |", data.name);
+    }
+    let budget = sweep.iterations.map_or_else(
+        || format!("{} of wall time", sweep.time.as_deref().unwrap_or_default()),
+        |n| format!("{n} iterations"),
+    );
+    let seeds: Vec<String> = sweep.seeds.iter().map(ToString::to_string).collect();
+    let _ = writeln!(out, "| budget of a fit | {budget} |\n| seeds | {} |", seeds.join(", "));
+    let (converged, test) = (&sweep.converged, &sweep.gradient);
+    let _ = writeln!(
+        out,
+        "| converged | Chamfer distance at most {} of the bounding radius, and the loss at the end (a twentieth of the fit) at most {} times the lowest |",
+        percent(converged.chamfer),
+        converged.rise
+    );
+    let _ = writeln!(
+        out,
+        "| bias, deviation | relative L2 of the derivative image of the silhouette by a random direction of the weights, {} × {} pixels, {} samples, {} runs, against contours |",
+        test.size, test.size, test.spp, test.runs
+    );
+    let _ = writeln!(out, "\nMeans are over the seeds, with intervals of 95 % (Student).\n");
+}
+
+fn claims(out: &mut String, sweep: &Sweep, rows: &[Row]) {
+    let _ = writeln!(
+        out,
+        "## Claims\n\nPairs of fits that differ in nothing but the parameter; ratios of errors, their geometric mean with a paired interval of 95 %; p of a paired t-test. \
+         A fit without a result counts as one bounding radius off.\n\n| claim | verdict |\n|---|---|"
+    );
+    let judged: Vec<Judged> = sweep.claim.iter().map(|claim| judge(sweep, claim, rows)).collect();
+    for (claim, judged) in sweep.claim.iter().zip(&judged) {
+        let _ = writeln!(out, "| {} | **{}** |", claim.text, judged.verdict.name());
+    }
+    out.push('\n');
+    for (claim, judged) in sweep.claim.iter().zip(&judged) {
+        let _ = writeln!(out, "{} ({}):\n", claim.text, criterion(claim));
+        judged.evidence.iter().for_each(|line| {
+            let _ = writeln!(out, "- {line}");
+        });
+        out.push('\n');
+    }
+}
+
+fn criterion(claim: &super::sweep::Claim) -> String {
+    let margin = percent(claim.margin);
+    let only: Vec<String> = claim.only.iter().map(|(k, v)| format!("; only {k} = {}", super::sweep::text(v))).collect();
+    let text = match claim.kind {
+        Kind::Best => "reproduced if the intervals of all others are worse; not if one is better".to_owned(),
+        Kind::Worse => format!("reproduced if worse for certain and by {margin} or more; not if by less for certain"),
+        Kind::LittleGain => format!("reproduced if better by less than {margin} for certain; not if by more for certain"),
+        Kind::OftenDiverges => {
+            "reproduced if a quarter or more do not converge, and one in twenty for certain; not if fewer than a quarter for certain"
+                .to_owned()
+        }
+    };
+    text + &only.concat()
+}
+
+/// A setting with how much worse it is than the best one.
+struct Setting {
+    values: Vec<(String, String)>,
+    /// The geometric mean of the Chamfer distance over data sets and seeds.
+    chamfer: f64,
+    seconds: f64,
+    /// Against the best, paired.
+    worse: Mean,
+}
+
+/// The fastest setting that nothing says is worse than the best.
+fn recommendation(out: &mut String, rows: &[Row]) {
+    let Some(metric) = super::results::metric("chamfer") else { return };
+    let mut places: Vec<Vec<(String, String)>> = Vec::new();
+    for row in rows {
+        if !places.contains(&row.values) {
+            places.push(row.values.clone());
+        }
+    }
+    // One parameter for all, so that pairs of whole settings can be compared.
+    let named: Vec<Row> = rows
+        .iter()
+        .map(|r| {
+            let at = places.iter().position(|p| *p == r.values).unwrap_or(0);
+            Row { values: vec![("setting".to_owned(), at.to_string())], ..r.clone() }
+        })
+        .collect();
+    let of = |at: usize| named.iter().filter(move |r| r.value("setting") == at.to_string());
+    let chamfer = |at: usize| {
+        let logs: Vec<f64> = of(at).map(|r| r.number(metric).ln()).collect();
+        (logs.iter().sum::<f64>() / logs.len() as f64).exp()
+    };
+    let Some(best) = (0..places.len()).min_by(|&a, &b| chamfer(a).total_cmp(&chamfer(b))) else { return };
+    let mut settings: Vec<Setting> = (0..places.len())
+        .map(|at| {
+            let seconds: Vec<f64> = of(at).filter_map(|r| r.numbers.get("seconds").copied()).collect();
+            let seconds = seconds.iter().sum::<f64>() / seconds.len() as f64;
+            let worse = worse(&named, "setting", &at.to_string(), &best.to_string(), metric);
+            Setting { values: places[at].clone(), chamfer: chamfer(at), seconds, worse }
+        })
+        .collect();
+    settings.sort_by(|a, b| a.chamfer.total_cmp(&b.chamfer));
+    let name = |s: &Setting| s.values.iter().map(|(k, v)| format!("{k} = {v}")).collect::<Vec<_>>().join(", ");
+    let equal = |s: &&Setting| s.chamfer == settings[0].chamfer || s.worse.low <= 1.0;
+    let fastest = settings.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let _ = writeln!(out, "## Recommendation\n");
+    if let Some(fastest) = fastest {
+        let _ = writeln!(
+            out,
+            "**{}**: the fastest of the settings whose {} is not worse than the best one's for certain.\n",
+            name(fastest),
+            error_name(metric)
+        );
+    }
+    let _ = writeln!(out, "| setting | Chamfer (geometric mean) | of the best, 95 % | seconds |\n|---|---|---|---|");
+    for s in &settings {
+        let _ = writeln!(
+            out,
+            "| {} | {:.3} % | {} ({} to {}) | {:.1} |",
+            name(s),
+            100.0 * s.chamfer,
+            percent(s.worse.mean),
+            percent(s.worse.low),
+            percent(s.worse.high),
+            s.seconds
+        );
+    }
+    out.push('\n');
+}
+
+fn tables(out: &mut String, sweep: &Sweep, rows: &[Row]) {
+    let _ = writeln!(out, "## Tables\n");
+    for metric in metrics(sweep) {
+        for table in Table::all(sweep) {
+            let _ = writeln!(out, "{}: {}\n", table.title, metric.label);
+            let _ = writeln!(out, "| {} ↓ {} → | {} |", table.rows.0, table.columns.0, table.columns.1.join(" | "));
+            let _ = writeln!(out, "|---{}|", "|---".repeat(table.columns.1.len()));
+            for row in &table.rows.1 {
+                let own = table.columns.1.iter().map(|column| shown(&table.at(rows, row, column), metric));
+                let _ = writeln!(out, "| {row} | {} |", own.collect::<Vec<_>>().join(" | "));
+            }
+            out.push('\n');
+        }
+    }
+}
+
+/// The page with its pictures inside. It knows the Markdown that is written above, no more.
+fn html(title: &str, markdown: &str, folder: &Path) -> anyhow::Result<String> {
+    let mut body = String::new();
+    let parser = pulldown_cmark::Parser::new_ext(markdown, pulldown_cmark::Options::ENABLE_TABLES);
+    pulldown_cmark::html::push_html(&mut body, parser);
+    for file in ["heat.svg", "curves.svg", "pareto.svg"] {
+        let svg = std::fs::read_to_string(folder.join(file))?;
+        let at = format!("<img src=\"{file}\"");
+        while let Some(start) = body.find(&at) {
+            let end = body[start..].find("/>").map_or(body.len(), |e| start + e + 2);
+            body.replace_range(start..end, &svg);
+        }
+    }
+    let png =
+        base64::Engine::encode(&base64::engine::general_purpose::STANDARD, std::fs::read(folder.join("grid.png"))?);
+    let body = body.replace("src=\"grid.png\"", &format!("src=\"data:image/png;base64,{png}\""));
+    Ok(format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title><style>\
+         body{{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em}}table{{border-collapse:collapse}}\
+         td,th{{border:1px solid #ccc;padding:.2em .6em}}svg,img{{max-width:100%}}</style></head>\n<body>\n{body}</body></html>\n"
+    ))
+}

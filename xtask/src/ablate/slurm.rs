@@ -1,0 +1,105 @@
+//! Sweeps on clusters: shards, and the script of a job array.
+
+use std::path::Path;
+
+use super::refusal::Refusal;
+use super::sweep::Sweep;
+
+/// Shard `index` of `count`, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shard {
+    pub(super) index: usize,
+    pub(super) count: usize,
+}
+
+impl Shard {
+    /// Reads `I/N` with I from 1 to N, or nothing, with the array task that `variable` tells of.
+    pub(super) fn read(
+        argument: Option<&str>,
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<Option<Shard>, Refusal> {
+        let refuse = |field: &str, found: &str, expected: &str| {
+            Err(Refusal::new(Path::new("arguments"), field, found, expected))
+        };
+        if let Some(text) = argument {
+            let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+            return match numbers {
+                Some((i, count)) if (1..=count).contains(&i) => Ok(Some(Shard { index: i - 1, count })),
+                _ => refuse("--shard", text, "I/N with I from 1 to N"),
+            };
+        }
+        let Some(task) = variable("SLURM_ARRAY_TASK_ID") else { return Ok(None) };
+        let number = |name: &str| variable(name).and_then(|v| v.parse::<usize>().ok());
+        let (first, count) = (number("SLURM_ARRAY_TASK_MIN"), number("SLURM_ARRAY_TASK_COUNT"));
+        match (task.parse::<usize>(), first, count) {
+            (Ok(task), Some(first), Some(count)) if task >= first && task - first < count => {
+                Ok(Some(Shard { index: task - first, count }))
+            }
+            _ => refuse("SLURM_ARRAY_TASK_ID", &task, "an array of consecutive tasks"),
+        }
+    }
+
+    /// Whether cell `number` is of this shard.
+    pub(super) fn holds(self, number: usize) -> bool {
+        number % self.count == self.index
+    }
+}
+
+/// The folder of a shard in that of its sweep.
+pub(super) fn folder(output: &Path, shard: Shard) -> std::path::PathBuf {
+    output.join("shards").join(format!("{}-of-{}", shard.index + 1, shard.count))
+}
+
+/// A script for `bash`: it submits the array, and a job that merges when all of it is done.
+pub(super) fn script(program: &Path, name: &str, sweep: &Sweep, output: &Path, jobs: usize, shards: usize) -> String {
+    let cells = sweep.cells().len().div_ceil(shards).div_ceil(jobs);
+    // Fits have the limit each; what is measured of them takes less again.
+    let minutes = (cells as f64 * sweep.limits.seconds * 2.0 / 60.0).ceil().max(1.0);
+    let memory = (jobs as f64 * sweep.limits.mebibytes * 1.1).ceil();
+    let quote = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
+    let [program, name, out] = [&program.to_string_lossy(), name, &output.to_string_lossy()].map(quote);
+    format!(
+        "#!/usr/bin/env bash\n\
+         # {}: {} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
+         set -euo pipefail\n\
+         mkdir -p {out}/shards\n\
+         array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} --cpus-per-task={jobs} --mem={memory}M \\\n  \
+         --time={minutes} --requeue --open-mode=append --output={out}/shards/%a.log \\\n  \
+         --wrap={})\n\
+         sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" --cpus-per-task=1 --mem=2G --time=30 \\\n  \
+         --output={out}/merge.log --wrap={}\n",
+        sweep.title,
+        sweep.cells().len(),
+        quote(&format!("{program} ablate {name} -o {out} --jobs {jobs}")),
+        quote(&format!("{program} ablate {name} -o {out} --merge {out}/shards/*-of-{shards}")),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_read_and_share_all_cells() {
+        let none = |_: &str| None;
+        assert_eq!(Shard::read(None, none).unwrap(), None);
+        assert_eq!(Shard::read(Some("2/4"), none).unwrap(), Some(Shard { index: 1, count: 4 }));
+        for wrong in ["0/4", "5/4", "x", "1/0", "1"] {
+            assert!(Shard::read(Some(wrong), none).unwrap_err().to_string().contains("I/N"), "{wrong}");
+        }
+        let task = |name: &str| {
+            let (_, value) =
+                [("SLURM_ARRAY_TASK_ID", "7"), ("SLURM_ARRAY_TASK_MIN", "5"), ("SLURM_ARRAY_TASK_COUNT", "4")]
+                    .into_iter()
+                    .find(|(known, _)| *known == name)?;
+            Some(value.to_owned())
+        };
+        assert_eq!(Shard::read(None, task).unwrap(), Some(Shard { index: 2, count: 4 }));
+        // An array of other steps than one has gaps that no shard would fill.
+        let odd = |name: &str| task(name).map(|v| if name.ends_with("ID") { "9".into() } else { v });
+        Shard::read(None, odd).unwrap_err();
+        for cell in 0..17 {
+            assert_eq!((0..4).filter(|&index| Shard { index, count: 4 }.holds(cell)).count(), 1);
+        }
+    }
+}

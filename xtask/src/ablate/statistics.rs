@@ -1,0 +1,93 @@
+//! Means over seeds, and comparisons of pairs.
+
+use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
+
+/// The level of all intervals.
+pub(super) const LEVEL: f64 = 0.95;
+
+/// A mean with its confidence interval; infinite for fewer than two values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mean {
+    pub(super) mean: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+    pub(super) count: usize,
+    /// The probability of a mean as far from zero or further, if the true one were zero: Student's test.
+    pub(super) p: f64,
+}
+
+/// The mean of independent values, by Student's distribution.
+pub(super) fn mean(values: &[f64]) -> Mean {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0);
+    let error = (variance / n).sqrt();
+    let unknown = Mean { mean, low: f64::NEG_INFINITY, high: f64::INFINITY, count: values.len(), p: 1.0 };
+    if values.len() < 2 || !error.is_finite() {
+        return unknown;
+    }
+    if error == 0.0 {
+        return Mean { low: mean, high: mean, p: if mean == 0.0 { 1.0 } else { 0.0 }, ..unknown };
+    }
+    let Ok(student) = StudentsT::new(0.0, 1.0, n - 1.0) else { return unknown };
+    let half = student.inverse_cdf(0.5 + 0.5 * LEVEL) * error;
+    let p = 2.0 * student.cdf(-(mean / error).abs());
+    Mean { low: mean - half, high: mean + half, p, ..unknown }
+}
+
+/// The mean ratio of pairs of positive numbers: that of their logarithms, paired.
+pub(super) fn ratio(pairs: &[(f64, f64)]) -> Mean {
+    let logs: Vec<f64> = pairs.iter().map(|(a, b)| (a / b).ln()).collect();
+    let mean = mean(&logs);
+    Mean { mean: mean.mean.exp(), low: mean.low.exp(), high: mean.high.exp(), ..mean }
+}
+
+/// The interval of a share of which `hits` of `count` were seen (Clopper and Pearson).
+pub(super) fn share(hits: usize, count: usize) -> (f64, f64) {
+    let tail = 0.5 * (1.0 - LEVEL);
+    let at_least = |p: f64| {
+        let below = hits.checked_sub(1);
+        binomial(count, p).map_or(1.0, |b| below.map_or(1.0, |k| 1.0 - b.cdf(k as u64)))
+    };
+    let at_most = |p: f64| binomial(count, p).map_or(1.0, |b| b.cdf(hits as u64));
+    let low = if hits == 0 { 0.0 } else { bisect(|p| at_least(p) - tail) };
+    let high = if hits == count { 1.0 } else { bisect(|p| tail - at_most(p)) };
+    (low, high)
+}
+
+fn binomial(count: usize, p: f64) -> Option<Binomial> {
+    Binomial::new(p, count as u64).ok()
+}
+
+/// Where a growing function of [0, 1] is zero.
+fn bisect(f: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        *(if f(middle) < 0.0 { &mut low } else { &mut high }) = middle;
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_are_those_of_tables() {
+        // t for 95 % and 4 degrees of freedom is 2.776; the error of 1..5 is √(2.5/5).
+        let m = mean(&[1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert!((m.high - 3.0 - 2.776 * 0.5f64.sqrt()).abs() < 1e-3, "{m:?}");
+        assert!((m.p - 0.0132).abs() < 2e-4, "{m:?}");
+        assert_eq!(mean(&[2.0]).high, f64::INFINITY);
+        assert_eq!(mean(&[2.0, 2.0]).low, 2.0);
+        let r = ratio(&[(2.0, 1.0), (4.0, 2.0), (2.2, 1.0)]);
+        assert!(r.mean > 2.0 && r.mean < 2.1 && r.low > 1.0);
+        // 0 of 10: 1 − 0.025^(1/10); 3 of 10 from tables.
+        let (low, high) = share(0, 10);
+        assert!(low == 0.0 && (high - 0.3085).abs() < 1e-3, "{high}");
+        let (low, high) = share(3, 10);
+        assert!((low - 0.0667).abs() < 1e-3 && (high - 0.6525).abs() < 1e-3, "{low} {high}");
+        assert_eq!(share(10, 10).1, 1.0);
+    }
+}

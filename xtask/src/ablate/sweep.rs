@@ -1,0 +1,391 @@
+//! What a sweep file says: parameters with their values, data sets, budget, repeats, and what is asked of the results.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::refusal::Refusal;
+
+/// A sweep as its file has it.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Sweep {
+    /// One line.
+    pub(super) title: String,
+    /// What is asked, for the report.
+    #[serde(default)]
+    pub(super) about: String,
+    /// The package whose binary of the same name (`dsdf` for `app`) runs the cells.
+    #[serde(default = "app")]
+    pub(super) package: String,
+    /// Iterations of every fit.
+    #[serde(default)]
+    pub(super) iterations: Option<u64>,
+    /// Wall time of every fit in its stead, as `dsdf fit --time` has it; results then differ from run to run.
+    #[serde(default)]
+    pub(super) time: Option<String>,
+    /// A repeat each.
+    pub(super) seeds: Vec<u64>,
+    /// The parameters of the rows and columns of tables and pictures; the first two otherwise.
+    #[serde(default)]
+    pub(super) rows: Option<String>,
+    #[serde(default)]
+    pub(super) columns: Option<String>,
+    /// What the report shows, of [`super::results::METRICS`]; all otherwise.
+    #[serde(default)]
+    pub(super) metrics: Vec<String>,
+    #[serde(default)]
+    pub(super) limits: Limits,
+    #[serde(default)]
+    pub(super) converged: Converged,
+    #[serde(default)]
+    pub(super) gradient: GradientTest,
+    /// Options of `dsdf fit` that all cells share, by their names with underscores.
+    #[serde(default)]
+    pub(super) fixed: BTreeMap<String, Value>,
+    /// Options of `dsdf fit` with their values: the grid.
+    pub(super) parameters: toml::map::Map<String, Value>,
+    /// What is reconstructed.
+    pub(super) data: Vec<Data>,
+    /// What the results are held against.
+    #[serde(default)]
+    pub(super) claim: Vec<Claim>,
+}
+
+fn app() -> String {
+    "app".to_owned()
+}
+
+/// What one process of a cell may use.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Limits {
+    pub(super) seconds: f64,
+    pub(super) mebibytes: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits { seconds: 3600.0, mebibytes: 4096.0 }
+    }
+}
+
+/// When a fit counts as converged: all numbers finite, the Chamfer distance at most `chamfer` bounding radii, and the loss at
+/// the end at most `rise` times the lowest.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Converged {
+    pub(super) chamfer: f64,
+    pub(super) rise: f64,
+}
+
+impl Default for Converged {
+    fn default() -> Self {
+        Converged { chamfer: 0.05, rise: 2.0 }
+    }
+}
+
+/// How gradients are tested on a cell's first and last iterate: the derivative image of the silhouette (radiance 1 before 0) by a
+/// random direction of the weights, of `size` pixels a side with `spp` samples, `runs` times, against contours.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct GradientTest {
+    pub(super) size: u32,
+    pub(super) spp: u32,
+    pub(super) runs: u32,
+}
+
+impl Default for GradientTest {
+    fn default() -> Self {
+        GradientTest { size: 16, spp: 16, runs: 8 }
+    }
+}
+
+/// A scene that is photographed, or a data set.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Data {
+    pub(super) name: String,
+    /// A scene file, beside the sweep's; `views` pictures of `size` pixels a side are taken of it.
+    #[serde(default)]
+    pub(super) scene: Option<String>,
+    #[serde(default = "views")]
+    pub(super) views: u32,
+    #[serde(default = "size")]
+    pub(super) size: u32,
+    /// A folder with photographs instead.
+    #[serde(default)]
+    pub(super) dataset: Option<String>,
+    /// Its true surface, if it is known.
+    #[serde(default)]
+    pub(super) mesh: Option<String>,
+}
+
+fn views() -> u32 {
+    24
+}
+
+fn size() -> u32 {
+    64
+}
+
+/// Something that was said of a parameter, to be judged.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Claim {
+    pub(super) text: String,
+    pub(super) kind: Kind,
+    pub(super) parameter: String,
+    /// The values that it speaks of.
+    pub(super) values: Vec<Value>,
+    /// The value that they are compared with; for `best` every other one.
+    #[serde(default)]
+    pub(super) than: Option<Value>,
+    /// Only cells with these values of other parameters.
+    #[serde(default, rename = "where")]
+    pub(super) only: BTreeMap<String, Value>,
+    #[serde(default = "chamfer")]
+    pub(super) metric: String,
+    /// The relative difference that counts.
+    #[serde(default = "margin")]
+    pub(super) margin: f64,
+}
+
+fn chamfer() -> String {
+    "chamfer".to_owned()
+}
+
+fn margin() -> f64 {
+    0.1
+}
+
+/// What a claim says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Kind {
+    /// The value is better than every other.
+    Best,
+    /// The values are worse by the margin.
+    Worse,
+    /// The values are not better by the margin.
+    LittleGain,
+    /// A quarter or more of the fits do not converge.
+    OftenDiverges,
+}
+
+/// One fit of a sweep.
+#[derive(Clone, Debug)]
+pub(super) struct Cell {
+    /// The data set's place in the sweep.
+    pub(super) data: usize,
+    /// The parameters, in the sweep's order.
+    pub(super) values: Vec<(String, String)>,
+    pub(super) seed: u64,
+    /// A name for folders: data set, values, seed.
+    pub(super) name: String,
+}
+
+/// The sweeps that come with the command.
+pub(super) const SHIPPED: [(&str, &str); 6] = [
+    ("k-gamma", include_str!("../../sweeps/k-gamma.toml")),
+    ("steps-epsilon", include_str!("../../sweeps/steps-epsilon.toml")),
+    ("steps-refined", include_str!("../../sweeps/steps-refined.toml")),
+    ("filters", include_str!("../../sweeps/filters.toml")),
+    ("precision", include_str!("../../sweeps/precision.toml")),
+    ("smoke", include_str!("../../sweeps/smoke.toml")),
+];
+
+/// A value as a flag has it.
+pub(super) fn text(value: &Value) -> String {
+    match value {
+        Value::String(s) => s.clone(),
+        // 1e-8, not 0.00000001.
+        Value::Float(v) if *v != 0.0 && v.abs() < 1e-3 => format!("{v:e}"),
+        other => other.to_string(),
+    }
+}
+
+impl Sweep {
+    /// Reads a shipped sweep or a file; also the folder that its own paths start from.
+    pub(super) fn load(name: &str) -> Result<(Sweep, PathBuf), Refusal> {
+        let (path, folder, source) = match SHIPPED.iter().find(|(known, _)| *known == name) {
+            Some((_, source)) => {
+                let folder = crate::dsdf::root().join("xtask/sweeps");
+                (folder.join(format!("{name}.toml")), folder, (*source).to_owned())
+            }
+            None => {
+                let path = PathBuf::from(name);
+                let names = SHIPPED.map(|(known, _)| known).join(", ");
+                let source = std::fs::read_to_string(&path)
+                    .map_err(|e| Refusal::new(&path, "sweep", e, format!("a TOML file, or one of {names}")))?;
+                let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+                (path, folder, source)
+            }
+        };
+        let sweep: Sweep = toml::from_str(&source).map_err(|e| {
+            let line = e.span().map_or(0, |span| source[..span.start].lines().count().max(1));
+            Refusal::new(&path, format!("line {line}"), e.message().replace('\n', " "), "a sweep (see docs/ablate.md)")
+        })?;
+        sweep.check(&path)?;
+        Ok((sweep, folder))
+    }
+
+    fn check(&self, path: &Path) -> Result<(), Refusal> {
+        let refuse = |field: String, found: String, expected: &str| Err(Refusal::new(path, field, found, expected));
+        if self.parameters.is_empty() {
+            return refuse("parameters".into(), "none".into(), "one or more, each with a list of values");
+        }
+        for (key, values) in &self.parameters {
+            let Some(list) = values.as_array() else {
+                return refuse(format!("parameters.{key}"), values.to_string(), "a list of values");
+            };
+            if list.is_empty() {
+                return refuse(format!("parameters.{key}"), "[]".into(), "one value or more");
+            }
+            let plain = |v: &&Value| !(v.is_integer() || v.is_float() || v.is_str() || v.is_bool());
+            if let Some(odd) = list.iter().find(plain) {
+                return refuse(format!("parameters.{key}"), odd.to_string(), "numbers, strings or booleans");
+            }
+            let texts: Vec<String> = list.iter().map(text).collect();
+            if let Some(twice) = texts.iter().enumerate().find(|(i, t)| texts[..*i].contains(t)) {
+                return refuse(format!("parameters.{key}"), format!("{} twice", twice.1), "different values");
+            }
+        }
+        if self.seeds.is_empty() {
+            return refuse("seeds".into(), "[]".into(), "one or more");
+        }
+        if self.data.is_empty() {
+            return refuse("data".into(), "none".into(), "one data set or more");
+        }
+        let preset = self.parameters.contains_key("preset") || self.fixed.contains_key("preset");
+        match (self.iterations, &self.time) {
+            (Some(_), Some(_)) => return refuse("iterations".into(), "iterations and time".into(), "one of them"),
+            (None, None) if !preset => {
+                return refuse("iterations".into(), "neither iterations nor time nor a preset".into(), "one of them");
+            }
+            _ => {}
+        }
+        for (i, data) in self.data.iter().enumerate() {
+            if data.scene.is_some() == data.dataset.is_some() {
+                return refuse(format!("data.{}", data.name), "scene and dataset, or neither".into(), "one of them");
+            }
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            if data.name.is_empty() || !data.name.chars().all(plain) {
+                return refuse("data.name".into(), data.name.clone(), "letters, digits, - and _");
+            }
+            if self.data[..i].iter().any(|other| other.name == data.name) {
+                return refuse("data.name".into(), format!("{} twice", data.name), "different names");
+            }
+        }
+        for (field, name) in [("rows", &self.rows), ("columns", &self.columns)] {
+            if let Some(name) = name.as_ref().filter(|name| !self.parameters.contains_key(*name)) {
+                return refuse(field.into(), name.clone(), "a key of parameters");
+            }
+        }
+        if let Some(odd) = self.metrics.iter().find(|m| super::results::metric(m).is_none()) {
+            return refuse("metrics".into(), odd.clone(), &super::results::metric_names());
+        }
+        let test = &self.gradient;
+        if test.size == 0 || test.spp == 0 || test.runs < 2 {
+            return refuse("gradient".into(), format!("{test:?}"), "size and spp of 1 or more, 2 runs or more");
+        }
+        self.check_claims(path)
+    }
+
+    fn check_claims(&self, path: &Path) -> Result<(), Refusal> {
+        for claim in &self.claim {
+            let refuse = |found: String, expected: String| {
+                Err(Refusal::new(path, format!("claim {:?}", claim.text), found, expected))
+            };
+            if super::results::metric(&claim.metric).is_none() {
+                return refuse(claim.metric.clone(), super::results::metric_names());
+            }
+            let mentioned = claim.values.iter().chain(&claim.than).map(|v| (&claim.parameter, v));
+            for (parameter, value) in mentioned.chain(&claim.only) {
+                if !self.values(parameter).contains(&text(value)) {
+                    return refuse(format!("{parameter} = {value}"), "a parameter and a value of the grid".into());
+                }
+            }
+            if claim.than.is_none() && matches!(claim.kind, Kind::Worse | Kind::LittleGain) {
+                return refuse("no value to compare with".into(), "than = ...".into());
+            }
+            if claim.values.is_empty() {
+                return refuse("no values".into(), "values = [...]".into());
+            }
+        }
+        Ok(())
+    }
+
+    /// The values of a parameter, as flags have them.
+    pub(super) fn values(&self, parameter: &str) -> Vec<String> {
+        let list = self.parameters.get(parameter).and_then(Value::as_array);
+        list.map_or_else(Vec::new, |list| list.iter().map(text).collect())
+    }
+
+    /// The parameters of rows and columns.
+    pub(super) fn axes(&self) -> (String, Option<String>) {
+        let first = |not: Option<&String>| self.parameters.keys().find(|k| Some(*k) != not).cloned();
+        let rows = self.rows.clone().or_else(|| first(self.columns.as_ref())).unwrap_or_default();
+        let columns = self.columns.clone().or_else(|| first(Some(&rows)));
+        (rows, columns)
+    }
+
+    /// All cells: the grid for every data set and seed.
+    pub(super) fn cells(&self) -> Vec<Cell> {
+        let mut grid: Vec<Vec<(String, String)>> = vec![Vec::new()];
+        for key in self.parameters.keys() {
+            let extend = |row: &Vec<(String, String)>, value: String| {
+                row.iter().cloned().chain([(key.clone(), value)]).collect::<Vec<_>>()
+            };
+            grid = grid.iter().flat_map(|row| self.values(key).into_iter().map(move |v| extend(row, v))).collect();
+        }
+        let mut cells = Vec::new();
+        // Repeats outermost: a sweep that is stopped half-way has all of the grid.
+        for &seed in &self.seeds {
+            for (data, set) in self.data.iter().enumerate() {
+                for values in &grid {
+                    let settings: Vec<String> = values.iter().map(|(k, v)| format!("{k}={v}")).collect();
+                    let name = format!("{}.{}.seed={seed}", set.name, settings.join(".")).replace(['/', ' '], "_");
+                    cells.push(Cell { data, values: values.clone(), seed, name });
+                }
+            }
+        }
+        cells
+    }
+
+    /// The flags of `dsdf fit` for a cell, but for paths.
+    pub(super) fn flags(&self, cell: &Cell) -> Vec<String> {
+        let fixed = self.fixed.iter().map(|(key, value)| (key.clone(), text(value)));
+        let mut flags: Vec<String> = fixed.chain(cell.values.iter().cloned()).flat_map(flag).collect();
+        flags.extend(flag(("seed".to_owned(), cell.seed.to_string())));
+        flags.extend(self.iterations.iter().flat_map(|n| flag(("iterations".to_owned(), n.to_string()))));
+        flags.extend(self.time.iter().flat_map(|t| flag(("time".to_owned(), t.clone()))));
+        flags
+    }
+
+    /// The value of an option in a cell, if the sweep says one.
+    pub(super) fn setting(&self, cell: &Cell, key: &str) -> Option<String> {
+        let own = cell.values.iter().find(|(k, _)| k == key).map(|(_, v)| v.clone());
+        own.or_else(|| self.fixed.get(key).map(text))
+    }
+}
+
+/// The method's own names of some options.
+const ALIASES: [(&str, &str); 3] = [("k", "top_k"), ("N", "steps"), ("spp", "edge_rays")];
+
+/// `--top-k=7` of `top_k` and 7; a switch for a boolean.
+pub(super) fn flag((key, value): (String, String)) -> Vec<String> {
+    let key = ALIASES.iter().find(|(short, _)| *short == key).map_or(key.as_str(), |(_, long)| *long);
+    let name = format!("--{}", key.replace('_', "-"));
+    match value.as_str() {
+        "true" => vec![name],
+        "false" => Vec::new(),
+        _ => vec![format!("{name}={value}")],
+    }
+}
+
+#[cfg(test)]
+#[path = "sweep_tests.rs"]
+mod tests;
