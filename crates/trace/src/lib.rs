@@ -58,6 +58,7 @@ mod silhouette;
 mod visit;
 
 pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_derivative, hit_vjp};
+pub use field;
 pub use intersect::{Intersection, Outcome, intersect};
 pub use options::{InvalidOptions, Options};
 pub use ray::Ray;

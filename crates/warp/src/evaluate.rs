@@ -2,8 +2,8 @@
 
 use field::{Field, Real, Vector3};
 
-use crate::weights::{Entry, Motion, Quadrature, normalise_rates};
-use crate::{Kept, Options, Projection, WarpedRay};
+use crate::weights::{Entry, Quadrature, normalise_rates};
+use crate::{Kept, Motion, Options, Projection, WarpedRay, Weighting};
 
 /// Evaluates the warp of a batch of rays; `projection` has one chart a ray, or one for all.
 ///
@@ -20,20 +20,35 @@ pub fn evaluate<R: Real, P: Projection<R> + ?Sized>(
     rays: &[WarpedRay<'_, R>],
     divergence: bool,
 ) -> Kept<R> {
+    evaluate_with(field, options, options, projection, rays, divergence)
+}
+
+/// The same with weights of one's own: of the options, k and the relaxation are used.
+///
+/// # Panics
+/// As [`evaluate`].
+pub fn evaluate_with<R: Real, P: Projection<R> + ?Sized>(
+    field: &(impl Field<R> + ?Sized),
+    options: &Options<R>,
+    weighting: &dyn Weighting<R>,
+    projection: &[&P],
+    rays: &[WarpedRay<'_, R>],
+    divergence: bool,
+) -> Kept<R> {
     let charts = projection.len();
     assert!(charts == 1 || charts == rays.len(), "{charts} charts for {} rays", rays.len());
     let chart = |ray: usize| projection[if charts == 1 { 0 } else { ray }];
     let mut kept = Kept::of_rays(rays.iter().map(|ray| ray.valid && ray.is_finite()).collect());
     let mut quadrature = Quadrature::default();
     for (number, ray) in rays.iter().enumerate().filter(|(number, _)| kept.valid[*number]) {
-        quadrature.add(options, ray, number);
+        quadrature.add(weighting, options.k, ray, number);
     }
     let entries = &quadrature.entries;
     let motions = if divergence { motions(field, options, rays, entries) } else { Vec::new() };
     let mut rates: Vec<[R; 2]> = entries
         .iter()
         .zip(&motions)
-        .map(|(entry, motions)| motions.map(|motion| entry.rate(options, &rays[entry.ray], &motion)))
+        .map(|(entry, motions)| motions.map(|motion| entry.rate(weighting, &rays[entry.ray], &motion)))
         .collect();
     let mut next = 0;
     for group in entries.chunk_by(|a, b| a.ray == b.ray) {

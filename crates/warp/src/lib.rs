@@ -83,9 +83,12 @@ mod evaluate;
 mod kept;
 mod options;
 mod ray;
+mod weighting;
 mod weights;
 
-pub use evaluate::evaluate;
+pub use evaluate::{evaluate, evaluate_with};
+pub use field;
 pub use kept::Kept;
 pub use options::{InvalidOptions, Options};
 pub use ray::{Projection, WarpedRay};
+pub use weighting::{Motion, Weighting};

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use field::{Real, Vector3};
 
-use crate::{Options, WarpedRay};
+use crate::{Motion, WarpedRay, Weighting};
 
 /// A point that takes part in the weights of its ray: one that keeps a weight, or the floor.
 ///
@@ -16,12 +16,6 @@ pub(crate) struct Entry<R> {
     pub(crate) index: usize,
     pub(crate) weight: R,
     share: R,
-}
-
-/// S = |f| + λ_d |∇f·d| + ε, kept away from zero: ln 0 would be infinite.
-fn spread<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>, i: usize) -> R {
-    let facing = ray.gradient[i].dot(ray.direction).abs();
-    (ray.f[i].abs() + options.lambda_d * facing + options.epsilon).max(R::min_positive_value())
 }
 
 /// The weights of many rays, one after the other; the vectors besides `entries` are scratch.
@@ -40,11 +34,11 @@ impl<R: Real> Quadrature<R> {
     ///
     /// If the kept weights all tie, the shift leaves nothing: the tied points then share the weight evenly, and keep it as
     /// u moves. They are one point in practice, a root that the recursion has converged on.
-    pub(crate) fn add(&mut self, options: &Options<R>, ray: &WarpedRay<'_, R>, number: usize) {
-        self.rank(options, ray);
+    pub(crate) fn add(&mut self, weighting: &dyn Weighting<R>, k: usize, ray: &WarpedRay<'_, R>, number: usize) {
+        self.rank(weighting, ray);
         let Some(&first) = self.order.first() else { return };
-        let floor = (self.order.len() >= options.k).then(|| self.order[options.k - 1]);
-        self.order.truncate(options.k);
+        let floor = (self.order.len() >= k).then(|| self.order[k - 1]);
+        self.order.truncate(k);
         self.order.sort_unstable();
         let ratio = |i: usize| (self.log[i] - self.log[first]).exp();
         let lowest = floor.map_or(R::zero(), ratio);
@@ -62,9 +56,9 @@ impl<R: Real> Quadrature<R> {
         }
     }
 
-    /// Computes ln w = −γ ln S + ln Δ and orders the points that stand for a length from the largest to the smallest.
-    fn rank(&mut self, options: &Options<R>, ray: &WarpedRay<'_, R>) {
-        let log_weight = |i: usize| -options.gamma * spread(options, ray, i).ln() + ray.step[i].ln();
+    /// Computes ln w = ln ρ + ln Δ and orders the points that stand for a length from the largest to the smallest.
+    fn rank(&mut self, weighting: &dyn Weighting<R>, ray: &WarpedRay<'_, R>) {
+        let log_weight = |i: usize| weighting.log_density(ray, i) + ray.step[i].ln();
         self.log.clear();
         self.log.extend((0..ray.t.len()).map(log_weight));
         self.order.clear();
@@ -76,36 +70,17 @@ impl<R: Real> Quadrature<R> {
     }
 }
 
-/// How a point moves as u moves along one film axis.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion<R: Real> {
-    /// ∂d.
-    pub(crate) direction: R::Vec3,
-    /// ∂t of the point.
-    pub(crate) t: R,
-    /// ∂t of the interval's end.
-    pub(crate) exit: R,
-    /// ∂x.
-    pub(crate) x: R::Vec3,
-    /// ∂∇f = ∇²f ∂x.
-    pub(crate) gradient: R::Vec3,
-}
-
 impl<R: Real> Entry<R> {
-    /// ∂w/Σ = p ∂ ln w, where ∂ ln w = −γ ∂S/S + ∂Δ/Δ.
-    pub(crate) fn rate(&self, options: &Options<R>, ray: &WarpedRay<'_, R>, motion: &Motion<R>) -> R {
+    /// ∂w/Σ = p ∂ ln w, where ∂ ln w = ∂ ln ρ + ∂Δ/Δ.
+    pub(crate) fn rate(&self, weighting: &dyn Weighting<R>, ray: &WarpedRay<'_, R>, motion: &Motion<R>) -> R {
         if self.share == R::zero() {
             return R::zero();
         }
         let i = self.index;
-        let sign = |v: R| if v < R::zero() { -R::one() } else { R::one() };
         let f_rate = ray.gradient[i].dot(motion.x);
-        let facing_rate = motion.gradient.dot(ray.direction) + ray.gradient[i].dot(motion.direction);
-        let facing_sign = sign(ray.gradient[i].dot(ray.direction));
-        let spread_rate = sign(ray.f[i]) * f_rate + options.lambda_d * facing_sign * facing_rate;
-        // Δ = ρ |f|, and ρ drops out.
+        // Δ is |f| times the relaxation, which drops out.
         let length = if ray.is_cut_off(i) { (motion.exit - motion.t) / ray.step[i] } else { f_rate / ray.f[i] };
-        self.share * (length - options.gamma * spread_rate / spread(options, ray, i))
+        self.share * (length + weighting.log_density_rate(ray, i, motion))
     }
 }
 

@@ -44,6 +44,9 @@ pub(crate) struct Ablate {
     /// Only cells whose name holds this text; all of several
     #[arg(long)]
     only: Vec<String>,
+    /// The program that runs the cells, instead of the package's, built for release
+    #[arg(long, value_name = "PROGRAM")]
+    binary: Option<PathBuf>,
     /// Only part I of N, in a folder of its own; a task of a Slurm array takes its own part without being told
     #[arg(long, value_name = "I/N")]
     shard: Option<String>,
@@ -82,7 +85,11 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let name = arguments.sweep.as_deref().unwrap_or_default();
     let (sweep, folder) = Sweep::load(name)?;
     let shard = Shard::read(arguments.shard.as_deref(), |name| std::env::var(name).ok())?;
-    let binary = crate::dsdf::build_package(&sweep.package)?;
+    let binary = match &arguments.binary {
+        Some(path) if path.is_file() => std::path::absolute(path)?,
+        Some(path) => return Err(Refusal::new(path, "--binary", "no file", "a program like dsdf").into()),
+        None => crate::dsdf::build_package(&sweep.package)?,
+    };
     plan::check(&sweep, name, &binary)?;
     let chosen: Vec<(usize, Cell)> = sweep
         .cells()

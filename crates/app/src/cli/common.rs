@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::error::InputError;
+use crate::estimate::Method;
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
@@ -21,9 +22,21 @@ pub(crate) struct Global {
     /// No progress on standard error
     #[arg(long, global = true)]
     pub(crate) quiet: bool,
+    /// What the program brings.
+    #[arg(skip)]
+    pub(crate) weights: Option<super::Weights>,
 }
 
 impl Global {
+    /// Refuses the estimator that a program brings if this one brings none.
+    pub(crate) fn check_estimator(&self, method: Method) -> Result<(), InputError> {
+        if method == Method::Custom && self.weights.is_none() {
+            let expected = "another one: custom is for programs with weights of their own (docs/extension)";
+            return Err(InputError::new("arguments", "--estimator", "custom", expected));
+        }
+        Ok(())
+    }
+
     /// Prints a result: as JSON, or as the lines of `text`.
     pub(crate) fn report(&self, json: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         if self.json {

@@ -58,6 +58,7 @@ impl Report {
 
 impl Fit {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        global.check_estimator(self.options.estimator)?;
         if self.check {
             return Ok(self.options.validate(Path::new("arguments"))?);
         }
@@ -161,7 +162,9 @@ pub(super) fn fit(
     }
     let mut claimed = if resume { Some(claim(run)?) } else { None };
     // What can be refused is refused before anything is written.
+    global.check_estimator(file.options.estimator)?;
     let mut fitting = Fitting::new(run, dataset, file, resume)?;
+    fitting.weighting = global.weights.as_ref().and_then(super::Weights::get);
     if claimed.is_none() {
         std::fs::create_dir_all(run).map_err(|e| InputError::new(run, "run", e, "a folder that can be written"))?;
         claimed = Some(claim(run)?);

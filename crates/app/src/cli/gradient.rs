@@ -110,6 +110,7 @@ impl Gradient {
 
     fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let sampling = self.sampling()?;
+        global.check_estimator(sampling.method)?;
         let weights = self.wrt.iter().any(|wrt| wrt.starts_with("/sdf/weights/"));
         if sampling.method == Method::FiniteDifferences && (self.target.is_some() || weights) {
             let expected = "another one for weights: contour is the reference there";
@@ -131,6 +132,7 @@ impl Gradient {
         setup.steps = self.steps as usize;
         setup.trace = self.trace_options()?;
         setup.warp = self.warp_options()?;
+        setup.weighting = global.weights.as_ref().and_then(super::Weights::get::<R>).map(|w| w as _);
         let bar = global.progress("gradient");
         let start = Instant::now();
         let invalid = |e| InputError::new(&self.scene, "/sdf", e, "a finite field");

@@ -11,12 +11,14 @@ mod preset;
 mod query;
 mod render;
 mod synth;
+mod weights;
 
 use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::exit_status;
+pub use weights::Weights;
 
 /// Differentiable rendering of neural signed distance fields: posed photographs in, a shape out.
 #[derive(Parser)]
@@ -53,6 +55,11 @@ enum Command {
 /// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or input, 130 after
 /// Ctrl-C, 1 for anything else.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    run_with(arguments, None)
+}
+
+/// The same for a program that brings weights of its own.
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<Weights>) -> u8 {
     let command = with_negative_numbers(Cli::command()).mut_subcommands(with_negative_numbers);
     let parsed = command
         .try_get_matches_from(preset::expand(arguments.into_iter().collect()))
@@ -70,7 +77,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return 0;
         }
     };
-    match execute(cli) {
+    match execute(cli, weights) {
         Ok(()) => 0,
         Err(error) => {
             let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
@@ -88,8 +95,8 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     })
 }
 
-fn execute(cli: Cli) -> anyhow::Result<()> {
-    let global = cli.global;
+fn execute(cli: Cli, weights: Option<Weights>) -> anyhow::Result<()> {
+    let global = common::Global { weights, ..cli.global };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.map_or(0, usize::from)).build()?;
     pool.install(|| match cli.command {
         Command::Render(command) => command.run(&global),

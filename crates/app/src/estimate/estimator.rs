@@ -93,6 +93,8 @@ pub enum Method {
     Band,
     /// Ours: silhouettes found along random lines of the film and integrated where they are.
     Refined,
+    /// The published one with the weights of a program that extends this one; see docs/extension.
+    Custom,
     /// Ground truth: silhouettes traced on a fine grid of the film.
     Contour,
     /// Ground truth: finite differences with common random numbers.
@@ -102,7 +104,7 @@ pub enum Method {
 
 impl Method {
     /// All, with their names on the command line.
-    pub const ALL: [(&'static str, Method); 10] = [
+    pub const ALL: [(&'static str, Method); 11] = [
         ("interior", Method::Interior),
         ("paper", Method::Paper),
         ("paper-all", Method::PaperAll),
@@ -111,6 +113,7 @@ impl Method {
         ("loubet", Method::Loubet),
         ("band", Method::Band),
         ("refined", Method::Refined),
+        ("custom", Method::Custom),
         ("contour", Method::Contour),
         ("fd", Method::FiniteDifferences),
     ];
@@ -136,12 +139,13 @@ impl Method {
     /// The estimator with a number of samples a pixel and on each edge between pixels; `None` for finite differences, which
     /// need the scene and not the field alone.
     pub fn estimator<R: Real>(self, spp: u32, edge_samples: u32, control: Control) -> Option<Box<dyn Estimator<R>>> {
+        let own_weights = self == Method::Custom;
         let warped = |filter, silhouettes, all_points| {
-            Box::new(WarpedArea { spp, edge_samples, filter, silhouettes, all_points, control })
+            Box::new(WarpedArea { spp, edge_samples, filter, silhouettes, all_points, own_weights, control })
         };
         Some(match self {
             Method::Interior => warped(Filter::Box, false, false),
-            Method::Paper => warped(Filter::Box, true, false),
+            Method::Paper | Method::Custom => warped(Filter::Box, true, false),
             Method::PaperAll => warped(Filter::Box, true, true),
             Method::Gaussian => warped(Filter::Gaussian, true, false),
             Method::Was => Box::new(Convolution::harmonic(spp)),

@@ -176,7 +176,7 @@ impl Mean {
 /// a pixel alone has as many samples as a tile should have.
 pub(super) fn tiles(width: u32, height: u32, sampling: Sampling, steps: usize) -> Vec<Vec<Pixel>> {
     let points = match sampling.method {
-        Method::Paper | Method::PaperAll | Method::Gaussian => steps.div_ceil(PUBLISHED_STEPS),
+        Method::Paper | Method::PaperAll | Method::Custom | Method::Gaussian => steps.div_ceil(PUBLISHED_STEPS),
         _ => 1,
     };
     let samples = sampling.spp.max(sampling.edge_samples) as usize * points;

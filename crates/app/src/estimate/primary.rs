@@ -4,6 +4,7 @@ use field::{Field, Real, Sphere, Vector3};
 use glam::DVec2;
 use rustc_hash::FxHashMap;
 use trace::{Intersection, Outcome, Ray};
+use warp::Weighting;
 
 use crate::camera::Camera;
 use crate::scene::Shader;
@@ -30,6 +31,8 @@ pub struct Setup<'a, R: Real> {
     pub trace: trace::Options<R>,
     /// The warp's exponents and guards.
     pub warp: warp::Options<R>,
+    /// Weights of the warp other than the published ones, for [`super::Method::Custom`].
+    pub weighting: Option<&'a dyn Weighting<R>>,
     /// N: the points of T(u).
     pub steps: usize,
     /// Whether records hold more than silhouettes: the pixels' values, and how these change where they are smooth.
@@ -136,7 +139,7 @@ impl<'a, R: Real> Setup<'a, R> {
         let bounds = Sphere { center: R::Vec3::of(bounds.center), radius: R::of(bounds.radius) };
         let (trace, warp) = (trace::Options::default(), warp::Options::default());
         let (within, steps) = (bounds, PUBLISHED_STEPS);
-        Setup { field, shader, cameras, bounds, within, background, trace, warp, steps, smooth: true }
+        Setup { field, shader, cameras, bounds, within, background, trace, warp, weighting: None, steps, smooth: true }
     }
 
     /// The same for what needs nothing but hits: rays are followed in the ball that the field says holds the solid, not in all of

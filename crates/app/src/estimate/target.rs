@@ -94,6 +94,7 @@ fn image<R: Real>(
         silhouettes: false,
         all_points: false,
         control: Control::Background,
+        own_weights: false,
     };
     let mut pixels = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     for tile in tiles(camera.width, camera.height, sampling, setup.steps) {

@@ -34,6 +34,8 @@ pub struct WarpedArea {
     pub silhouettes: bool,
     /// Whether every point keeps its weight, whatever k is.
     pub all_points: bool,
+    /// Whether points weigh as [`Setup::weighting`] says.
+    pub own_weights: bool,
     /// The control variate.
     pub control: Control,
 }
@@ -67,6 +69,9 @@ pub(super) fn plain_area<R: Real>(samples: Vec<Sample>, primary: Primary<R>, spp
 impl<R: Real> Estimator<R> for WarpedArea {
     fn record(&self, setup: &Setup<'_, R>, pixels: &[Pixel], seed: u64) -> Result<Record<R>, InvalidField> {
         let mut setup = *setup;
+        if !self.own_weights {
+            setup.weighting = None;
+        }
         if self.all_points {
             setup.warp.k = usize::MAX;
         }

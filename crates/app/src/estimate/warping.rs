@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 use trace::{Ray, entry_derivative, exit_derivative, visit};
-use warp::{Kept, WarpedRay};
+use warp::{Kept, WarpedRay, evaluate_with};
 
 use super::adjoints::Adjoints;
 use super::{Sample, Setup};
@@ -44,7 +44,8 @@ impl<R: Real> Setup<'_, R> {
             })
             .collect();
         let charts: Vec<_> = sample.iter().map(|&i| &self.cameras[samples[i].camera]).collect();
-        Warped { kept: warp::evaluate(self.field, &self.warp, &charts, &warped, divergence), sample }
+        let weighting = self.weighting.unwrap_or(&self.warp);
+        Warped { kept: evaluate_with(self.field, &self.warp, weighting, &charts, &warped, divergence), sample }
     }
 }
 

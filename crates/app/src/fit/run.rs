@@ -7,6 +7,7 @@ use field::{Counted, Evaluations, Field};
 use glam::Vec3;
 use optim::{Adam, Group};
 use serde::Serialize;
+use warp::Weighting;
 
 use super::checkpoint::State;
 use super::model::{HEAD_BANDS, Model, RunFile};
@@ -69,6 +70,8 @@ pub struct Fit {
     pub dataset: Dataset,
     /// Iterations done.
     pub iteration: u64,
+    /// Weights of the warp other than the published ones.
+    pub weighting: Option<&'static dyn Weighting<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
     adam: Adam<f32>,
@@ -105,6 +108,7 @@ impl Fit {
             model,
             dataset,
             iteration: 0,
+            weighting: None,
             folder: folder.to_owned(),
             levels,
             adam,
@@ -278,7 +282,7 @@ impl Fit {
 
     /// The setup for cameras of this data set.
     pub fn setup<'a>(&'a self, cameras: &'a [Camera]) -> Setup<'a, f32> {
-        setup(&self.model, &self.file, cameras)
+        Setup { weighting: self.weighting.map(|w| w as _), ..setup(&self.model, &self.file, cameras) }
     }
 
     /// PSNR of the held-out view last rendered, dB.
