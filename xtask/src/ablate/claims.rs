@@ -1,5 +1,7 @@
 //! Claims judged by paired comparisons: the same data set, seed and other parameters on both sides.
 
+use std::collections::BTreeMap;
+
 use super::results::{Better, Metric, Row, metric};
 use super::statistics::{Mean, ratio, share};
 use super::sweep::{Claim, Kind, Sweep, text};
@@ -32,26 +34,34 @@ pub(super) struct Judged {
 /// A share of fits that do not converge that counts as often.
 const OFTEN: f64 = 0.25;
 
-/// How much worse `value` is than `than`: the ratio of the metric, above 1 where worse; pairs of rows that differ in nothing else.
+/// How much worse `value` is than `than`: the ratio of the metric, above 1 where worse, of pairs of rows that differ in nothing else.
+///
+/// Fits of one seed on one data set start alike whatever their parameters: their pairs are one observation, the mean.
 pub(super) fn worse(rows: &[Row], parameter: &str, value: &str, than: &str, metric: &Metric) -> Mean {
-    let mut pairs = Vec::new();
+    let mut blocks: BTreeMap<(&str, u64), Vec<f64>> = BTreeMap::new();
     for row in rows.iter().filter(|r| r.value(parameter) == value) {
         let others = |r: &Row| r.values.iter().filter(|(k, _)| k != parameter).cloned().collect::<Vec<_>>();
         let partner = rows.iter().find(|r| {
             r.value(parameter) == than && r.data == row.data && r.seed == row.seed && others(r) == others(row)
         });
         if let Some(partner) = partner {
-            let (a, b) = (row.number(metric), partner.number(metric));
-            // A ratio of decibels says nothing; a ratio of errors does.
-            let pair = match (metric.name, metric.better) {
-                ("psnr", _) => (10f64.powf(-a / 20.0), 10f64.powf(-b / 20.0)),
-                (_, Better::More) => (1.0 - a, 1.0 - b),
-                _ => (a, b),
-            };
-            pairs.push((pair.0.max(f64::MIN_POSITIVE), pair.1.max(f64::MIN_POSITIVE)));
+            let log = error(row, metric).max(f64::MIN_POSITIVE).ln();
+            let other = error(partner, metric).max(f64::MIN_POSITIVE).ln();
+            blocks.entry((&row.data, row.seed)).or_default().push(log - other);
         }
     }
-    ratio(&pairs)
+    let logs: Vec<f64> = blocks.values().map(|own| own.iter().sum::<f64>() / own.len() as f64).collect();
+    ratio(&logs)
+}
+
+/// A metric as a positive number that is smaller where it is better: a ratio of decibels says nothing, one of errors does.
+fn error(row: &Row, metric: &Metric) -> f64 {
+    let v = row.number(metric);
+    match (metric.name, metric.better) {
+        ("psnr", _) => 10f64.powf(-v / 20.0),
+        (_, Better::More) => 1.0 - v,
+        _ => v,
+    }
 }
 
 /// Judges a claim by the rows of its sweep.
@@ -68,7 +78,7 @@ pub(super) fn judge(sweep: &Sweep, claim: &Claim, rows: &[Row]) -> Judged {
         let found = worse(&rows, &claim.parameter, value, than, metric);
         let verdict = judge(found);
         evidence.push(format!(
-            "{} = {value} against {than}: {} {} of it ({} to {}, {} pairs, p = {}): {}",
+            "{} = {value} against {than}: {} {} of it ({} to {}, {} data sets and seeds, p = {}): {}",
             claim.parameter,
             error_name(metric),
             percent(found.mean),

@@ -78,6 +78,9 @@ pub(super) fn three(v: f64) -> String {
 }
 
 const LINE: u32 = 10;
+
+/// What stands above a table's pictures.
+const HEAD: u32 = 4 * LINE;
 const MARGIN: u32 = 6;
 const BLACK: Rgb<u8> = Rgb([0, 0, 0]);
 const RED: Rgb<u8> = Rgb([200, 20, 20]);
@@ -109,7 +112,7 @@ pub(super) fn grid(sweep: &Sweep, rows: &[Row], picture: &dyn Fn(&Row) -> PathBu
     let left = 8 * tables.iter().flat_map(|t| &t.rows.1).map(|v| v.chars().count()).max().unwrap_or(0) as u32;
     let left = left.max(8 * 9) + 2 * MARGIN;
     let across = |t: &Table| left + cell_width * t.columns.1.len() as u32;
-    let down = |t: &Table| 3 * LINE + cell_height * t.rows.1.len() as u32 + MARGIN;
+    let down = |t: &Table| HEAD + cell_height * t.rows.1.len() as u32 + MARGIN;
     let (width, height) = (tables.iter().map(across).max().unwrap_or(1), tables.iter().map(down).sum::<u32>());
     let mut out = RgbImage::from_pixel(width.max(8 * 40), height.max(1), Rgb([255, 255, 255]));
     let mut top = 0;
@@ -117,10 +120,10 @@ pub(super) fn grid(sweep: &Sweep, rows: &[Row], picture: &dyn Fn(&Row) -> PathBu
         write(&mut out, MARGIN, top + 2, &table.title, BLACK);
         write(&mut out, MARGIN, top + LINE + 2, &format!("{} v {} >", table.rows.0, table.columns.0), BLACK);
         for (c, column) in table.columns.1.iter().enumerate() {
-            write(&mut out, left + cell_width * c as u32, top + 2 * LINE, column, BLACK);
+            write(&mut out, left + cell_width * c as u32, top + 3 * LINE - 2, column, BLACK);
         }
         for (r, value) in table.rows.1.iter().enumerate() {
-            let y = top + 3 * LINE + cell_height * r as u32;
+            let y = top + HEAD + cell_height * r as u32;
             write(&mut out, MARGIN, y + tile_height / 2, value, BLACK);
             for (c, column) in table.columns.1.iter().enumerate() {
                 let own = table.at(rows, value, column);

@@ -115,8 +115,8 @@ fn setup(out: &mut String, sweep: &Sweep) {
 fn claims(out: &mut String, sweep: &Sweep, rows: &[Row]) {
     let _ = writeln!(
         out,
-        "## Claims\n\nPairs of fits that differ in nothing but the parameter; ratios of errors, their geometric mean with a paired interval of 95 %; p of a paired t-test. \
-         A fit without a result counts as one bounding radius off.\n\n| claim | verdict |\n|---|---|"
+        "## Claims\n\nPairs of fits that differ in nothing but the parameter: ratios of errors, their geometric mean with a paired interval of 95 %, p of a paired t-test. The pairs of one \
+         data set and seed count as one observation, their mean. A fit without a result counts as one bounding radius off.\n\n| claim | verdict |\n|---|---|"
     );
     let judged: Vec<Judged> = sweep.claim.iter().map(|claim| judge(sweep, claim, rows)).collect();
     for (claim, judged) in sweep.claim.iter().zip(&judged) {

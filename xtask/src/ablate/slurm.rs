@@ -57,17 +57,23 @@ pub(super) fn script(program: &Path, name: &str, sweep: &Sweep, output: &Path, j
     let minutes = (cells as f64 * sweep.limits.seconds * 2.0 / 60.0).ceil().max(1.0);
     let memory = (jobs as f64 * sweep.limits.mebibytes * 1.1).ceil();
     let quote = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
-    let [program, name, out] = [&program.to_string_lossy(), name, &output.to_string_lossy()].map(quote);
+    let (root, out) = (crate::dsdf::root(), output.to_string_lossy());
+    // Slurm has its own use for % in the names of logs.
+    let logs = out.replace('%', "%%");
+    let [root, program, name, out, logs] =
+        [&root.to_string_lossy(), &program.to_string_lossy(), name, &out, &*logs].map(quote);
     format!(
         "#!/usr/bin/env bash\n\
          # {}: {} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
          set -euo pipefail\n\
+         # Jobs start where they are submitted, and build the binary there.\n\
+         cd {root}\n\
          mkdir -p {out}/shards\n\
          array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} --cpus-per-task={jobs} --mem={memory}M \\\n  \
-         --time={minutes} --requeue --open-mode=append --output={out}/shards/%a.log \\\n  \
+         --time={minutes} --requeue --open-mode=append --output={logs}/shards/%a.log \\\n  \
          --wrap={})\n\
          sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" --cpus-per-task=1 --mem=2G --time=30 \\\n  \
-         --output={out}/merge.log --wrap={}\n",
+         --output={logs}/merge.log --wrap={}\n",
         sweep.title,
         sweep.cells().len(),
         quote(&format!("{program} ablate {name} -o {out} --jobs {jobs}")),
