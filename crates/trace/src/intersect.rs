@@ -197,7 +197,8 @@ impl<R: Real> Tracer<'_, R> {
         }
         // Nothing negative fits between two points whose balls touch.
         let touch = last.f + here.f.abs() >= s.slope * width * R::of(1.0 - SLACK);
-        if !touch && width > self.smallest * R::of(RESOLUTION) {
+        // Far from the origin a shorter step may be none: the limit ends that too.
+        if !touch && width > self.smallest * R::of(RESOLUTION) && self.out.steps < self.options.step_limit {
             return self.step_back(s, last, here);
         }
         if here.f <= R::zero() {

@@ -272,6 +272,20 @@ fn single_precision_decides_like_double() {
 }
 
 #[test]
+fn rays_end_where_a_short_step_is_none() {
+    // At this distance single precision has steps of a sixtieth.
+    let (eye, bounds) = (Vec3::new(0.0, 0.0, 1.5e5), Sphere::<f32> { center: Vec3::ZERO, radius: 1.02 });
+    let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
+    let rays: Vec<Ray<f32>> = (0..200)
+        .filter_map(|i| Ray::enter(eye, Vec3::new(1e-7 * i as f32 - 1e-5, 0.0, -1.0).normalize(), &bounds))
+        .collect();
+    let mut out = Vec::new();
+    intersect(&ball, &rays, &Options::default(), &mut out);
+    let hits = out.iter().filter(|found| found.outcome == Outcome::Hit).count();
+    assert!(hits > 100 && out.iter().all(|found| found.steps < 1000), "{hits} hits");
+}
+
+#[test]
 fn a_view_costs_few_evaluations() {
     for solid in solids() {
         let field = Counted::new(solid);

@@ -211,8 +211,8 @@ impl Work {
     /// Results and report of all cells that are finished here, in the sweep's order.
     fn report(&self) -> anyhow::Result<()> {
         let folder = |cell: &Cell| self.output.join("cells").join(&cell.name);
-        let mut pictures: HashMap<(String, u64, Vec<(String, String)>), PathBuf> = HashMap::new();
         let key = |row: &Row| (row.data.clone(), row.seed, row.values.clone());
+        let mut pictures = HashMap::new();
         let mut rows = Vec::new();
         for cell in self.sweep.cells() {
             if let Some(row) = finished(&folder(&cell)) {

@@ -198,6 +198,8 @@ pub(super) fn crossings<R: Real>(
 
 impl<R: Real> Probes<R> {
     fn add(&mut self, setup: &Setup<'_, R>, lines: &[Line], places: &[(usize, f64)]) -> Result<(), InvalidField> {
+        // A search starts at the closest approach that a ray has seen, so rays need room around the solid.
+        let setup = &Setup { within: setup.bounds, ..*setup };
         let samples: Vec<Sample> = places.iter().map(|(line, s)| lines[*line].at(*s)).collect();
         let (_, found) = setup.find(&samples);
         check_valid(setup, &samples, first_invalid(&found))?;
