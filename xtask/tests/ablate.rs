@@ -113,6 +113,8 @@ fn the_smoke_sweep_leaves_all_that_a_sweep_does() {
     }
     for file in ["report.md", "report.html", "heat.svg", "curves.svg", "pareto.svg"] {
         let text = std::fs::read_to_string(output.join(file)).unwrap();
+        // A picture's bytes may spell anything.
+        let text = text.split("base64").next().unwrap().to_owned();
         assert!(text.len() > 500 && !text.contains("NaN"), "{file}");
     }
     let report = std::fs::read_to_string(output.join("report.md")).unwrap();

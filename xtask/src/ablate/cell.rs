@@ -110,9 +110,9 @@ impl Bench<'_> {
         }
         for (name, run) in [("first", &first), ("last", &fit)] {
             match self.gradients(cell, folder, name, run) {
-                Ok([bias, deviation]) => {
+                Ok([bias, variance]) => {
                     row.numbers.insert(format!("{name}_bias"), bias);
-                    row.numbers.insert(format!("{name}_deviation"), deviation);
+                    row.numbers.insert(format!("{name}_variance"), variance);
                 }
                 Err(error) => {
                     let status = error.downcast_ref::<Failure>().map_or("failed", |failure| failure.status);
@@ -198,7 +198,7 @@ impl Bench<'_> {
         run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
     }
 
-    /// Bias and deviation of the cell's estimator at a run's model, relative L2.
+    /// Bias of the cell's estimator at a run's model, relative L2, and its variance in the same unit squared.
     fn gradients(&self, cell: &Cell, folder: &Path, name: &str, run: &Path) -> anyhow::Result<[f64; 2]> {
         let path = folder.join(format!("{name}.gradient.json"));
         let known = std::fs::read_to_string(&path).ok().and_then(|t| serde_json::from_str::<[f64; 2]>(&t).ok());
@@ -261,7 +261,7 @@ impl Bench<'_> {
         anyhow::ensure!(norm > 0.0, "nothing is in sight");
         // Of one run: what is not bias.
         let bias = spread.bias.max(0.0);
-        let found = [bias.sqrt() / norm, (spread.run - bias).max(0.0).sqrt() / norm];
+        let found = [bias.sqrt() / norm, (spread.run - bias).max(0.0) / (norm * norm)];
         anyhow::ensure!(found.iter().all(|v| v.is_finite()), "not finite");
         write(&path, serde_json::to_vec(&found)?)?;
         Ok(found)

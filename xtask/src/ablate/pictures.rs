@@ -280,8 +280,7 @@ pub(super) fn save(
     let mut png = std::io::Cursor::new(Vec::new());
     grid(sweep, rows, picture).write_to(&mut png, image::ImageFormat::Png)?;
     super::results::write(&folder.join("grid.png"), png.into_inner())?;
-    let maps: Vec<&Metric> =
-        ["chamfer", "psnr", "last_bias", "last_deviation"].into_iter().filter_map(metric).collect();
+    let maps: Vec<&Metric> = ["chamfer", "psnr", "last_bias", "last_variance"].into_iter().filter_map(metric).collect();
     super::results::write(&folder.join("heat.svg"), heat_map(sweep, rows, &maps))?;
     super::results::write(&folder.join("curves.svg"), curves(sweep, rows))?;
     super::results::write(&folder.join("pareto.svg"), pareto(sweep, rows))

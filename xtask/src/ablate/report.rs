@@ -106,7 +106,7 @@ fn setup(out: &mut String, sweep: &Sweep) {
     );
     let _ = writeln!(
         out,
-        "| bias, deviation | relative L2 of the derivative image of the silhouette by a random direction of the weights, {} × {} pixels, {} samples, {} runs, against contours |",
+        "| bias, variance | relative L2 (squared for the variance) of the derivative image of the silhouette by a random direction of the weights, {} × {} pixels, {} samples, {} runs, against contours |",
         test.size, test.size, test.spp, test.runs
     );
     let _ = writeln!(out, "\nMeans are over the seeds, with intervals of 95 % (Student).\n");
