@@ -79,7 +79,7 @@ impl Bench<'_> {
         }
         losses(&fit, row);
         let truth = &self.data[cell.data].1;
-        let mut arguments = vec!["eval".to_owned(), text(&fit), "--resolution=128".to_owned()];
+        let mut arguments = vec!["eval".to_owned(), text(&fit), "--resolution=128".to_owned(), self.threads()];
         arguments.extend(truth.iter().map(|path| format!("--mesh={}", text(path))));
         match self.stage(folder, "eval", &arguments)? {
             Err(failure) => return Ok(Err(failure)),
@@ -96,17 +96,20 @@ impl Bench<'_> {
             }
         }
         let picture = text(&folder.join("picture.png"));
-        let views = ["--views", "1", "--size", PICTURE].map(str::to_owned);
+        let views = ["--views", "1", "--size", PICTURE, &self.threads()].map(str::to_owned);
         let arguments = [vec!["render".to_owned(), text(&fit), "-o".to_owned(), picture], views.to_vec()].concat();
         if let Err(failure) = self.stage(folder, "picture", &arguments)? {
             return Ok(Err(failure));
         }
         let first = folder.join("first");
-        if !first.join("model.safetensors").exists() {
-            let arguments = self.fit_arguments(cell, &first, &["--iterations=1".to_owned()]);
-            if let Err(failure) = self.program(folder, "first", &arguments, &|| {})? {
-                return Ok(Err(failure));
-            }
+        // The report is written last, so what a killed sweep left of it is done again.
+        if !folder.join("first.json").exists() && first.exists() {
+            wait_for(&first)?;
+            std::fs::remove_dir_all(&first)?;
+        }
+        let arguments = [self.fit_arguments(cell, &first, &[]), vec!["--stop-after=1".to_owned()]].concat();
+        if let Err(failure) = self.stage(folder, "first", &arguments)? {
+            return Ok(Err(failure));
         }
         for (name, run) in [("first", &first), ("last", &fit)] {
             match self.gradients(cell, folder, name, run) {
@@ -132,10 +135,7 @@ impl Bench<'_> {
         run: &Path,
         watch: &dyn Fn(f64),
     ) -> anyhow::Result<Result<Value, Failure>> {
-        // A sweep that was killed may have left a fit running: what it does need not be done twice.
-        if let Ok(lock) = std::fs::File::open(run.join("lock")) {
-            lock.lock()?;
-        }
+        wait_for(run)?;
         let resume = run.join("checkpoint/state.safetensors").exists();
         let arguments = if resume {
             vec!["fit".to_owned(), "-o".to_owned(), text(run), "--resume".to_owned(), self.threads()]
@@ -181,7 +181,7 @@ impl Bench<'_> {
         if let Some(report) = std::fs::read_to_string(&path).ok().and_then(|t| serde_json::from_str(&t).ok()) {
             return Ok(Ok(report));
         }
-        let report = self.program(folder, name, &[arguments, &[self.threads()]].concat(), &|| {})?;
+        let report = self.program(folder, name, arguments, &|| {})?;
         if let Ok(report) = &report {
             write(&path, report.to_string())?;
         }
@@ -228,7 +228,10 @@ impl Bench<'_> {
         if let Some(precision) = self.sweep.setting(cell, "gradient_precision") {
             flags.extend(flag(("precision".to_owned(), precision)));
         }
-        flags.extend([format!("--spp={}", test.spp), self.threads()]);
+        // Where samples are swept, as many as the fit takes.
+        let swept = ["spp", "edge_rays"].iter().find_map(|key| cell.values.iter().find(|(k, _)| k == key));
+        let spp = swept.map_or(test.spp.to_string(), |(_, v)| v.clone());
+        flags.extend([format!("--spp={spp}"), self.threads()]);
         let log = folder.join(format!("{name}.gradient.log"));
         let program = Limited { program: self.binary, limits: &self.sweep.limits, log: &log };
         // Three radii away, where the ball of bounds fills the film.
@@ -270,6 +273,14 @@ impl Bench<'_> {
 
 fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
+}
+
+/// Waits for a fit that a killed sweep may have left at work: what it does need not be done twice.
+fn wait_for(run: &Path) -> anyhow::Result<()> {
+    if let Ok(lock) = std::fs::File::open(run.join("lock")) {
+        lock.lock()?;
+    }
+    Ok(())
 }
 
 /// The last whole line of a file of JSON lines.

@@ -47,7 +47,9 @@ pub(super) fn run(
     log: &Path,
     watch: &dyn Fn(),
 ) -> anyhow::Result<Result<Value, Failure>> {
+    // A new file each time: what a killed sweep left running writes to its own.
     let out_path = log.with_extension("out");
+    let _ = std::fs::remove_file(&out_path);
     let out = File::create(&out_path).with_context(|| out_path.display().to_string())?;
     let mut child = Command::new(program)
         .args(arguments)

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::common::{Global, mover};
 use super::eval;
-use super::fit::{fit, start};
+use super::fit::{When, fit, start};
 use crate::fit::{FitOptions, Model, RunFile, setup, write_preview};
 use crate::mesh::{extract, read_mesh, write_mesh};
 use crate::scene::Scene;
@@ -57,7 +57,7 @@ impl Demo {
         eprintln!("reconstructing it from those images alone, {} s", self.time.as_secs());
         let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
         let (dataset, file) = start(&data, &options)?;
-        let fitted = fit(dataset, file, &run, false, global)?;
+        let fitted = fit(dataset, file, &run, When::default(), global)?;
         let report = self.evaluate(&data, &run, fitted.iterations(), begin, global)?;
         global.report(&report, || {
             let files = format!("picture {}\nmesh    {}", report.picture.display(), report.mesh.display());

@@ -29,6 +29,9 @@ pub(crate) struct Fit {
     /// Go on from the checkpoint in the run folder, with the options it was started with
     #[arg(long)]
     resume: bool,
+    /// Stop after this many iterations of the whole schedule; --resume goes on
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    stop_after: Option<u64>,
     /// Check the options, and do nothing
     #[arg(long)]
     check: bool,
@@ -63,7 +66,8 @@ impl Fit {
             return Ok(self.options.validate(Path::new("arguments"))?);
         }
         let (dataset, file) = if self.resume { self.resumed()? } else { self.started()? };
-        let report = fit(dataset, file, &self.output, self.resume, global)?;
+        let when = When { resume: self.resume, stop_after: self.stop_after };
+        let report = fit(dataset, file, &self.output, when, global)?;
         global.report(&report, || {
             let psnr = report.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
             format!("{} iterations, {:.0} s{psnr}: {}", report.iterations, report.seconds, report.run.display())
@@ -148,12 +152,21 @@ fn prepare(run: &Path, file: &RunFile) -> anyhow::Result<()> {
     file.save(run)
 }
 
+/// Where a fit starts and ends.
+#[derive(Clone, Copy, Default)]
+pub(super) struct When {
+    /// At the checkpoint that is there.
+    resume: bool,
+    /// Before its budget is spent.
+    stop_after: Option<u64>,
+}
+
 /// Fits a data set in a run folder, with progress, metrics, previews and checkpoints.
 pub(super) fn fit(
     dataset: Dataset,
     file: RunFile,
     run: &Path,
-    resume: bool,
+    When { resume, stop_after }: When,
     global: &Global,
 ) -> anyhow::Result<Report> {
     if !resume && run.join("checkpoint/state.safetensors").exists() {
@@ -174,7 +187,10 @@ pub(super) fn fit(
     let mut metrics = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let bar = progress_bar(global);
     let mut last: Option<Metrics> = None;
-    fitting.run(&|| stop.load(Ordering::Relaxed), &mut |step| {
+    let done = std::cell::Cell::new(fitting.iteration);
+    let stopped = || stop.load(Ordering::Relaxed) || stop_after.is_some_and(|n| done.get() >= n);
+    fitting.run(&stopped, &mut |step| {
+        done.set(step.iteration);
         metrics.write(step)?;
         show(&bar, step);
         last = Some(step.clone());
