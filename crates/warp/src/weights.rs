@@ -58,7 +58,11 @@ impl<R: Real> Quadrature<R> {
 
     /// Computes ln w = ln ρ + ln Δ and orders the points that stand for a length from the largest to the smallest.
     fn rank(&mut self, weighting: &dyn Weighting<R>, ray: &WarpedRay<'_, R>) {
-        let log_weight = |i: usize| weighting.log_density(ray, i) + ray.step[i].ln();
+        // A NaN weighs nothing: it could not be ordered.
+        let log_weight = |i: usize| {
+            let log = weighting.log_density(ray, i) + ray.step[i].ln();
+            if log.is_nan() { R::neg_infinity() } else { log }
+        };
         self.log.clear();
         self.log.extend((0..ray.t.len()).map(log_weight));
         self.order.clear();

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde_json::{Value, json};
 
-use super::process::{Failure, Limited, run};
+use super::process::{self, Failure, Limited};
 use super::results::{Row, finished, write};
-use super::sweep::{Cell, Sweep, flag};
+use super::sweep::{Cell, Limits, Sweep, flag};
 use crate::dsdf::{Image, Spread, gradient};
 use crate::figures::reference::gaussian_filtered;
 
@@ -55,11 +55,7 @@ impl Bench<'_> {
         if let Err(failure) = self.measure(cell, &folder, &mut row, watch)? {
             (row.status, row.reason) = (failure.status.to_owned(), failure.reason);
         }
-        let converged = &self.sweep.converged;
-        let number = |name: &str| row.numbers.get(name).copied().unwrap_or(f64::INFINITY);
-        row.converged = row.status == "done"
-            && number("chamfer") <= converged.chamfer
-            && number("loss") <= converged.rise * number("best_loss");
+        row.converged = self.sweep.converged.holds(&row, self.sweep.data[cell.data].has_truth());
         write(&folder.join("result.json"), serde_json::to_vec_pretty(&row)?)?;
         Ok(row)
     }
@@ -117,6 +113,8 @@ impl Bench<'_> {
                     row.numbers.insert(format!("{name}_bias"), bias);
                     row.numbers.insert(format!("{name}_variance"), variance);
                 }
+                // A full disk is no result.
+                Err(error) if error.root_cause().is::<std::io::Error>() => return Err(error),
                 Err(error) => {
                     let status = error.downcast_ref::<Failure>().map_or("failed", |failure| failure.status);
                     let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
@@ -146,7 +144,11 @@ impl Bench<'_> {
             self.fit_arguments(cell, run, &[])
         };
         let metrics = run.join("metrics.jsonl");
-        self.program(folder, "fit", &arguments, &|| watch(last_line(&metrics)["progress"].as_f64().unwrap_or(0.0)))
+        // What was spent before counts.
+        let spent = if resume { last_line(&metrics)["seconds"].as_f64().unwrap_or(0.0) } else { 0.0 };
+        let limits = Limits { seconds: (self.sweep.limits.seconds - spent).max(1.0), ..self.sweep.limits };
+        let show = || watch(last_line(&metrics)["progress"].as_f64().unwrap_or(0.0));
+        process::run(self.binary, &arguments, &limits, &folder.join("fit.log"), &show)
     }
 
     fn fit_arguments(&self, cell: &Cell, run: &Path, budget: &[String]) -> Vec<String> {
@@ -157,7 +159,10 @@ impl Bench<'_> {
         });
         arguments.extend(flags);
         arguments.extend(budget.iter().cloned());
-        arguments.extend(["--preview-every=1000000000".to_owned(), self.threads()]);
+        if self.sweep.setting(cell, "preview_every").is_none() {
+            arguments.push("--preview-every=1000000000".to_owned());
+        }
+        arguments.push(self.threads());
         arguments
     }
 
@@ -195,7 +200,7 @@ impl Bench<'_> {
         arguments: &[String],
         watch: &dyn Fn(),
     ) -> anyhow::Result<Result<Value, Failure>> {
-        run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
+        process::run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
     }
 
     /// Bias of the cell's estimator at a run's model, relative L2, and its variance in the same unit squared.

@@ -45,9 +45,12 @@ pub(super) fn worse(rows: &[Row], parameter: &str, value: &str, than: &str, metr
             r.value(parameter) == than && r.data == row.data && r.seed == row.seed && others(r) == others(row)
         });
         if let Some(partner) = partner {
-            let log = error(row, metric).max(f64::MIN_POSITIVE).ln();
-            let other = error(partner, metric).max(f64::MIN_POSITIVE).ln();
-            blocks.entry((&row.data, row.seed)).or_default().push(log - other);
+            let known = |r: &Row| r.numbers.contains_key(metric.name);
+            let log = (error(row, metric).max(metric.least) / error(partner, metric).max(metric.least)).ln();
+            // Two fits without a result say nothing of each other, and costs that are not known are no costs.
+            if log.is_finite() && (known(row) || known(partner)) {
+                blocks.entry((&row.data, row.seed)).or_default().push(log);
+            }
         }
     }
     let logs: Vec<f64> = blocks.values().map(|own| own.iter().sum::<f64>() / own.len() as f64).collect();
@@ -55,7 +58,7 @@ pub(super) fn worse(rows: &[Row], parameter: &str, value: &str, than: &str, metr
 }
 
 /// A metric as a positive number that is smaller where it is better: a ratio of decibels says nothing, one of errors does.
-fn error(row: &Row, metric: &Metric) -> f64 {
+pub(super) fn error(row: &Row, metric: &Metric) -> f64 {
     let v = row.number(metric);
     match (metric.name, metric.better) {
         ("psnr", _) => 10f64.powf(-v / 20.0),
@@ -114,13 +117,17 @@ pub(super) fn judge(sweep: &Sweep, claim: &Claim, rows: &[Row]) -> Judged {
                     let failed = own.iter().filter(|r| !r.converged).count();
                     let (low, high) = share(failed, own.len());
                     let seen = failed as f64 / own.len().max(1) as f64;
-                    let verdict = decide(seen >= OFTEN && low > 0.05, high < OFTEN);
+                    // What fails at the other value too is not this value's doing.
+                    let control = of(&than);
+                    let usual = control.iter().filter(|r| !r.converged).count() as f64 / control.len().max(1) as f64;
+                    let verdict = decide(seen >= OFTEN && low > usual.max(0.05), high < OFTEN);
                     evidence.push(format!(
-                        "{} = {value}: {failed} of {} do not converge ({} to {}): {}",
+                        "{} = {value}: {failed} of {} do not converge ({} to {}; {} at {than}): {}",
                         claim.parameter,
                         own.len(),
                         percent(low),
                         percent(high),
+                        percent(usual),
                         verdict.name()
                     ));
                     verdict

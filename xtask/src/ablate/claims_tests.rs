@@ -48,7 +48,15 @@ fn verdicts_follow_the_evidence() {
 #[test]
 fn fits_without_a_result_count() {
     let failing = rows(|k, _| (k != 2).then_some(0.02));
-    assert_eq!(verdict("often-diverges", "[2]", "", &failing), Verdict::Reproduced);
-    assert_eq!(verdict("often-diverges", "[4]", "", &failing), Verdict::Inconclusive, "0 of 6 may be a quarter");
+    assert_eq!(verdict("often-diverges", "[2]", "than = 7", &failing), Verdict::Reproduced);
+    assert_eq!(
+        verdict("often-diverges", "[4]", "than = 7", &failing),
+        Verdict::Inconclusive,
+        "0 of 6 may be a quarter"
+    );
     assert_eq!(verdict("worse", "[2]", "than = 7", &failing), Verdict::Reproduced);
+    // What fails everywhere says nothing of one value, and compares with nothing.
+    let lost = rows(|_, _| None);
+    assert_eq!(verdict("often-diverges", "[2]", "than = 7", &lost), Verdict::Inconclusive);
+    assert_eq!(verdict("little-gain", "[2]", "than = 7", &lost), Verdict::Inconclusive);
 }

@@ -22,10 +22,11 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
             .collect()
     };
     let both = [shared(&of_a, &of_b, "A"), shared(&of_b, &of_a, "B")].concat();
-    let count = both.len() / 2;
+    let count = both.iter().filter(|r| r.value("sweep") == "A").count();
+    let only = |own: &[Row], other: &[Row]| own.iter().filter(|r| !other.iter().any(|o| key(o) == key(r))).count();
     let mut out = format!("# Two sweeps\n\nA: {}\nB: {}\n\n", a.display(), b.display());
     let _ =
-        writeln!(out, "{count} cells in common, {} only in A, {} only in B.\n", of_a.len() - count, of_b.len() - count);
+        writeln!(out, "{count} cells in common, {} only in A, {} only in B.\n", only(&of_a, &of_b), only(&of_b, &of_a));
     if count == 0 {
         return Ok(out);
     }

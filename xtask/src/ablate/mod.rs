@@ -36,7 +36,7 @@ pub(crate) struct Ablate {
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Cells at a time [default: one a core]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: Option<u32>,
     /// Show the cells and an estimate of the time, and run none
     #[arg(long)]
@@ -85,12 +85,20 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let name = arguments.sweep.as_deref().unwrap_or_default();
     let (sweep, folder) = Sweep::load(name)?;
     let shard = Shard::read(arguments.shard.as_deref(), |name| std::env::var(name).ok())?;
+    if !arguments.merge.is_empty() {
+        let output = make_folder(arguments.output.as_deref())?;
+        let work = Work { sweep, folder, output };
+        let _lock = work.claim()?;
+        work.merge(&arguments.merge)?;
+        return work.report();
+    }
     let binary = match &arguments.binary {
         Some(path) if path.is_file() => std::path::absolute(path)?,
         Some(path) => return Err(Refusal::new(path, "--binary", "no file", "a program like dsdf").into()),
         None => crate::dsdf::build_package(&sweep.package)?,
     };
     plan::check(&sweep, name, &binary)?;
+    plan::check_data(&sweep, &folder, name)?;
     let chosen: Vec<(usize, Cell)> = sweep
         .cells()
         .into_iter()
@@ -100,63 +108,106 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
         .collect();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = arguments.jobs.map_or(cores, |jobs| jobs as usize);
-    if chosen.is_empty() {
+    // A shard may be empty where there are more of them than cells.
+    if chosen.is_empty() && (shard.is_none() || !arguments.only.is_empty()) {
         let found = format!("{} {}", arguments.only.join(" "), arguments.shard.as_deref().unwrap_or_default());
         return Err(Refusal::new(Path::new("arguments"), "--only", found, "what some cell's name holds").into());
     }
-    let asked = || arguments.output.clone();
     if arguments.dry_run {
-        let output = asked().unwrap_or_else(|| PathBuf::from("."));
+        let output = arguments.output.clone().unwrap_or_else(|| PathBuf::from("."));
         let work = Work { sweep, folder, output };
         return plan::show(&work, &binary, &chosen, jobs);
     }
-    let Some(output) = asked() else {
-        return Err(Refusal::new(Path::new("arguments"), "-o", "nothing", "a folder to write").into());
-    };
-    std::fs::create_dir_all(&output).with_context(|| output.display().to_string())?;
-    let output = std::path::absolute(&output)?;
+    let output = make_folder(arguments.output.as_deref())?;
     if arguments.slurm {
         let name = std::fs::canonicalize(name).map_or_else(|_| name.to_owned(), |p| p.to_string_lossy().into_owned());
-        let script = slurm::script(&std::env::current_exe()?, &name, &sweep, &output, jobs, arguments.shards as usize);
+        let mut command = vec![std::env::current_exe()?.to_string_lossy().into_owned(), "ablate".to_owned(), name];
+        command.extend(["-o".to_owned(), output.to_string_lossy().into_owned()]);
+        let mut run = command.clone();
+        run.extend(["--jobs".to_owned(), jobs.to_string()]);
+        run.extend(arguments.binary.iter().flat_map(|_| ["--binary".to_owned(), binary.display().to_string()]));
+        run.extend(arguments.only.iter().flat_map(|text| ["--only".to_owned(), text.clone()]));
+        let job = slurm::Job { run, merge: command, cells: chosen.len(), jobs, shards: arguments.shards as usize };
         let path = output.join("submit.sh");
-        write(&path, script)?;
+        write(&path, job.script(&sweep, &output))?;
         println!("{}", path.display());
         return Ok(());
     }
-    let output = shard.map_or_else(|| output.clone(), |shard| slurm::folder(&output, shard));
-    std::fs::create_dir_all(&output)?;
+    let output = match shard {
+        Some(shard) => make_folder(Some(&slurm::folder(&output, shard)))?,
+        None => output,
+    };
     let work = Work { sweep, folder, output };
     let _lock = work.claim()?;
-    if arguments.merge.is_empty() {
-        let data = work.photographs(&binary)?;
-        let threads = (cores / jobs).max(1);
-        let cells = work.output.join("cells");
-        let context = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads };
-        let chosen: Vec<Cell> = chosen.into_iter().map(|(_, cell)| cell).collect();
-        pool::run(&context, &chosen, jobs)?;
-    } else {
-        work.merge(&arguments.merge)?;
-    }
+    work.check_inputs(&binary)?;
+    let data = work.photographs(&binary)?;
+    let cells = work.output.join("cells");
+    let bench = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads: (cores / jobs).max(1) };
+    let chosen: Vec<Cell> = chosen.into_iter().map(|(_, cell)| cell).collect();
+    pool::run(&bench, &chosen, jobs)?;
     work.report()
+}
+
+/// The output folder, which has to be writable.
+fn make_folder(output: Option<&Path>) -> anyhow::Result<PathBuf> {
+    let Some(output) = output else {
+        return Err(Refusal::new(Path::new("arguments"), "-o", "nothing", "a folder to write").into());
+    };
+    let made = std::fs::create_dir_all(output).and_then(|()| std::path::absolute(output));
+    Ok(made.map_err(|e| Refusal::new(output, "-o", e, "a folder that can be written"))?)
 }
 
 impl Work {
     /// Takes the folder for this sweep: no other sweep's, and no other process's.
     fn claim(&self) -> anyhow::Result<std::fs::File> {
-        let lock = std::fs::File::create(self.output.join("lock"))?;
+        let path = self.output.join("lock");
+        let lock =
+            std::fs::File::create(&path).map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
         if lock.try_lock().is_err() {
             return Err(Refusal::new(&self.output, "lock", "another sweep at work", "a folder of one's own").into());
         }
         let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
-        match std::fs::read_to_string(&path) {
-            Ok(there) if there != text => {
-                let found = there.lines().find(|line| !text.lines().any(|own| own == *line)).unwrap_or("less");
-                return Err(Refusal::new(&path, "sweep", found, "the same sweep, or another folder").into());
-            }
-            Ok(_) => {}
-            Err(_) => write(&path, text)?,
+        if let Ok(there) = std::fs::read_to_string(&path) {
+            self.same(&path, &there)?;
         }
+        write(&path, text)?;
         Ok(lock)
+    }
+
+    /// Refuses a sweep whose cells would not be the same.
+    fn same(&self, path: &Path, there: &str) -> anyhow::Result<()> {
+        let own = toml::to_string(&self.sweep.identity())?;
+        let other = toml::from_str::<Sweep>(there).map(|sweep| toml::to_string(&sweep.identity()));
+        let Ok(Ok(other)) = other else {
+            return Err(Refusal::new(path, "sweep", "no sweep", "the same sweep, or another folder").into());
+        };
+        if own != other {
+            let found = other.lines().find(|line| !own.lines().any(|own| own == *line)).unwrap_or("less");
+            return Err(Refusal::new(path, "sweep", found, "the same sweep, or another folder").into());
+        }
+        Ok(())
+    }
+
+    /// Refuses to go on with another program or other scenes than the cells that are there had.
+    fn check_inputs(&self, binary: &Path) -> anyhow::Result<()> {
+        let mut inputs = format!("program {:016x}\n", plan::fingerprint(binary)?);
+        for data in &self.sweep.data {
+            if let Some(scene) = &data.scene {
+                let fingerprint = plan::fingerprint(&self.folder.join(scene))?;
+                inputs += &format!("{} {fingerprint:016x}\n", data.name);
+            }
+        }
+        let path = self.output.join("inputs");
+        match std::fs::read_to_string(&path) {
+            Ok(there) if there != inputs => {
+                let changed = there.lines().find(|line| !inputs.lines().any(|own| own == *line)).unwrap_or("less");
+                let found = format!("another {}", changed.split(' ').next().unwrap_or_default());
+                let expected = "that of the cells that are here (see --binary), or another folder";
+                Err(Refusal::new(&path, "inputs", found, expected).into())
+            }
+            Ok(_) => Ok(()),
+            Err(_) => write(&path, inputs),
+        }
     }
 
     /// The folders of the data sets, with their true surfaces; scenes are photographed once.
@@ -177,7 +228,8 @@ impl Work {
                 std::fs::create_dir_all(part.parent().context("a folder")?)?;
                 let size = format!("{0}x{0}", data.size);
                 let (scene, out) = (scene.to_string_lossy(), part.to_string_lossy());
-                crate::dsdf::report(binary, &["synth", &scene, "-o", &out, "--views", &views, "--size", &size])?;
+                crate::dsdf::report(binary, &["synth", &scene, "-o", &out, "--views", &views, "--size", &size])
+                    .map_err(|e| Refusal::new(Path::new(&*scene), "data", e, "a scene to take pictures of"))?;
                 std::fs::rename(&part, &folder)?;
             }
             folders.push((folder.clone(), Some(mesh.unwrap_or_else(|| folder.join("truth.ply")))));
@@ -187,12 +239,11 @@ impl Work {
 
     /// Takes finished cells from other folders of the same sweep.
     fn merge(&self, folders: &[PathBuf]) -> anyhow::Result<()> {
-        let sweep = toml::to_string(&self.sweep)?;
         for folder in folders {
             let path = folder.join("sweep.toml");
-            if std::fs::read_to_string(&path).ok().as_deref() != Some(&sweep) {
-                return Err(Refusal::new(&path, "sweep", "another or none", "a shard of this sweep").into());
-            }
+            let there =
+                std::fs::read_to_string(&path).map_err(|e| Refusal::new(&path, "sweep", e, "a shard of this sweep"))?;
+            self.same(&path, &there)?;
         }
         for cell in self.sweep.cells() {
             let to = self.output.join("cells").join(&cell.name);
@@ -215,7 +266,9 @@ impl Work {
         let mut pictures = HashMap::new();
         let mut rows = Vec::new();
         for cell in self.sweep.cells() {
-            if let Some(row) = finished(&folder(&cell)) {
+            if let Some(mut row) = finished(&folder(&cell)) {
+                // By the criterion as it is now.
+                row.converged = self.sweep.converged.holds(&row, self.sweep.data[cell.data].has_truth());
                 pictures.insert(key(&row), folder(&cell).join("picture.png"));
                 rows.push(row);
             }

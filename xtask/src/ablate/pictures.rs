@@ -61,13 +61,15 @@ pub(super) fn shown(rows: &[&Row], metric: &Metric) -> String {
     if values.is_empty() {
         return "-".to_owned();
     }
+    let missing =
+        if values.len() < rows.len() { format!(" ({} of {})", values.len(), rows.len()) } else { String::new() };
     let (factor, unit) = metric.shown;
     let found = mean(&values.iter().map(|v| v * factor).collect::<Vec<_>>());
     let half = found.high - found.mean;
     if half.is_finite() && values.len() > 1 {
-        format!("{} ± {}{unit}", three(found.mean), three(half))
+        format!("{} ± {}{unit}{missing}", three(found.mean), three(half))
     } else {
-        format!("{}{unit}", three(found.mean))
+        format!("{}{unit}{missing}", three(found.mean))
     }
 }
 
@@ -181,7 +183,7 @@ pub(super) fn heat_map(sweep: &Sweep, rows: &[Row], metrics: &[&Metric]) -> Stri
                 let own: Vec<f64> = table.at(rows, r, c).iter().map(|row| row.number(metric)).collect();
                 mean(&own).mean
             };
-            let level = |v: f64| if metric.name == "psnr" { -v / 20.0 } else { v.max(1e-9).log10() };
+            let level = |v: f64| if metric.name == "psnr" { -v / 20.0 } else { v.max(metric.least).log10() };
             let levels = || places().map(|(r, c)| level(value(r, c))).filter(|v| v.is_finite());
             let (low, most) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
             let _ = writeln!(
@@ -233,8 +235,10 @@ pub(super) fn curves(sweep: &Sweep, rows: &[Row]) -> String {
     for table in Table::all(sweep) {
         for row in &table.rows.1 {
             let curve = |column: &String| {
-                let own = table.at(rows, row, column);
-                let length = own.iter().map(|r| r.curve.len()).min().unwrap_or(0);
+                let all = table.at(rows, row, column);
+                let length = all.iter().map(|r| r.curve.len()).max().unwrap_or(0);
+                // What was ended early has other iterations.
+                let own: Vec<&&Row> = all.iter().filter(|r| r.curve.len() == length).collect();
                 let point = |i: usize| {
                     let at = own[0].curve[i].0.max(1.0);
                     (at, mean(&own.iter().map(|r| r.curve[i].1).collect::<Vec<_>>()).mean)

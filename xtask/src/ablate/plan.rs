@@ -9,7 +9,11 @@ use super::sweep::{Cell, Sweep, flag, text};
 use super::{Bench, Work};
 
 /// Options that a sweep has keys of its own for.
-const OWN: [(&str, &str); 8] = [
+const OWN: [(&str, &str); 12] = [
+    ("help", "an option of a fit"),
+    ("version", "an option of a fit"),
+    ("check", "an option of a fit"),
+    ("stop_after", "iterations = N beside title"),
     ("seed", "seeds = [...] beside title"),
     ("iterations", "iterations = N beside title"),
     ("time", "time = \"...\" beside title"),
@@ -37,7 +41,9 @@ pub(super) fn check(sweep: &Sweep, name: &str, binary: &Path) -> anyhow::Result<
             }
             continue;
         }
-        let flags = flag((key.clone(), value.clone()));
+        // That a switch is off is said by its absence.
+        let asked = if value == "false" { "true".to_owned() } else { value.clone() };
+        let flags = flag((key.clone(), asked));
         if let Some(said) = refused(binary, &flags)? {
             let unknown = said.contains("unexpected argument");
             let expected = said.rsplit_once("expected ").map(|(_, e)| e.to_owned()).filter(|_| !unknown);
@@ -62,6 +68,33 @@ pub(super) fn check(sweep: &Sweep, name: &str, binary: &Path) -> anyhow::Result<
         }
     }
     Ok(())
+}
+
+/// Refuses data that is not there.
+pub(super) fn check_data(sweep: &Sweep, folder: &Path, name: &str) -> anyhow::Result<()> {
+    for data in &sweep.data {
+        let field = |key: &str| format!("data.{}.{key}", data.name);
+        let files = [("scene", &data.scene, false), ("dataset", &data.dataset, true), ("mesh", &data.mesh, false)];
+        for (key, path, is_folder) in files {
+            let Some(path) = path.as_ref().map(|path| folder.join(path)) else { continue };
+            if !(if is_folder { path.is_dir() } else { path.is_file() }) {
+                let expected = if is_folder { "a folder" } else { "a file" };
+                return Err(Refusal::new(Path::new(name), field(key), path.display(), expected).into());
+            }
+        }
+        if data.views == 0 || data.size == 0 {
+            return Err(Refusal::new(Path::new(name), field("views"), "0", "1 or more, as for size").into());
+        }
+    }
+    Ok(())
+}
+
+/// A number that tells files apart.
+pub(super) fn fingerprint(path: &Path) -> anyhow::Result<u64> {
+    use std::hash::Hasher;
+    let mut hasher = std::hash::DefaultHasher::new();
+    hasher.write(&std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?);
+    Ok(hasher.finish())
 }
 
 /// What the program says against options, if anything.
@@ -107,10 +140,11 @@ pub(super) fn show(work: &Work, binary: &Path, cells: &[(usize, Cell)], jobs: us
 
 /// Seconds of a fit, by a few short ones.
 fn pilot(work: &Work, binary: &Path, cells: &[&Cell]) -> anyhow::Result<f64> {
-    let Some(iterations) = work.sweep.iterations else {
-        let time = work.sweep.time.as_deref().unwrap_or("0s");
+    if let Some(time) = &work.sweep.time {
         return Ok(humantime::parse_duration(time)?.as_secs_f64());
-    };
+    }
+    // A preset's own number is not known here: that of the default.
+    let iterations = work.sweep.iterations.unwrap_or(6000);
     let folder = tempfile::tempdir()?;
     let trial = Work { sweep: work.sweep.clone(), folder: work.folder.clone(), output: folder.path().to_owned() };
     let data = trial.photographs(binary)?;

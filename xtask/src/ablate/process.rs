@@ -53,7 +53,7 @@ pub(super) fn run(
     let out = File::create(&out_path).with_context(|| out_path.display().to_string())?;
     let mut child = Command::new(program)
         .args(arguments)
-        .args(["--json", "--quiet"])
+        .args(["--json", "--quiet", &format!("--end-with={}", std::process::id())])
         .stdin(Stdio::null())
         .stdout(out)
         .stderr(File::create(log)?)

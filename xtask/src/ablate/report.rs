@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use super::claims::{Judged, error_name, judge, percent, worse};
+use super::claims::{Judged, error, error_name, judge, percent, worse};
 use super::pictures::{Table, save, shown};
 use super::results::{METRICS, Metric, Row, to_csv, write};
 use super::statistics::Mean;
@@ -91,10 +91,11 @@ fn setup(out: &mut String, sweep: &Sweep) {
             .map_or(String::new(), |_| format!(", {} views of {} × {} pixels", data.views, data.size, data.size));
         let _ = writeln!(out, "| {} | {of}{views} |", data.name);
     }
-    let budget = sweep.iterations.map_or_else(
-        || format!("{} of wall time", sweep.time.as_deref().unwrap_or_default()),
-        |n| format!("{n} iterations"),
-    );
+    let budget = match (sweep.iterations, &sweep.time) {
+        (Some(n), _) => format!("{n} iterations"),
+        (None, Some(time)) => format!("{time} of wall time"),
+        (None, None) => "the preset's".to_owned(),
+    };
     let seeds: Vec<String> = sweep.seeds.iter().map(ToString::to_string).collect();
     let _ = writeln!(out, "| budget of a fit | {budget} |\n| seeds | {} |", seeds.join(", "));
     let (converged, test) = (&sweep.converged, &sweep.gradient);
@@ -120,7 +121,7 @@ fn claims(out: &mut String, sweep: &Sweep, rows: &[Row]) {
     );
     let judged: Vec<Judged> = sweep.claim.iter().map(|claim| judge(sweep, claim, rows)).collect();
     for (claim, judged) in sweep.claim.iter().zip(&judged) {
-        let _ = writeln!(out, "| {} | **{}** |", claim.text, judged.verdict.name());
+        let _ = writeln!(out, "| {} | **{}** |", claim.text.replace('|', "/"), judged.verdict.name());
     }
     out.push('\n');
     for (claim, judged) in sweep.claim.iter().zip(&judged) {
@@ -140,7 +141,7 @@ fn criterion(claim: &super::sweep::Claim) -> String {
         Kind::Worse => format!("reproduced if worse for certain and by {margin} or more; not if by less for certain"),
         Kind::LittleGain => format!("reproduced if better by less than {margin} for certain; not if by more for certain"),
         Kind::OftenDiverges => {
-            "reproduced if a quarter or more do not converge, and one in twenty for certain; not if fewer than a quarter for certain"
+            "reproduced if a quarter or more do not converge, and for certain more than one in twenty and than at the other value; not if fewer than a quarter for certain"
                 .to_owned()
         }
     };
@@ -150,16 +151,18 @@ fn criterion(claim: &super::sweep::Claim) -> String {
 /// A setting with how much worse it is than the best one.
 struct Setting {
     values: Vec<(String, String)>,
-    /// The geometric mean of the Chamfer distance over data sets and seeds.
-    chamfer: f64,
+    /// The geometric mean of the error over data sets and seeds.
+    error: f64,
     seconds: f64,
+    converged: bool,
     /// Against the best, paired.
     worse: Mean,
 }
 
 /// The fastest setting that nothing says is worse than the best.
 fn recommendation(out: &mut String, rows: &[Row]) {
-    let Some(metric) = super::results::metric("chamfer") else { return };
+    let known = rows.iter().any(|r| r.numbers.contains_key("chamfer"));
+    let Some(metric) = super::results::metric(if known { "chamfer" } else { "psnr" }) else { return };
     let mut places: Vec<Vec<(String, String)>> = Vec::new();
     for row in rows {
         if !places.contains(&row.values) {
@@ -175,39 +178,47 @@ fn recommendation(out: &mut String, rows: &[Row]) {
         })
         .collect();
     let of = |at: usize| named.iter().filter(move |r| r.value("setting") == at.to_string());
-    let chamfer = |at: usize| {
-        let logs: Vec<f64> = of(at).map(|r| r.number(metric).ln()).collect();
+    let mean_error = |at: usize| {
+        let logs: Vec<f64> = of(at).map(|r| error(r, metric).max(metric.least).ln()).collect();
         (logs.iter().sum::<f64>() / logs.len() as f64).exp()
     };
-    let Some(best) = (0..places.len()).min_by(|&a, &b| chamfer(a).total_cmp(&chamfer(b))) else { return };
+    let Some(best) = (0..places.len()).min_by(|&a, &b| mean_error(a).total_cmp(&mean_error(b))) else { return };
     let mut settings: Vec<Setting> = (0..places.len())
         .map(|at| {
-            let seconds: Vec<f64> = of(at).filter_map(|r| r.numbers.get("seconds").copied()).collect();
-            let seconds = seconds.iter().sum::<f64>() / seconds.len() as f64;
+            let known = || of(at).filter_map(|r| r.numbers.get("seconds").copied());
+            let seconds =
+                if known().count() == 0 { f64::INFINITY } else { known().sum::<f64>() / known().count() as f64 };
             let worse = worse(&named, "setting", &at.to_string(), &best.to_string(), metric);
-            Setting { values: places[at].clone(), chamfer: chamfer(at), seconds, worse }
+            let converged = of(at).all(|r| r.converged);
+            Setting { values: places[at].clone(), error: mean_error(at), seconds, worse, converged }
         })
         .collect();
-    settings.sort_by(|a, b| a.chamfer.total_cmp(&b.chamfer));
+    settings.sort_by(|a, b| a.error.total_cmp(&b.error));
     let name = |s: &Setting| s.values.iter().map(|(k, v)| format!("{k} = {v}")).collect::<Vec<_>>().join(", ");
-    let equal = |s: &&Setting| s.chamfer == settings[0].chamfer || s.worse.low <= 1.0;
+    let equal = |s: &&Setting| s.converged && s.worse.count > 1 && s.worse.low <= 1.0;
     let fastest = settings.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let _ = writeln!(out, "## Recommendation\n");
     if let Some(fastest) = fastest {
         let _ = writeln!(
             out,
-            "**{}**: the fastest of the settings whose {} is not worse than the best one's for certain.\n",
+            "**{}**: the fastest of the settings that always converged and whose {} is not worse than the best one's for certain.\n",
             name(fastest),
             error_name(metric)
         );
+    } else {
+        let _ = writeln!(out, "None: there are no repeats, or no setting always converged.\n");
     }
-    let _ = writeln!(out, "| setting | Chamfer (geometric mean) | of the best, 95 % | seconds |\n|---|---|---|---|");
+    let _ = writeln!(
+        out,
+        "| setting | {} (geometric mean) | of the best, 95 % | seconds |\n|---|---|---|---|",
+        error_name(metric)
+    );
     for s in &settings {
         let _ = writeln!(
             out,
             "| {} | {:.3} % | {} ({} to {}) | {:.1} |",
             name(s),
-            100.0 * s.chamfer,
+            100.0 * s.error,
             percent(s.worse.mean),
             percent(s.worse.low),
             percent(s.worse.high),
@@ -249,6 +260,7 @@ fn html(title: &str, markdown: &str, folder: &Path) -> anyhow::Result<String> {
     let png =
         base64::Engine::encode(&base64::engine::general_purpose::STANDARD, std::fs::read(folder.join("grid.png"))?);
     let body = body.replace("src=\"grid.png\"", &format!("src=\"data:image/png;base64,{png}\""));
+    let title = title.replace('&', "&amp;").replace('<', "&lt;");
     Ok(format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title><style>\
          body{{font-family:sans-serif;max-width:70em;margin:2em auto;padding:0 1em}}table{{border-collapse:collapse}}\

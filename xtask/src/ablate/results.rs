@@ -18,6 +18,8 @@ pub(super) struct Metric {
     pub(super) better: Better,
     /// What a fit without this number counts as.
     pub(super) worst: f64,
+    /// Errors below this are not told apart.
+    pub(super) least: f64,
     /// Factor and unit for people.
     pub(super) shown: (f64, &'static str),
 }
@@ -35,31 +37,31 @@ const fn metric_of(
     name: &'static str,
     label: &'static str,
     better: Better,
-    worst: f64,
+    [worst, least]: [f64; 2],
     shown: (f64, &'static str),
 ) -> Metric {
-    Metric { name, label, better, worst, shown }
+    Metric { name, label, better, worst, least, shown }
 }
 
 /// All numbers, in the order of the columns.
 pub(super) const METRICS: [Metric; 17] = [
-    metric_of("chamfer", "Chamfer distance, of the bounding radius", Better::Less, 1.0, (100.0, " %")),
-    metric_of("psnr", "PSNR of held-out views", Better::More, 0.0, (1.0, " dB")),
-    metric_of("ssim", "SSIM of held-out views", Better::More, 0.0, (1.0, "")),
-    metric_of("mask_iou", "mask IoU of held-out views", Better::More, 0.0, (1.0, "")),
-    metric_of("f_score", "F-score at 1 % of the bounding radius", Better::More, 0.0, (1.0, "")),
-    metric_of("loss", "final loss", Better::Less, 1.0, (1e3, "e-3")),
-    metric_of("best_loss", "lowest loss", Better::Less, 1.0, (1e3, "e-3")),
-    metric_of("first_bias", "bias of the gradient, first iterate", Better::Less, 1.0, (100.0, " %")),
-    metric_of("first_variance", "variance of the gradient, first iterate", Better::Less, 1.0, (1.0, "")),
-    metric_of("last_bias", "bias of the gradient, last iterate", Better::Less, 1.0, (100.0, " %")),
-    metric_of("last_variance", "variance of the gradient, last iterate", Better::Less, 1.0, (1.0, "")),
-    metric_of("values", "values of f", Better::Cost, f64::NAN, (1e-6, " M")),
-    metric_of("gradients", "gradients of f", Better::Cost, f64::NAN, (1e-6, " M")),
-    metric_of("hessian_vectors", "Hessian–vector products", Better::Cost, f64::NAN, (1e-6, " M")),
-    metric_of("parameters", "parameter gradients", Better::Cost, f64::NAN, (1e-6, " M")),
-    metric_of("iterations", "iterations", Better::More, 0.0, (1.0, "")),
-    metric_of("seconds", "seconds of the fit", Better::Cost, f64::NAN, (1.0, " s")),
+    metric_of("chamfer", "Chamfer distance, of the bounding radius", Better::Less, [1.0, 1e-6], (100.0, " %")),
+    metric_of("psnr", "PSNR of held-out views", Better::More, [0.0, 1e-6], (1.0, " dB")),
+    metric_of("ssim", "SSIM of held-out views", Better::More, [0.0, 1e-4], (1.0, "")),
+    metric_of("mask_iou", "mask IoU of held-out views", Better::More, [0.0, 1e-4], (1.0, "")),
+    metric_of("f_score", "F-score at 1 % of the bounding radius", Better::More, [0.0, 1e-4], (1.0, "")),
+    metric_of("loss", "final loss", Better::Less, [1.0, 1e-9], (1e3, "e-3")),
+    metric_of("best_loss", "lowest loss", Better::Less, [1.0, 1e-9], (1e3, "e-3")),
+    metric_of("first_bias", "bias of the gradient, first iterate", Better::Less, [1.0, 1e-2], (100.0, " %")),
+    metric_of("first_variance", "variance of the gradient, first iterate", Better::Less, [1.0, 1e-4], (1.0, "")),
+    metric_of("last_bias", "bias of the gradient, last iterate", Better::Less, [1.0, 1e-2], (100.0, " %")),
+    metric_of("last_variance", "variance of the gradient, last iterate", Better::Less, [1.0, 1e-4], (1.0, "")),
+    metric_of("values", "values of f", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
+    metric_of("gradients", "gradients of f", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
+    metric_of("hessian_vectors", "Hessian–vector products", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
+    metric_of("parameters", "parameter gradients", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
+    metric_of("iterations", "iterations", Better::More, [0.0, 1e-9], (1.0, "")),
+    metric_of("seconds", "seconds of the fit", Better::Cost, [f64::NAN, 1e-9], (1.0, " s")),
 ];
 
 /// The metric of a name.
@@ -200,11 +202,10 @@ pub(super) fn finished(folder: &Path) -> Option<Row> {
 
 /// Writes a file at once or not at all.
 pub(super) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    let folder = path.parent().context("a folder")?;
-    let mut file = tempfile::NamedTempFile::new_in(folder).with_context(|| folder.display().to_string())?;
-    std::io::Write::write_all(&mut file, content.as_ref())?;
-    file.persist(path)?;
-    Ok(())
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    std::fs::write(&part, content).with_context(|| path.display().to_string())?;
+    Ok(std::fs::rename(&part, path)?)
 }
 
 #[cfg(test)]

@@ -50,35 +50,58 @@ pub(super) fn folder(output: &Path, shard: Shard) -> std::path::PathBuf {
     output.join("shards").join(format!("{}-of-{}", shard.index + 1, shard.count))
 }
 
-/// A script for `bash`: it submits the array, and a job that merges when all of it is done.
-pub(super) fn script(program: &Path, name: &str, sweep: &Sweep, output: &Path, jobs: usize, shards: usize) -> String {
-    let cells = sweep.cells().len().div_ceil(shards).div_ceil(jobs);
-    // Fits have the limit each; what is measured of them takes less again.
-    let minutes = (cells as f64 * sweep.limits.seconds * 2.0 / 60.0).ceil().max(1.0);
-    let memory = (jobs as f64 * sweep.limits.mebibytes * 1.1).ceil();
-    let quote = |text: &str| format!("'{}'", text.replace('\'', "'\\''"));
-    let (root, out) = (crate::dsdf::root(), output.to_string_lossy());
-    // Slurm has its own use for % in the names of logs.
-    let logs = out.replace('%', "%%");
-    let [root, program, name, out, logs] =
-        [&root.to_string_lossy(), &program.to_string_lossy(), name, &out, &*logs].map(quote);
-    format!(
-        "#!/usr/bin/env bash\n\
-         # {}: {} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
-         set -euo pipefail\n\
-         # Jobs start where they are submitted, and build the binary there.\n\
-         cd {root}\n\
-         mkdir -p {out}/shards\n\
-         array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} --cpus-per-task={jobs} --mem={memory}M \\\n  \
-         --time={minutes} --requeue --open-mode=append --output={logs}/shards/%a.log \\\n  \
-         --wrap={})\n\
-         sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" --cpus-per-task=1 --mem=2G --time=30 \\\n  \
-         --output={logs}/merge.log --wrap={}\n",
-        sweep.title,
-        sweep.cells().len(),
-        quote(&format!("{program} ablate {name} -o {out} --jobs {jobs}")),
-        quote(&format!("{program} ablate {name} -o {out} --merge {out}/shards/*-of-{shards}")),
-    )
+/// A sweep as a job array and a merge.
+pub(super) struct Job {
+    /// The command of a task, but for its shard.
+    pub(super) run: Vec<String>,
+    /// The command of the merge, but for its folders.
+    pub(super) merge: Vec<String>,
+    /// Cells in all.
+    pub(super) cells: usize,
+    /// Cells at a time in a task.
+    pub(super) jobs: usize,
+    /// Tasks.
+    pub(super) shards: usize,
+}
+
+/// A word of a shell's command line.
+fn quote(text: &str) -> String {
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+impl Job {
+    /// A script for `bash`: it submits the array, and a job that merges when all of it is done.
+    pub(super) fn script(&self, sweep: &Sweep, output: &Path) -> String {
+        let Job { cells, jobs, shards, .. } = self;
+        // Fits have the limit each; what is measured of them takes less again.
+        let rounds = cells.div_ceil(*shards).div_ceil(*jobs);
+        let minutes = (rounds as f64 * sweep.limits.seconds * 2.0 / 60.0).ceil().max(1.0);
+        let memory = (*jobs as f64 * sweep.limits.mebibytes * 1.1).ceil();
+        let out = output.to_string_lossy();
+        // Slurm has its own use for % in the names of logs.
+        let [root, out, logs] = [&crate::dsdf::root().to_string_lossy(), &out, &*out.replace('%', "%%")].map(quote);
+        let words = |command: &[String]| command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
+        // The number of tasks is said: an array of some tasks again would count only those.
+        let run = format!("{} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\"", words(&self.run));
+        let merge = format!("{} --merge {out}/shards/*-of-{shards}", words(&self.merge));
+        let title: Vec<&str> = sweep.title.split_whitespace().collect();
+        format!(
+            "#!/usr/bin/env bash\n\
+             # {}: {cells} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
+             set -euo pipefail\n\
+             # Jobs start where they are submitted, and build the binary there.\n\
+             cd {root}\n\
+             mkdir -p {out}/shards\n\
+             array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} --cpus-per-task={jobs} --mem={memory}M \\\n  \
+             --time={minutes} --requeue --open-mode=append --output={logs}/shards/%a.log \\\n  \
+             --wrap={})\n\
+             sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" --cpus-per-task=1 --mem=2G --time=30 \\\n  \
+             --output={logs}/merge.log --wrap={}\n",
+            title.join(" "),
+            quote(&run),
+            quote(&merge),
+        )
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::refusal::Refusal;
+use super::results::Row;
 
 /// A sweep as its file has it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -79,6 +80,16 @@ impl Default for Limits {
 pub(super) struct Converged {
     pub(super) chamfer: f64,
     pub(super) rise: f64,
+}
+
+impl Converged {
+    /// Whether a row converged. Without a true surface the loss alone says.
+    pub(super) fn holds(&self, row: &Row, has_truth: bool) -> bool {
+        let number = |name: &str| row.numbers.get(name).copied();
+        let close = number("chamfer").map_or(!has_truth, |chamfer| chamfer <= self.chamfer);
+        let loss = number("loss").zip(number("best_loss"));
+        number("psnr").is_some() && close && loss.is_none_or(|(end, best)| end <= self.rise * best)
+    }
 }
 
 impl Default for Converged {
@@ -207,7 +218,28 @@ pub(super) fn text(value: &Value) -> String {
     }
 }
 
+impl Data {
+    /// Whether the true surface is known.
+    pub(super) fn has_truth(&self) -> bool {
+        self.scene.is_some() || self.mesh.is_some()
+    }
+}
+
 impl Sweep {
+    /// What the cells depend on: not what is said of them.
+    pub(super) fn identity(&self) -> Sweep {
+        Sweep {
+            title: String::new(),
+            about: String::new(),
+            rows: None,
+            columns: None,
+            metrics: Vec::new(),
+            converged: Converged::default(),
+            claim: Vec::new(),
+            ..self.clone()
+        }
+    }
+
     /// Reads a shipped sweep or a file; also the folder that its own paths start from.
     pub(super) fn load(name: &str) -> Result<(Sweep, PathBuf), Refusal> {
         let (path, folder, source) = match SHIPPED.iter().find(|(known, _)| *known == name) {
@@ -225,7 +257,7 @@ impl Sweep {
             }
         };
         let sweep: Sweep = toml::from_str(&source).map_err(|e| {
-            let line = e.span().map_or(0, |span| source[..span.start].lines().count().max(1));
+            let line = e.span().map_or(0, |span| source[..span.start].matches('\n').count() + 1);
             Refusal::new(&path, format!("line {line}"), e.message().replace('\n', " "), "a sweep (see docs/ablate.md)")
         })?;
         sweep.check(&path)?;
@@ -249,12 +281,28 @@ impl Sweep {
                 return refuse(format!("parameters.{key}"), odd.to_string(), "numbers, strings or booleans");
             }
             let texts: Vec<String> = list.iter().map(text).collect();
-            if let Some(twice) = texts.iter().enumerate().find(|(i, t)| texts[..*i].contains(t)) {
+            let same = |a: &String, b: &String| a == b || a.parse::<f64>().is_ok_and(|a| b.parse() == Ok(a));
+            if let Some(twice) = texts.iter().enumerate().find(|(i, t)| texts[..*i].iter().any(|o| same(o, t))) {
                 return refuse(format!("parameters.{key}"), format!("{} twice", twice.1), "different values");
             }
         }
         if self.seeds.is_empty() {
             return refuse("seeds".into(), "[]".into(), "one or more");
+        }
+        if let Some((_, twice)) = self.seeds.iter().enumerate().find(|(i, seed)| self.seeds[..*i].contains(seed)) {
+            return refuse("seeds".into(), format!("{twice} twice"), "different seeds");
+        }
+        let positive = [
+            ("limits.seconds", self.limits.seconds),
+            ("limits.mebibytes", self.limits.mebibytes),
+            ("converged.chamfer", self.converged.chamfer),
+            ("converged.rise", self.converged.rise),
+        ];
+        if let Some((field, odd)) = positive.into_iter().find(|(_, v)| !(*v > 0.0 && v.is_finite())) {
+            return refuse(field.into(), odd.to_string(), "a number above 0");
+        }
+        if self.rows.is_some() && self.rows == self.columns {
+            return refuse("columns".into(), "the parameter of the rows".into(), "another one");
         }
         if self.data.is_empty() {
             return refuse("data".into(), "none".into(), "one data set or more");
@@ -308,8 +356,20 @@ impl Sweep {
                     return refuse(format!("{parameter} = {value}"), "a parameter and a value of the grid".into());
                 }
             }
-            if claim.than.is_none() && matches!(claim.kind, Kind::Worse | Kind::LittleGain) {
+            if claim.than.is_none() && claim.kind != Kind::Best {
                 return refuse("no value to compare with".into(), "than = ...".into());
+            }
+            if !(claim.margin >= 0.0 && claim.margin.is_finite()) {
+                return refuse(format!("margin = {}", claim.margin), "0 or more".into());
+            }
+            if claim.kind == Kind::Best && claim.values.len() != 1 {
+                return refuse(format!("{} values", claim.values.len()), "one".into());
+            }
+            if matches!(claim.metric.as_str(), "chamfer" | "f_score")
+                && let Some(data) = self.data.iter().find(|data| !data.has_truth())
+            {
+                let found = format!("{} of {}", claim.metric, data.name);
+                return refuse(found, "a metric that needs no true surface, or mesh = ...".into());
             }
             if claim.values.is_empty() {
                 return refuse("no values".into(), "values = [...]".into());
@@ -329,7 +389,8 @@ impl Sweep {
         let first = |not: Option<&String>| self.parameters.keys().find(|k| Some(*k) != not).cloned();
         let rows = self.rows.clone().or_else(|| first(self.columns.as_ref())).unwrap_or_default();
         let columns = self.columns.clone().or_else(|| first(Some(&rows)));
-        (rows, columns)
+        // One parameter makes one column.
+        if rows.is_empty() { (columns.unwrap_or_default(), None) } else { (rows, columns) }
     }
 
     /// All cells: the grid for every data set and seed.

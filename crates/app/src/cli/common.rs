@@ -22,6 +22,9 @@ pub(crate) struct Global {
     /// No progress on standard error
     #[arg(long, global = true)]
     pub(crate) quiet: bool,
+    /// End when the process of this number does, which started this one (Linux)
+    #[arg(long, global = true, hide = true, value_name = "PID")]
+    pub(crate) end_with: Option<u32>,
     /// What the program brings.
     #[arg(skip)]
     pub(crate) weights: Option<super::Weights>,

@@ -87,6 +87,24 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<W
     }
 }
 
+/// Ends this process when its parent does: what is started a thousand times should not be left behind once.
+#[cfg(target_os = "linux")]
+fn end_with(parent: Option<u32>) -> anyhow::Result<()> {
+    use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+    let Some(parent) = parent else { return Ok(()) };
+    set_parent_process_death_signal(Some(Signal::KILL))?;
+    // It may have ended before.
+    if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() as u32 != parent) {
+        anyhow::bail!("process {parent} has ended");
+    }
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn end_with(_parent: Option<u32>) -> anyhow::Result<()> {
+    Ok(())
+}
+
 /// "-1" is a value to be judged, not an unknown flag.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(|arg| {
@@ -97,6 +115,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 fn execute(cli: Cli, weights: Option<Weights>) -> anyhow::Result<()> {
     let global = common::Global { weights, ..cli.global };
+    end_with(global.end_with)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.map_or(0, usize::from)).build()?;
     pool.install(|| match cli.command {
         Command::Render(command) => command.run(&global),
