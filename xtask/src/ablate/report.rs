@@ -148,6 +148,9 @@ fn criterion(claim: &super::sweep::Claim) -> String {
     text + &only.concat()
 }
 
+/// How much worse than the best a recommended setting may look.
+const NEAR: f64 = 1.05;
+
 /// A setting with how much worse it is than the best one.
 struct Setting {
     values: Vec<(String, String)>,
@@ -195,13 +198,13 @@ fn recommendation(out: &mut String, rows: &[Row]) {
         .collect();
     settings.sort_by(|a, b| a.error.total_cmp(&b.error));
     let name = |s: &Setting| s.values.iter().map(|(k, v)| format!("{k} = {v}")).collect::<Vec<_>>().join(", ");
-    let equal = |s: &&Setting| s.converged && s.worse.count > 1 && s.worse.low <= 1.0;
+    let equal = |s: &&Setting| s.converged && s.worse.count > 1 && s.worse.low <= 1.0 && s.worse.mean <= NEAR;
     let fastest = settings.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let _ = writeln!(out, "## Recommendation\n");
     if let Some(fastest) = fastest {
         let _ = writeln!(
             out,
-            "**{}**: the fastest of the settings that always converged and whose {} is not worse than the best one's for certain.\n",
+            "**{}**: the fastest of the settings that always converged and whose {} is not worse than the best one's for certain, nor by 5 % as seen.\n",
             name(fastest),
             error_name(metric)
         );
