@@ -115,6 +115,13 @@ pub(crate) fn report(binary: &Path, arguments: &[&str]) -> anyhow::Result<Value>
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
+/// What the system says of a running process's memory under `key`, in MiB, where it says anything.
+pub(crate) fn memory(process: u32, key: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}
+
 /// A way to run commands of the binary.
 pub(crate) trait Run {
     /// The report of a command.

@@ -9,7 +9,7 @@ use super::process::{self, Failure, Limited};
 use super::results::{Row, finished, write};
 use super::sweep::{Cell, Limits, Sweep, flag};
 use crate::dsdf::{Image, Spread, gradient};
-use crate::figures::reference::gaussian_filtered;
+use crate::figures::reference::{GAUSSIAN, gaussian_filtered};
 
 /// What all cells share.
 pub(super) struct Bench<'a> {
@@ -32,9 +32,6 @@ const CONTOURS: &str = "256";
 
 /// Parts of a fit over which losses are averaged.
 const WINDOWS: usize = 20;
-
-/// Estimators of Gaussian-filtered pixels.
-const GAUSSIAN: [&str; 3] = ["gaussian", "was", "loubet"];
 
 impl Bench<'_> {
     pub(super) fn folder(&self, cell: &Cell) -> PathBuf {

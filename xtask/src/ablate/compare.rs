@@ -4,15 +4,14 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::claims::{error_name, percent, short, worse};
-use super::results::{Better, METRICS, Row, from_csv};
+use super::results::{Better, METRICS, Row, from_csv, settings};
 
 /// Compares the rows of two sweeps that have data set, parameters and seed in common.
 pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     let read = |path: &Path| from_csv(&if path.is_dir() { path.join("results.csv") } else { path.to_owned() });
     let (of_a, of_b) = (read(a)?, read(b)?);
-    let key = |row: &Row| (row.data.clone(), row.seed, row.values.clone());
     let shared = |own: &[Row], other: &[Row], side: &str| -> Vec<Row> {
-        let common = own.iter().filter(|r| other.iter().any(|o| key(o) == key(r)));
+        let common = own.iter().filter(|r| other.iter().any(|o| o.key() == r.key()));
         common
             .map(|r| {
                 let mut values = r.values.clone();
@@ -23,7 +22,7 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     };
     let both = [shared(&of_a, &of_b, "A"), shared(&of_b, &of_a, "B")].concat();
     let count = both.iter().filter(|r| r.value("sweep") == "A").count();
-    let only = |own: &[Row], other: &[Row]| own.iter().filter(|r| !other.iter().any(|o| key(o) == key(r))).count();
+    let only = |own: &[Row], other: &[Row]| own.iter().filter(|r| !other.iter().any(|o| o.key() == r.key())).count();
     let mut out = format!("# Two sweeps\n\nA: {}\nB: {}\n\n", a.display(), b.display());
     let _ =
         writeln!(out, "{count} cells in common, {} only in A, {} only in B.\n", only(&of_a, &of_b), only(&of_b, &of_a));
@@ -47,8 +46,7 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     }
     let _ = writeln!(out, "\n| cell | seed | Chamfer A | Chamfer B | PSNR A | PSNR B |\n|---|---|---|---|---|---|");
     for row in of_a.iter() {
-        let Some(other) = of_b.iter().find(|o| key(o) == key(row)) else { continue };
-        let values: Vec<String> = row.values.iter().map(|(k, v)| format!("{k} = {v}")).collect();
+        let Some(other) = of_b.iter().find(|o| o.key() == row.key()) else { continue };
         let number = |row: &Row, name: &str, factor: f64| {
             row.numbers.get(name).map_or(row.status.clone(), |v| format!("{:.3}", v * factor))
         };
@@ -56,7 +54,7 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
             out,
             "| {}, {} | {} | {} | {} | {} | {} |",
             row.data,
-            values.join(", "),
+            settings(&row.values),
             row.seed,
             number(row, "chamfer", 100.0),
             number(other, "chamfer", 100.0),

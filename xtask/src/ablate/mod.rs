@@ -22,7 +22,7 @@ use clap::Args;
 
 use cell::Bench;
 pub(crate) use refusal::Refusal;
-use results::{Row, finished, write};
+use results::{finished, write};
 use slurm::Shard;
 use sweep::{Cell, Sweep};
 
@@ -158,6 +158,11 @@ fn make_folder(output: Option<&Path>) -> anyhow::Result<PathBuf> {
 }
 
 impl Work {
+    /// The folder of a cell.
+    fn cell(&self, cell: &Cell) -> PathBuf {
+        self.output.join("cells").join(&cell.name)
+    }
+
     /// Takes the folder for this sweep: no other sweep's, and no other process's.
     fn claim(&self) -> anyhow::Result<std::fs::File> {
         let path = self.output.join("lock");
@@ -246,7 +251,7 @@ impl Work {
             self.same(&path, &there)?;
         }
         for cell in self.sweep.cells() {
-            let to = self.output.join("cells").join(&cell.name);
+            let to = self.cell(&cell);
             let from = folders.iter().map(|f| f.join("cells").join(&cell.name)).find(|f| finished(f).is_some());
             let Some(from) = from.filter(|_| finished(&to).is_none()) else { continue };
             std::fs::create_dir_all(&to)?;
@@ -261,19 +266,17 @@ impl Work {
 
     /// Results and report of all cells that are finished here, in the sweep's order.
     fn report(&self) -> anyhow::Result<()> {
-        let folder = |cell: &Cell| self.output.join("cells").join(&cell.name);
-        let key = |row: &Row| (row.data.clone(), row.seed, row.values.clone());
         let mut pictures = HashMap::new();
         let mut rows = Vec::new();
         for cell in self.sweep.cells() {
-            if let Some(mut row) = finished(&folder(&cell)) {
+            if let Some(mut row) = finished(&self.cell(&cell)) {
                 // By the criterion as it is now.
                 row.converged = self.sweep.converged.holds(&row, self.sweep.data[cell.data].has_truth());
-                pictures.insert(key(&row), folder(&cell).join("picture.png"));
+                pictures.insert(row.key(), self.cell(&cell).join("picture.png"));
                 rows.push(row);
             }
         }
-        report::report(&self.sweep, &rows, &self.output, &|row| pictures.get(&key(row)).cloned().unwrap_or_default())?;
+        report::report(&self.sweep, &rows, &self.output, &|row| pictures.get(&row.key()).cloned().unwrap_or_default())?;
         println!("{}", self.output.join("report.md").display());
         Ok(())
     }

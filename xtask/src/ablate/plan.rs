@@ -110,10 +110,9 @@ const PILOTS: usize = 4;
 
 /// Prints the cells, and how long those take that are left.
 pub(super) fn show(work: &Work, binary: &Path, cells: &[(usize, Cell)], jobs: usize) -> anyhow::Result<()> {
-    let folder = |cell: &Cell| work.output.join("cells").join(&cell.name);
     let (mut known, mut left) = (Vec::new(), Vec::new());
     for (number, cell) in cells {
-        let row = finished(&folder(cell));
+        let row = finished(&work.cell(cell));
         let state = row.as_ref().map_or("", |row| row.status.as_str());
         println!("{number:>5} {} {state}", cell.name);
         match row {

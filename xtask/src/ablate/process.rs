@@ -59,12 +59,12 @@ pub(super) fn run(
         .stderr(File::create(log)?)
         .spawn()
         .with_context(|| format!("cannot start {}", program.display()))?;
-    let (start, memory) = (Instant::now(), format!("/proc/{}/status", child.id()));
+    let start = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait()? {
             break status;
         }
-        let used = resident(&memory);
+        let used = crate::dsdf::memory(child.id(), "VmRSS:");
         let seconds = start.elapsed().as_secs_f64();
         let over = if seconds > limits.seconds {
             Some(("time", format!("{} s are over", limits.seconds)))
@@ -88,13 +88,6 @@ pub(super) fn run(
     let errors = std::fs::read_to_string(log).unwrap_or_default();
     let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
     Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
-}
-
-/// The resident set of a process, in MiB, where the system tells.
-fn resident(status: &str) -> Option<f64> {
-    let text = std::fs::read_to_string(status).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
-    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::claims::{Judged, error, error_name, judge, percent, worse};
 use super::pictures::{Table, save, shown};
-use super::results::{METRICS, Metric, Row, to_csv, write};
+use super::results::{METRICS, Metric, Row, settings, to_csv, write};
 use super::statistics::Mean;
 use super::sweep::{Kind, Sweep};
 
@@ -67,9 +67,9 @@ fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
     if !failed.is_empty() {
         let _ = writeln!(out, "## What was ended or failed\n\n| cell | seed | status | reason |\n|---|---|---|---|");
         for row in failed {
-            let values: Vec<String> = row.values.iter().map(|(k, v)| format!("{k} = {v}")).collect();
             let reason = row.reason.replace('|', "/");
-            let _ = writeln!(out, "| {}, {} | {} | {} | {reason} |", row.data, values.join(", "), row.seed, row.status);
+            let _ =
+                writeln!(out, "| {}, {} | {} | {} | {reason} |", row.data, settings(&row.values), row.seed, row.status);
         }
         out.push('\n');
     }
@@ -186,7 +186,7 @@ fn recommendation(out: &mut String, rows: &[Row]) {
         (logs.iter().sum::<f64>() / logs.len() as f64).exp()
     };
     let Some(best) = (0..places.len()).min_by(|&a, &b| mean_error(a).total_cmp(&mean_error(b))) else { return };
-    let mut settings: Vec<Setting> = (0..places.len())
+    let mut all: Vec<Setting> = (0..places.len())
         .map(|at| {
             let known = || of(at).filter_map(|r| r.numbers.get("seconds").copied());
             let seconds =
@@ -196,16 +196,15 @@ fn recommendation(out: &mut String, rows: &[Row]) {
             Setting { values: places[at].clone(), error: mean_error(at), seconds, worse, converged }
         })
         .collect();
-    settings.sort_by(|a, b| a.error.total_cmp(&b.error));
-    let name = |s: &Setting| s.values.iter().map(|(k, v)| format!("{k} = {v}")).collect::<Vec<_>>().join(", ");
+    all.sort_by(|a, b| a.error.total_cmp(&b.error));
     let equal = |s: &&Setting| s.converged && s.worse.count > 1 && s.worse.low <= 1.0 && s.worse.mean <= NEAR;
-    let fastest = settings.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let fastest = all.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
     let _ = writeln!(out, "## Recommendation\n");
     if let Some(fastest) = fastest {
         let _ = writeln!(
             out,
             "**{}**: the fastest of the settings that always converged and whose {} is not worse than the best one's for certain, nor by 5 % as seen.\n",
-            name(fastest),
+            settings(&fastest.values),
             error_name(metric)
         );
     } else {
@@ -216,11 +215,11 @@ fn recommendation(out: &mut String, rows: &[Row]) {
         "| setting | {} (geometric mean) | of the best, 95 % | seconds |\n|---|---|---|---|",
         error_name(metric)
     );
-    for s in &settings {
+    for s in &all {
         let _ = writeln!(
             out,
             "| {} | {:.3} % | {} ({} to {}) | {:.1} |",
-            name(s),
+            settings(&s.values),
             100.0 * s.error,
             percent(s.worse.mean),
             percent(s.worse.low),

@@ -75,7 +75,7 @@ pub(super) fn metric_names() -> String {
 }
 
 /// A row.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub(super) struct Row {
     pub(super) data: String,
     /// The parameters, in the sweep's order.
@@ -100,11 +100,13 @@ impl Row {
             values: cell.values.clone(),
             seed: cell.seed,
             status: "done".to_owned(),
-            reason: String::new(),
-            converged: false,
-            numbers: BTreeMap::new(),
-            curve: Vec::new(),
+            ..Row::default()
         }
+    }
+
+    /// What tells it from other rows of a sweep.
+    pub(super) fn key(&self) -> (String, u64, Vec<(String, String)>) {
+        (self.data.clone(), self.seed, self.values.clone())
     }
 
     /// The value of a parameter.
@@ -116,6 +118,11 @@ impl Row {
     pub(super) fn number(&self, metric: &Metric) -> f64 {
         self.numbers.get(metric.name).copied().unwrap_or(metric.worst)
     }
+}
+
+/// Parameters with their values, as people read them.
+pub(super) fn settings(values: &[(String, String)]) -> String {
+    values.iter().map(|(k, v)| format!("{k} = {v}")).collect::<Vec<_>>().join(", ")
 }
 
 /// Columns that are not numbers.
@@ -155,7 +162,7 @@ pub(super) fn from_csv(path: &Path) -> anyhow::Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (line, record) in reader.records().enumerate() {
         let record = record.map_err(|e| refuse(format!("line {}", line + 2), &e.to_string(), "a row"))?;
-        let mut row = Row { seed: 0, ..Row::empty() };
+        let mut row = Row::default();
         for (name, field) in header.iter().zip(&record) {
             match name {
                 "data" => field.clone_into(&mut row.data),
@@ -180,21 +187,6 @@ pub(super) fn from_csv(path: &Path) -> anyhow::Result<Vec<Row>> {
     Ok(rows)
 }
 
-impl Row {
-    fn empty() -> Self {
-        Row {
-            data: String::new(),
-            values: Vec::new(),
-            seed: 0,
-            status: String::new(),
-            reason: String::new(),
-            converged: false,
-            numbers: BTreeMap::new(),
-            curve: Vec::new(),
-        }
-    }
-}
-
 /// The finished row of a cell's folder, if there is one.
 pub(super) fn finished(folder: &Path) -> Option<Row> {
     serde_json::from_str(&std::fs::read_to_string(folder.join("result.json")).ok()?).ok()
@@ -214,7 +206,7 @@ mod tests {
 
     #[test]
     fn rows_come_back_from_their_csv() {
-        let mut row = Row { data: "knot".into(), seed: 3, status: "time".into(), ..Row::empty() };
+        let mut row = Row { data: "knot".into(), seed: 3, status: "time".into(), ..Row::default() };
         row.values = vec![("gamma".into(), "1.0".into()), ("estimator".into(), "paper".into())];
         row.reason = "12 s, \"over\"".into();
         row.numbers = [("chamfer".to_owned(), 0.0125), ("values".to_owned(), 12345678.0)].into();

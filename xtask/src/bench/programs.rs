@@ -35,12 +35,9 @@ const TRIES: usize = 5;
 fn once(binary: &Path, arguments: &[&str]) -> anyhow::Result<(f64, Option<f64>)> {
     let mut child = Command::new(binary).args(arguments).args(["--json", "--quiet"]).stdout(Stdio::piped()).spawn()?;
     // The high-water mark of a process is gone with it, so it is read until then.
-    let status = format!("/proc/{}/status", child.id());
     let mut peak = None;
     while child.try_wait()?.is_none() {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let high = text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<f64>().ok());
-        peak = high.map(|kib| kib / 1024.0).or(peak);
+        peak = dsdf::memory(child.id(), "VmHWM:").or(peak);
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
     let output = child.wait_with_output()?;

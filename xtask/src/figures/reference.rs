@@ -14,6 +14,9 @@ const REACH: usize = 2;
 /// The standard deviation of the Gaussian filter, in pixels.
 const DEVIATION: f64 = 0.5;
 
+/// The estimators of Gaussian-filtered pixels.
+pub(crate) const GAUSSIAN: [&str; 3] = ["gaussian", "was", "loubet"];
+
 /// The derivatives of box-filtered pixels.
 pub(crate) fn box_filtered(program: &(impl Run + ?Sized), scene: &Value, wrt: &[String]) -> anyhow::Result<Vec<Image>> {
     Ok(gradient(program, scene, wrt, &["--estimator", "contour", "--spp", "1024"])?.images)

@@ -7,7 +7,7 @@ use anyhow::ensure;
 use serde_json::Value;
 
 use crate::dsdf::{Image, Spread, gradient, scene, suite};
-use crate::figures::reference::{box_filtered, gaussian_filtered};
+use crate::figures::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
 
 /// A parameter with the values that are tried, all else as `base` says.
 pub(super) struct Axis {
@@ -55,9 +55,6 @@ pub(super) const AXES: [Axis; 10] = [
 
 /// Scenes of the suite: a lit ball, one outline behind another, a lit torus, a network.
 const SCENES: [&str; 4] = ["off-axis.lambert", "occlusion.constant", "torus.lambert", "network.constant"];
-
-/// The estimators of the other filter's image.
-pub(super) const GAUSSIAN: [&str; 3] = ["gaussian", "was", "loubet"];
 
 /// Samples a pixel.
 pub(super) const SPP: [u32; 3] = [4, 16, 64];

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use crate::dsdf;
+use crate::figures::reference::GAUSSIAN;
 use crate::figures::write;
 use crate::plot::{Curve, Panel, svg};
 use fits::{Fitted, NETWORKS, PRESETS};
-use gradients::{AXES, Axis, Cell, Cells, GAUSSIAN, Gradients, SPP};
+use gradients::{AXES, Axis, Cell, Cells, Gradients, SPP};
 
 /// The samples a pixel that tables of one number show.
 const SHOWN: usize = 2;
