@@ -14,15 +14,16 @@ pub(crate) fn root() -> PathBuf {
 
 /// Builds the binary for measurements.
 pub(crate) fn build() -> anyhow::Result<PathBuf> {
-    build_package("app")
+    build_package("app", "release")
 }
 
-/// Builds the binary of a package: `dsdf` of the application, or of one that extends it, by its own name.
-pub(crate) fn build_package(package: &str) -> anyhow::Result<PathBuf> {
+/// Builds the binary of a package: `dsdf` of the application, or of one that extends it, by its own name; with a profile of
+/// the workspace.
+pub(crate) fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
     let name = if package == "app" { "dsdf" } else { package };
-    crate::cargo(&["build", "--release", "--package", package, "--bin", name], &[])?;
+    crate::cargo(&["build", "--profile", profile, "--package", package, "--bin", name], &[])?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-    Ok(target.join("release").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+    Ok(target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// A case of the gradient suite.

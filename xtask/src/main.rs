@@ -15,10 +15,6 @@ use clap::{Parser, Subcommand};
 
 use figures::Figure;
 
-/// That of the binary: what is measured here allocates as it does there.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// Development commands of dsdf.
 #[derive(Parser)]
 struct Cli {
@@ -83,12 +79,18 @@ fn ci() -> anyhow::Result<()> {
     cargo(&["test", "--workspace"], &[])
 }
 
+/// Cargo, said on standard error.
+fn cargo_command(arguments: &[&str]) -> Command {
+    eprintln!("$ cargo {}", arguments.join(" "));
+    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+    command.args(arguments);
+    command
+}
+
 /// Runs cargo and fails if it does.
 fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
     let line = format!("cargo {}", arguments.join(" "));
-    eprintln!("$ {line}");
-    let program = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    let status = Command::new(program).args(arguments).envs(environment.iter().copied()).status();
+    let status = cargo_command(arguments).envs(environment.iter().copied()).status();
     let status = status.with_context(|| format!("cannot start {line}"))?;
     if !status.success() {
         bail!("{line} failed");

@@ -13,14 +13,29 @@ pub(crate) struct Curve {
 pub(crate) struct Panel {
     pub(crate) title: String,
     pub(crate) curves: Vec<Curve>,
+    /// Whether to mark the points that no other is below and left of.
+    pub(crate) front: bool,
+}
+
+/// The points of (cost, error) that no other beats in both, cheapest first.
+pub(crate) fn front<T>(mut points: Vec<T>, of: impl Fn(&T) -> (f64, f64)) -> Vec<T> {
+    points.sort_by(|a, b| of(a).partial_cmp(&of(b)).unwrap_or(std::cmp::Ordering::Equal));
+    let mut least = f64::INFINITY;
+    points.retain(|point| {
+        let (_, error) = of(point);
+        let better = error < least;
+        least = least.min(error);
+        better
+    });
+    points
 }
 
 const COLORS: [&str; 10] =
     ["#999999", "#1f77b4", "#7fb2dd", "#9467bd", "#8c564b", "#bcbd22", "#17becf", "#d62728", "#2ca02c", "#000000"];
 const WIDTH: f64 = 280.0;
-const HEIGHT: f64 = 210.0;
+const HEIGHT: f64 = 218.0;
 const LEFT: f64 = 52.0;
-const TOP: f64 = 26.0;
+const TOP: f64 = 34.0;
 const COLUMNS: usize = 3;
 
 /// Panels in rows. Where all have the curves' names in the same order there is one legend, else one in each panel.
@@ -62,44 +77,72 @@ fn legend(out: &mut String, names: &[String], place: impl Fn(usize) -> (f64, f64
     }
 }
 
-/// The powers of ten that hold all values, as exponents.
-fn decades(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+/// One, two and five times the powers of ten.
+fn mark(i: i32) -> f64 {
+    [1.0, 2.0, 5.0][i.rem_euclid(3) as usize] * 10f64.powi(i.div_euclid(3))
+}
+
+/// The marks of an axis that holds all values; where they are many, powers of ten alone.
+fn marks(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let (low, high) = (values.clone().fold(f64::MAX, f64::min), values.fold(f64::MIN_POSITIVE, f64::max));
-    let (from, to) = (low.min(high).log10().floor(), high.log10().ceil());
-    (from, to.max(from + 1.0))
+    let low = low.min(high);
+    let start = 3 * low.log10().floor() as i32;
+    let from = (start..).take_while(|&i| mark(i) <= low).last().unwrap_or(start);
+    let to = (from + 1..).find(|&i| mark(i) >= high).unwrap_or(from + 1);
+    if to - from <= 6 {
+        return (from..=to).map(mark).collect();
+    }
+    (from.div_euclid(3)..=(to + 2).div_euclid(3)).map(|i| mark(3 * i)).collect()
 }
 
 fn draw(out: &mut String, panel: &Panel, (x0, y0): (f64, f64), x_label: &str, y_label: &str) {
     let all = panel.curves.iter().flat_map(|c| c.points.iter());
-    let (from_x, to_x) = decades(all.clone().map(|p| p.0));
-    let (from_y, to_y) = decades(all.map(|p| p.1));
+    let marks_x = marks(all.clone().map(|p| p.0));
+    let marks_y = marks(all.map(|p| p.1));
+    // Where a value is on an axis, from 0 to 1.
+    let place = |marks: &[f64], v: f64| {
+        let [from, to] = [marks[0].ln(), marks[marks.len() - 1].ln()];
+        (v.ln() - from) / (to - from)
+    };
     let (left, top, right, bottom) = (x0 + LEFT, y0 + TOP, x0 + WIDTH, y0 + HEIGHT - 14.0);
-    let x = |v: f64| left + (v.log10() - from_x) / (to_x - from_x) * (right - left);
-    let y = |v: f64| bottom - (v.log10() - from_y) / (to_y - from_y) * (bottom - top);
-    let _ = writeln!(out, "<text x=\"{left}\" y=\"{}\" font-weight=\"bold\">{}</text>", y0 + 14.0, panel.title);
-    for decade in from_x as i32..=to_x as i32 {
-        let at = x(10f64.powi(decade));
+    let x = |v: f64| left + place(&marks_x, v) * (right - left);
+    let y = |v: f64| bottom - place(&marks_y, v) * (bottom - top);
+    let _ = writeln!(out, "<text x=\"{left}\" y=\"{}\" font-weight=\"bold\">{}</text>", y0 + 10.0, panel.title);
+    for mark in &marks_x {
+        let at = x(*mark);
         let _ = writeln!(
             out,
-            "<path d=\"M{at} {top}V{bottom}\" stroke=\"#ddd\"/><text x=\"{at}\" y=\"{}\" text-anchor=\"middle\">1e{decade}</text>",
+            "<path d=\"M{at} {top}V{bottom}\" stroke=\"#ddd\"/><text x=\"{at}\" y=\"{}\" text-anchor=\"middle\">{mark:e}</text>",
             bottom + 12.0
         );
     }
-    for decade in from_y as i32..=to_y as i32 {
-        let at = y(10f64.powi(decade));
+    for mark in &marks_y {
+        let at = y(*mark);
         let _ = writeln!(
             out,
-            "<path d=\"M{left} {at}H{right}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{}\" text-anchor=\"end\">1e{decade}</text>",
+            "<path d=\"M{left} {at}H{right}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{}\" text-anchor=\"end\">{mark:e}</text>",
             left - 4.0,
             at + 3.0
         );
     }
     let _ = writeln!(
         out,
-        "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\">{x_label}</text><text x=\"{left}\" y=\"{}\" text-anchor=\"end\">{y_label}</text>",
+        "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\">{x_label}</text><text x=\"{x0}\" y=\"{}\">{y_label}</text>",
         bottom + 24.0,
-        top - 4.0
+        y0 + 22.0
     );
+    if panel.front {
+        let all = panel.curves.iter().flat_map(|c| c.points.iter().copied()).collect();
+        let corners: Vec<String> =
+            front(all, |p| *p).iter().map(|(a, b)| format!("{:.1} {:.1}", x(*a), y(*b))).collect();
+        if !corners.is_empty() {
+            let path = corners.join("L");
+            let _ = writeln!(
+                out,
+                "<path d=\"M{path}\" fill=\"none\" stroke=\"#ffd54f\" stroke-width=\"9\" stroke-linecap=\"round\" stroke-linejoin=\"round\"/>"
+            );
+        }
+    }
     for (i, curve) in panel.curves.iter().enumerate() {
         let color = COLORS[i % COLORS.len()];
         let path: Vec<String> = curve.points.iter().map(|(a, b)| format!("{:.1} {:.1}", x(*a), y(*b))).collect();
@@ -110,5 +153,25 @@ fn draw(out: &mut String, panel: &Panel, (x0, y0): (f64, f64), x_label: &str, y_
         for (a, b) in &curve.points {
             let _ = writeln!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"2.5\" fill=\"{color}\"/>", x(*a), y(*b));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_is_what_nothing_beats() {
+        let points = vec![(3.0, 0.3), (1.0, 1.0), (2.0, 1.1), (2.5, 0.2), (1.0, 2.0)];
+        assert_eq!(front(points, |p| *p), [(1.0, 1.0), (2.5, 0.2)]);
+    }
+
+    #[test]
+    fn the_marks_of_an_axis_hold_its_values() {
+        assert_eq!(marks([13.0, 35.0].into_iter()), [10.0, 20.0, 50.0]);
+        assert_eq!(marks([1.0, 100.0].into_iter()), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        assert_eq!(marks([0.003, 70.0].into_iter()), [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0]);
+        assert_eq!(marks([5.0].into_iter()), [5.0, 10.0]);
+        assert_eq!(marks(std::iter::empty()).len(), 2);
     }
 }

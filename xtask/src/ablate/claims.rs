@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::results::{Better, Metric, Row, metric};
 use super::statistics::{Mean, ratio, share};
-use super::sweep::{Claim, Kind, Sweep, text};
+use super::sweep::{Sweep, text};
+use super::tables::{Claim, Kind};
 
 /// What became of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

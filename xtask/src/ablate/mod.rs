@@ -3,6 +3,7 @@
 mod cell;
 mod claims;
 mod compare;
+mod gradients;
 mod pictures;
 mod plan;
 mod pool;
@@ -13,6 +14,7 @@ mod results;
 mod slurm;
 mod statistics;
 mod sweep;
+mod tables;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -44,7 +46,7 @@ pub(crate) struct Ablate {
     /// Only cells whose name holds this text; all of several
     #[arg(long)]
     only: Vec<String>,
-    /// The program that runs the cells, instead of the package's, built for release
+    /// The program that runs the cells, instead of the package's
     #[arg(long, value_name = "PROGRAM")]
     binary: Option<PathBuf>,
     /// Only part I of N, in a folder of its own; a task of a Slurm array takes its own part without being told
@@ -84,7 +86,8 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     }
     let name = arguments.sweep.as_deref().unwrap_or_default();
     let (sweep, folder) = Sweep::load(name)?;
-    let shard = Shard::read(arguments.shard.as_deref(), |name| std::env::var(name).ok())?;
+    let variable = |name: &str| std::env::var(name).ok();
+    let shard = Shard::read(arguments.shard.as_deref(), variable)?;
     if !arguments.merge.is_empty() {
         let output = make_folder(arguments.output.as_deref())?;
         let work = Work { sweep, folder, output };
@@ -95,7 +98,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let binary = match &arguments.binary {
         Some(path) if path.is_file() => std::path::absolute(path)?,
         Some(path) => return Err(Refusal::new(path, "--binary", "no file", "a program like dsdf").into()),
-        None => crate::dsdf::build_package(&sweep.package)?,
+        None => crate::dsdf::build_package(&sweep.package, sweep.profile.name())?,
     };
     plan::check(&sweep, name, &binary)?;
     plan::check_data(&sweep, &folder, name)?;
@@ -106,7 +109,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
         .filter(|(i, _)| shard.is_none_or(|shard| shard.holds(*i)))
         .filter(|(_, cell)| arguments.only.iter().all(|text| cell.name.contains(text)))
         .collect();
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = slurm::cores(variable).unwrap_or(std::thread::available_parallelism().map_or(1, usize::from));
     let jobs = arguments.jobs.map_or(cores, |jobs| jobs as usize);
     // A shard may be empty where there are more of them than cells.
     if chosen.is_empty() && (shard.is_none() || !arguments.only.is_empty()) {

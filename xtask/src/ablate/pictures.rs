@@ -247,13 +247,13 @@ pub(super) fn curves(sweep: &Sweep, rows: &[Row]) -> String {
                 Curve { name: format!("{} {column}", table.columns.0), points }
             };
             let title = format!("{}, {} = {row}", table.title, table.rows.0);
-            panels.push(Panel { title, curves: table.columns.1.iter().map(curve).collect() });
+            panels.push(Panel { title, curves: table.columns.1.iter().map(curve).collect(), front: false });
         }
     }
     svg(&panels, "iteration", "loss")
 }
 
-/// Chamfer distance over seconds: a panel a table, a curve a row.
+/// Chamfer distance over seconds: a panel a table, a curve a row, and behind them the front.
 pub(super) fn pareto(sweep: &Sweep, rows: &[Row]) -> String {
     let mut panels = Vec::new();
     for table in Table::all(sweep) {
@@ -269,7 +269,8 @@ pub(super) fn pareto(sweep: &Sweep, rows: &[Row]) -> String {
             let points = table.columns.1.iter().map(point).filter(finite).collect();
             Curve { name: format!("{} {row}", table.rows.0), points }
         };
-        panels.push(Panel { title: table.title.clone(), curves: table.rows.1.iter().map(curve).collect() });
+        let curves = table.rows.1.iter().map(curve).collect();
+        panels.push(Panel { title: table.title.clone(), curves, front: true });
     }
     svg(&panels, "seconds", "Chamfer distance, bounding radii")
 }

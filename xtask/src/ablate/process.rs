@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use serde_json::Value;
 
-use super::sweep::Limits;
+use super::tables::Limits;
 
 /// Why a program did not do what it should.
 #[derive(Clone, Debug, thiserror::Error)]

@@ -7,7 +7,8 @@ use super::claims::{Judged, error, error_name, judge, percent, worse};
 use super::pictures::{Table, save, shown};
 use super::results::{METRICS, Metric, Row, settings, to_csv, write};
 use super::statistics::Mean;
-use super::sweep::{Kind, Sweep};
+use super::sweep::Sweep;
+use super::tables::Kind;
 
 /// Writes results, pictures and report of what is there; `picture` is where a row's picture lies.
 pub(super) fn report(
@@ -59,7 +60,7 @@ fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
     let plots = [
         ("Heat maps", "heat.svg"),
         ("Loss over iterations", "curves.svg"),
-        ("Chamfer distance over time", "pareto.svg"),
+        ("Chamfer distance over time, and in yellow what no other setting beats in both", "pareto.svg"),
     ];
     for (title, file) in plots {
         let _ = writeln!(out, "## {title}\n\n![{title}]({file})\n");
@@ -133,7 +134,7 @@ fn claims(out: &mut String, sweep: &Sweep, rows: &[Row]) {
     }
 }
 
-fn criterion(claim: &super::sweep::Claim) -> String {
+fn criterion(claim: &super::tables::Claim) -> String {
     let margin = percent(claim.margin);
     let only: Vec<String> = claim.only.iter().map(|(k, v)| format!("; only {k} = {}", super::sweep::text(v))).collect();
     let text = match claim.kind {

@@ -45,6 +45,11 @@ impl Shard {
     }
 }
 
+/// The cores that a task was given, where it is one: a node may not say, and offer all it has.
+pub(super) fn cores(variable: impl Fn(&str) -> Option<String>) -> Option<usize> {
+    variable("SLURM_CPUS_PER_TASK")?.parse().ok().filter(|&cores| cores > 0)
+}
+
 /// The folder of a shard in that of its sweep.
 pub(super) fn folder(output: &Path, shard: Shard) -> std::path::PathBuf {
     output.join("shards").join(format!("{}-of-{}", shard.index + 1, shard.count))
@@ -127,6 +132,8 @@ mod tests {
         // An array of other steps than one has gaps that no shard would fill.
         let odd = |name: &str| task(name).map(|v| if name.ends_with("ID") { "9".into() } else { v });
         Shard::read(None, odd).unwrap_err();
+        assert_eq!(cores(none), None);
+        assert_eq!(cores(|name| (name == "SLURM_CPUS_PER_TASK").then(|| "3".to_owned())), Some(3));
         for cell in 0..17 {
             assert_eq!((0..4).filter(|&index| Shard { index, count: 4 }.holds(cell)).count(), 1);
         }

@@ -41,7 +41,11 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         let ladders = measure(binary, &case, &mut csv)?;
         rows.push(row(&case.scene, &ladders));
         let curve = |(name, points): (&(&str, bool), Ladder)| Curve { name: name.0.to_owned(), points };
-        panels.push(Panel { title: case.scene, curves: ESTIMATORS.iter().zip(ladders).map(curve).collect() });
+        panels.push(Panel {
+            title: case.scene,
+            curves: ESTIMATORS.iter().zip(ladders).map(curve).collect(),
+            front: false,
+        });
         // What is measured is written at once.
         super::write(folder, "estimators.csv", &csv)?;
         super::write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;

@@ -45,7 +45,7 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
             }
         }
         for (wrt, curves) in wrt.iter().zip(curves) {
-            panels.push(Panel { title: format!("{name} {wrt}"), curves });
+            panels.push(Panel { title: format!("{name} {wrt}"), curves, front: false });
         }
     }
     super::write(folder, "steps.csv", csv)?;

@@ -11,7 +11,7 @@ use anyhow::Context;
 use crate::dsdf;
 use crate::figures::reference::GAUSSIAN;
 use crate::figures::write;
-use crate::plot::{Curve, Panel, svg};
+use crate::plot::{Curve, Panel, front, svg};
 use fits::{Fitted, NETWORKS, PRESETS};
 use gradients::{AXES, Axis, Cell, Cells, Gradients, SPP};
 
@@ -39,7 +39,7 @@ fn measure_gradients(gradients: &Gradients, binary: &Path, folder: &Path) -> any
     for (i, axis) in AXES.iter().enumerate() {
         eprintln!("{} of {}: {}", i + 1, AXES.len(), axis.name);
         let cells = gradients.measure(binary, axis, &mut csv)?;
-        panels.push(Panel { title: axis.name.to_owned(), curves: curves(axis, &cells) });
+        panels.push(Panel { title: axis.name.to_owned(), curves: curves(axis, &cells), front: false });
         write(folder, "gradients.csv", &csv)?;
         write(folder, "gradients.svg", svg(&panels, "seconds", "RMSE"))?;
         all.push(cells);
@@ -79,18 +79,6 @@ struct Point {
     error: f64,
 }
 
-/// The points that no other beats in both, fastest first.
-fn front(mut points: Vec<Point>) -> Vec<Point> {
-    points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds).then(a.error.total_cmp(&b.error)));
-    let mut least = f64::INFINITY;
-    points.retain(|p| {
-        let better = p.error < least;
-        least = least.min(p.error);
-        better
-    });
-    points
-}
-
 fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -> String {
     let mut out = format!(
         "Written by `cargo xtask tradeoff`. Relative L2 errors of derivative images, geometric means over four scenes and eight \
@@ -112,7 +100,7 @@ fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -
     }
     out += "\n## The Pareto front\n\nOf all settings and samples above, those that no other beats in both time and error.\n\n\
             | setting | milliseconds | RMSE |\n|---|---|---|\n";
-    for Point { name, seconds, error } in front(points) {
+    for Point { name, seconds, error } in front(points, |p| (p.seconds, p.error)) {
         let _ = writeln!(out, "| {name} | {:.2} | {error:.4} |", seconds * 1e3);
     }
     out += "\n## Presets of `dsdf gradient`\n\n| preset | milliseconds | RMSE | bias |\n|---|---|---|---|\n";
@@ -124,17 +112,4 @@ fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -
         let _ = writeln!(out, "| {name} | {seconds:.0} | {iterations} | {psnr:.1} | {:.2} % |", chamfer * 100.0);
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_front_is_what_nothing_beats() {
-        let point = |seconds, error| Point { name: String::new(), seconds, error };
-        let points = vec![point(3.0, 0.3), point(1.0, 1.0), point(2.0, 1.1), point(2.5, 0.2), point(1.0, 2.0)];
-        let kept: Vec<f64> = front(points).iter().map(|p| p.seconds).collect();
-        assert_eq!(kept, [1.0, 2.5]);
-    }
 }

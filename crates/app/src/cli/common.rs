@@ -1,7 +1,9 @@
 //! Flags and output shared by the commands.
 
+use std::io::Write;
 use std::path::Path;
 
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -42,12 +44,12 @@ impl Global {
 
     /// Prints a result: as JSON, or as the lines of `text`.
     pub(crate) fn report(&self, json: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
-        if self.json {
-            println!("{}", serde_json::to_string(json)?);
-        } else {
-            println!("{}", text());
+        let line = if self.json { serde_json::to_string(json)? } else { text() };
+        match writeln!(std::io::stdout(), "{line}") {
+            // Whoever reads it may have read enough.
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error).context("standard output"),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// A progress bar over fractions, on standard error.

@@ -73,7 +73,8 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<W
             return 2;
         }
         Err(help) => {
-            print!("{help}");
+            // Whoever reads it may have read enough.
+            let _ = help.print();
             return 0;
         }
     };

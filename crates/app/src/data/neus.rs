@@ -1,10 +1,14 @@
 //! NeuS/IDR data sets: `cameras_sphere.npz` with `image/` and `mask/`.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use field::Sphere;
 use glam::{DMat3, DMat4, DVec2, DVec3};
-use npyz::npz::NpzArchive;
+use npyz::NpyFile;
+use zip::ZipArchive;
+use zip::result::ZipError;
 
 use super::lens::Lens;
 use super::{Found, Pending};
@@ -17,9 +21,12 @@ type Result<T> = std::result::Result<T, InputError>;
 /// Reads the cameras and pairs them with the images in the order of their names.
 pub(super) fn read(folder: &Path) -> Result<Found> {
     let file = folder.join("cameras_sphere.npz");
-    let mut archive = NpzArchive::open(&file).map_err(|e| InputError::new(&file, "archive", e, "a .npz archive"))?;
+    let mut archive = File::open(&file)
+        .map_err(ZipError::from)
+        .and_then(|f| ZipArchive::new(BufReader::new(f)))
+        .map_err(|e| InputError::new(&file, "archive", e, "a .npz archive"))?;
     let images = images(&folder.join("image"))?;
-    let cameras = archive.array_names().filter(|name| is_numbered(name, "world_mat_")).count();
+    let cameras = archive.file_names().flatten().filter(|name| is_numbered(name, "world_mat_")).count();
     if cameras != images.len() {
         let expected = format!("{}, one for each image in image/", images.len());
         return Err(InputError::new(&file, "world_mat_*", format!("{cameras} arrays"), expected));
@@ -46,7 +53,8 @@ pub(super) fn read(folder: &Path) -> Result<Found> {
 }
 
 fn is_numbered(name: &str, prefix: &str) -> bool {
-    name.strip_prefix(prefix).is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
+    let number = name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(".npy"));
+    number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// The mask of the same name, or else, where there are as many masks as images, of the same place in the order of names.
@@ -72,9 +80,13 @@ fn images_of(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-fn matrix(file: &Path, archive: &mut NpzArchive<std::io::BufReader<std::fs::File>>, name: &str) -> Result<DMat4> {
+fn matrix(file: &Path, archive: &mut ZipArchive<BufReader<File>>, name: &str) -> Result<DMat4> {
     let error = |found: String| InputError::new(file, name, found, "a 4 x 4 matrix of finite floats");
-    let npy = archive.by_name(name).map_err(|e| error(e.to_string()))?.ok_or_else(|| error("nothing".to_owned()))?;
+    let entry = match archive.by_name(&format!("{name}.npy")) {
+        Err(ZipError::FileNotFound) => return Err(error("nothing".to_owned())),
+        entry => entry.map_err(|e| error(e.to_string()))?,
+    };
+    let npy = NpyFile::new(entry).map_err(|e| error(e.to_string()))?;
     let shape = npy.shape().to_vec();
     let wide = npy.dtype().descr().contains("f8");
     let numbers: std::io::Result<Vec<f64>> =

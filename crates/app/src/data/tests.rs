@@ -1,5 +1,6 @@
 //! Small data sets in every format, written here and read back, and everything that can be wrong with them.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use approx::assert_relative_eq;
@@ -7,6 +8,8 @@ use field::Sphere;
 use glam::{DMat3, DVec2};
 use npyz::WriterBuilder;
 use serde_json::{Value, json};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 use super::*;
 use crate::error::exit_status;
@@ -103,12 +106,14 @@ fn write_json(path: &Path, value: &Value) {
 }
 
 fn write_npz(folder: &Path, arrays: &[(String, DMat4)]) {
-    let mut npz = npyz::npz::NpzWriter::create(folder.join("cameras_sphere.npz")).unwrap();
+    let mut npz = ZipWriter::new(File::create(folder.join("cameras_sphere.npz")).unwrap());
     for (name, matrix) in arrays {
-        let mut array = npz.array(name, Default::default()).unwrap().default_dtype().shape(&[4, 4]).begin_nd().unwrap();
+        npz.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
+        let mut array = npyz::WriteOptions::new().default_dtype().shape(&[4, 4]).writer(&mut npz).begin_nd().unwrap();
         array.extend(matrix.transpose().to_cols_array()).unwrap();
         array.finish().unwrap();
     }
+    npz.finish().unwrap();
 }
 
 /// The world-to-camera rotation and translation, axes x right, y down, z forward.

@@ -7,7 +7,7 @@ use glam::Vec3;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde::Serialize;
 
-use super::peak::Peak;
+use crate::peak::Peak;
 
 /// One pass of one network.
 #[derive(Clone, Debug, Serialize)]
@@ -85,7 +85,7 @@ pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
                 percent_of_peak: 100.0 * gflops / peak.gflops,
                 two_threads_over_one: two / one,
             };
-            println!(
+            eprintln!(
                 "| {name} | {pass} | {:.3} | {gflops:.0} | {:.0} % | {:.2} |",
                 one / 1e6,
                 result.percent_of_peak,
