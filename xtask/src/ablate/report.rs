@@ -158,6 +158,7 @@ struct Setting {
     /// The geometric mean of the error over data sets and seeds.
     error: f64,
     seconds: f64,
+    passes: f64,
     converged: bool,
     /// Against the best, paired.
     worse: Mean,
@@ -189,12 +190,14 @@ fn recommendation(out: &mut String, rows: &[Row]) {
     let Some(best) = (0..places.len()).min_by(|&a, &b| mean_error(a).total_cmp(&mean_error(b))) else { return };
     let mut all: Vec<Setting> = (0..places.len())
         .map(|at| {
-            let known = || of(at).filter_map(|r| r.numbers.get("seconds").copied());
-            let seconds =
-                if known().count() == 0 { f64::INFINITY } else { known().sum::<f64>() / known().count() as f64 };
+            let average = |number: &dyn Fn(&Row) -> Option<f64>| {
+                let known: Vec<f64> = of(at).filter_map(number).collect();
+                if known.is_empty() { f64::INFINITY } else { known.iter().sum::<f64>() / known.len() as f64 }
+            };
+            let (seconds, passes) = (average(&|r| r.numbers.get("seconds").copied()), average(&Row::passes));
             let worse = worse(&named, "setting", &at.to_string(), &best.to_string(), metric);
             let converged = of(at).all(|r| r.converged);
-            Setting { values: places[at].clone(), error: mean_error(at), seconds, worse, converged }
+            Setting { values: places[at].clone(), error: mean_error(at), seconds, passes, worse, converged }
         })
         .collect();
     all.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -213,22 +216,26 @@ fn recommendation(out: &mut String, rows: &[Row]) {
     }
     let _ = writeln!(
         out,
-        "| setting | {} (geometric mean) | of the best, 95 % | seconds |\n|---|---|---|---|",
+        "| setting | {} (geometric mean) | of the best, 95 % | seconds | evaluations, M values |\n|---|---|---|---|---|",
         error_name(metric)
     );
     for s in &all {
         let _ = writeln!(
             out,
-            "| {} | {:.3} % | {} ({} to {}) | {:.1} |",
+            "| {} | {:.3} % | {} ({} to {}) | {:.1} | {:.0} |",
             settings(&s.values),
             100.0 * s.error,
             percent(s.worse.mean),
             percent(s.worse.low),
             percent(s.worse.high),
-            s.seconds
+            s.seconds,
+            s.passes / 1e6
         );
     }
-    out.push('\n');
+    let _ = writeln!(
+        out,
+        "\nSeconds are the machine's, and of what else ran there; evaluations of f are counted: a gradient as 2 values, a Hessian–vector product as 4, a parameter gradient as 6.\n"
+    );
 }
 
 fn tables(out: &mut String, sweep: &Sweep, rows: &[Row]) {

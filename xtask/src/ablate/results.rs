@@ -114,6 +114,12 @@ impl Row {
         self.values.iter().find(|(k, _)| k == parameter).map_or("", |(_, v)| v)
     }
 
+    /// Field evaluations of the fit in units of a value: what it costs on a machine of any speed, within one precision.
+    pub(super) fn passes(&self) -> Option<f64> {
+        let kinds = [("values", 1.0), ("gradients", 2.0), ("hessian_vectors", 4.0), ("parameters", 6.0)];
+        kinds.iter().map(|(name, cost)| Some(cost * self.numbers.get(*name)?)).sum()
+    }
+
     /// A metric; its worst where there is none.
     pub(super) fn number(&self, metric: &Metric) -> f64 {
         self.numbers.get(metric.name).copied().unwrap_or(metric.worst)
