@@ -22,8 +22,16 @@ pub(crate) fn build() -> anyhow::Result<PathBuf> {
 pub(crate) fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
     let name = if package == "app" { "dsdf" } else { package };
     crate::cargo(&["build", "--profile", profile, "--package", package, "--bin", name], &[])?;
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let target = root().join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()));
     Ok(target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// The packages of the workspace.
+pub(crate) fn packages() -> anyhow::Result<Vec<String>> {
+    let output = crate::cargo_command(&["metadata", "--no-deps", "--format-version", "1"]).output()?;
+    let metadata: Value = serde_json::from_slice(&output.stdout)?;
+    let packages = metadata["packages"].as_array().context("packages")?;
+    Ok(packages.iter().filter_map(|package| package["name"].as_str().map(str::to_owned)).collect())
 }
 
 /// A case of the gradient suite.

@@ -52,7 +52,21 @@ enum Task {
 
 /// Exit status 2 for what is refused, 1 for what fails.
 fn main() -> ExitCode {
-    match run() {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            let text = error.to_string();
+            let line: Vec<&str> = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
+            eprintln!("{}", line.join(" "));
+            return ExitCode::from(2);
+        }
+        Err(help) => {
+            // Whoever reads it may have read enough.
+            let _ = help.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
@@ -61,8 +75,8 @@ fn main() -> ExitCode {
     }
 }
 
-fn run() -> anyhow::Result<()> {
-    match Cli::parse().command {
+fn run(cli: Cli) -> anyhow::Result<()> {
+    match cli.command {
         Task::Ci => ci(),
         Task::Ablate(arguments) => ablate::run(&arguments),
         Task::Bench { output } => bench::run(output),
@@ -79,17 +93,17 @@ fn ci() -> anyhow::Result<()> {
     cargo(&["test", "--workspace"], &[])
 }
 
-/// Cargo, said on standard error.
+/// Cargo in the workspace's root.
 fn cargo_command(arguments: &[&str]) -> Command {
-    eprintln!("$ cargo {}", arguments.join(" "));
     let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
-    command.args(arguments);
+    command.args(arguments).current_dir(dsdf::root());
     command
 }
 
 /// Runs cargo and fails if it does.
 fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
     let line = format!("cargo {}", arguments.join(" "));
+    eprintln!("$ {line}");
     let status = cargo_command(arguments).envs(environment.iter().copied()).status();
     let status = status.with_context(|| format!("cannot start {line}"))?;
     if !status.success() {

@@ -135,12 +135,16 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         ("\"paper\"]", "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
         ("\"paper\"]", "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a number above 0"),
         ("\"paper\"]", "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a number above 0"),
-        ("\"paper\"]", "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 or more"),
+        ("\"paper\"]", "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
         ("\"paper\"]", "\"papre\"]", "parameters.estimator: found papre", "interior, paper"),
         ("\"paper\"]", "\"custom\"]", "parameters.estimator: found custom", "weights of their own"),
         ("\"paper\"]", "\"paper\"]\nseed = [3]", "parameters.seed", "seeds"),
         ("[\"refined\", \"paper\"]", "[]", "parameters.estimator: found []", "one value or more"),
         ("title", "titel", "line 1", "unknown field"),
+        ("\"killed\"", "\"kil\\nled\"", "title", "one line"),
+        ("width = 16", "preview-every = 9", "preview-every", "underscores"),
+        ("\"paper\"]", "\"paper\"]\nN = [9999999]", "parameters.N: found 9999999", "1 to 65536"),
+        ("seeds = [1, 2]", "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"", "line 4", "unknown variant"),
     ] {
         let path = folder.path().join("bad.toml");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
@@ -156,6 +160,7 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         &["smoke", "-o", "x", "--shard", "5/4"],
         &["smoke", "-o", "x", "--only", "γ"],
         &["smoke"],
+        &["smoke", "-o", "x", "--jobs", "0"],
         &["--compare", "nothing", "nowhere"],
     ] {
         let refused = ablate(arguments).output().unwrap();

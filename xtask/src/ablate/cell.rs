@@ -92,7 +92,7 @@ impl Bench<'_> {
         }
         let first = folder.join("first");
         // The report is written last, so what a killed sweep left of it is done again.
-        if !folder.join("first.json").exists() && first.exists() {
+        if stage_report(folder, "first").is_none() && first.exists() {
             wait_for(&first)?;
             std::fs::remove_dir_all(&first)?;
         }
@@ -139,9 +139,12 @@ impl Bench<'_> {
         let metrics = run.join("metrics.jsonl");
         // What was spent before counts.
         let spent = if resume { last_line(&metrics)["seconds"].as_f64().unwrap_or(0.0) } else { 0.0 };
-        let limits = Limits { seconds: (self.sweep.limits.seconds - spent).max(1.0), ..self.sweep.limits };
+        // A second is left for what was done but for its report.
+        let whole = self.sweep.limits.seconds;
+        let limits = Limits { seconds: (whole - spent).max(1.0).min(whole), ..self.sweep.limits };
         let show = || watch(last_line(&metrics)["progress"].as_f64().unwrap_or(0.0));
-        process::run(self.binary, &arguments, &limits, &folder.join("fit.log"), &show)
+        let result = process::run(self.binary, &arguments, &limits, &folder.join("fit.log"), &show)?;
+        Ok(result.map_err(|failure| if failure.status == "time" { Failure::time(whole) } else { failure }))
     }
 
     fn fit_arguments(&self, cell: &Cell, run: &Path, budget: &[String]) -> Vec<String> {
@@ -175,13 +178,12 @@ impl Bench<'_> {
 
     /// A stage whose report is kept.
     fn stage(&self, folder: &Path, name: &str, arguments: &[String]) -> anyhow::Result<Result<Value, Failure>> {
-        let path = folder.join(format!("{name}.json"));
-        if let Some(report) = std::fs::read_to_string(&path).ok().and_then(|t| serde_json::from_str(&t).ok()) {
+        if let Some(report) = stage_report(folder, name) {
             return Ok(Ok(report));
         }
         let report = self.program(folder, name, arguments, &|| {})?;
         if let Ok(report) = &report {
-            write(&path, report.to_string())?;
+            write(&folder.join(format!("{name}.json")), report.to_string())?;
         }
         Ok(report)
     }
@@ -195,6 +197,12 @@ impl Bench<'_> {
     ) -> anyhow::Result<Result<Value, Failure>> {
         process::run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
     }
+}
+
+/// The report that a stage left, if it is whole.
+fn stage_report(folder: &Path, name: &str) -> Option<Value> {
+    let text = std::fs::read_to_string(folder.join(format!("{name}.json"))).ok()?;
+    serde_json::from_str(&text).ok().filter(Value::is_object)
 }
 
 fn text(path: &Path) -> String {
@@ -246,8 +254,9 @@ fn losses(run: &Path, row: &mut Row) {
     row.curve = lines.chunks(window).map(|part| (part[0]["iteration"].as_f64().unwrap_or(0.0), mean(part))).collect();
     // Coarse images have other losses: only full-sized ones compare.
     let full: Vec<Value> = lines.iter().filter(|line| line["level"] == 0).cloned().collect();
-    let windows: Vec<f64> = full.chunks_exact(window).map(mean).collect();
-    if let Some(end) = windows.last() {
+    // From the end on: the last is of the last iterations.
+    let windows: Vec<f64> = full.rchunks_exact(window).map(mean).collect();
+    if let Some(end) = windows.first() {
         row.numbers.insert("loss".to_owned(), *end);
         row.numbers.insert("best_loss".to_owned(), windows.iter().copied().fold(f64::INFINITY, f64::min));
     }

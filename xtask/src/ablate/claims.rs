@@ -1,6 +1,6 @@
 //! Claims judged by paired comparisons: the same data set, seed and other parameters on both sides.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::results::{Better, Metric, Row, metric};
 use super::statistics::{Mean, ratio, share};
@@ -116,18 +116,21 @@ pub(super) fn judge(sweep: &Sweep, claim: &Claim, rows: &[Row]) -> Judged {
                 .map(|value| {
                     let own = of(value);
                     let failed = own.iter().filter(|r| !r.converged).count();
-                    let (low, high) = share(failed, own.len());
                     let seen = failed as f64 / own.len().max(1) as f64;
+                    // As above, those of one data set and seed are one observation.
+                    let blocks: BTreeSet<(&str, u64)> = own.iter().map(|r| (r.data.as_str(), r.seed)).collect();
+                    let (low, high) = share(seen, blocks.len());
                     // What fails at the other value too is not this value's doing.
                     let control = of(&than);
                     let usual = control.iter().filter(|r| !r.converged).count() as f64 / control.len().max(1) as f64;
                     let verdict = decide(seen >= OFTEN && low > usual.max(0.05), high < OFTEN);
                     evidence.push(format!(
-                        "{} = {value}: {failed} of {} do not converge ({} to {}; {} at {than}): {}",
+                        "{} = {value}: {failed} of {} do not converge ({} to {}, {} data sets and seeds; {} at {than}): {}",
                         claim.parameter,
                         own.len(),
                         percent(low),
                         percent(high),
+                        blocks.len(),
                         percent(usual),
                         verdict.name()
                     ));
@@ -163,7 +166,8 @@ pub(super) fn error_name(metric: &Metric) -> String {
     match (metric.name, metric.better) {
         ("psnr", _) => "RMS error of held-out views".to_owned(),
         (name, Better::More) => format!("1 − {name}"),
-        _ => metric.label.split(',').next().unwrap_or_default().to_owned(),
+        ("chamfer" | "loss" | "best_loss", _) => metric.label.split(',').next().unwrap_or_default().to_owned(),
+        _ => metric.label.to_owned(),
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::claims::{error_name, percent, short, worse};
+use super::refusal::Refusal;
 use super::results::{Better, METRICS, Row, from_csv, settings};
 
 /// Compares the rows of two sweeps that have data set, parameters and seed in common.
@@ -22,13 +23,13 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     };
     let both = [shared(&of_a, &of_b, "A"), shared(&of_b, &of_a, "B")].concat();
     let count = both.iter().filter(|r| r.value("sweep") == "A").count();
+    if count == 0 {
+        return Err(Refusal::new(b, "cells", "none in common", format!("cells of {}", a.display())).into());
+    }
     let only = |own: &[Row], other: &[Row]| own.iter().filter(|r| !other.iter().any(|o| o.key() == r.key())).count();
     let mut out = format!("# Two sweeps\n\nA: {}\nB: {}\n\n", a.display(), b.display());
     let _ =
         writeln!(out, "{count} cells in common, {} only in A, {} only in B.\n", only(&of_a, &of_b), only(&of_b, &of_a));
-    if count == 0 {
-        return Ok(out);
-    }
     let converged = |side: &str| both.iter().filter(|r| r.value("sweep") == side && r.converged).count();
     let _ = writeln!(out, "Converged: {} of A, {} of B.\n", converged("A"), converged("B"));
     let _ = writeln!(out, "| what | B over A | 95 % | p |\n|---|---|---|---|");

@@ -4,6 +4,7 @@ mod cell;
 mod claims;
 mod compare;
 mod gradients;
+mod inputs;
 mod pictures;
 mod plan;
 mod pool;
@@ -31,7 +32,7 @@ use sweep::{Cell, Sweep};
 /// Run a sweep over parameters: fits, their quality, their gradients, and a report
 #[derive(Args, Debug)]
 pub(crate) struct Ablate {
-    /// A shipped sweep (k-gamma, steps-epsilon, steps-refined, filters, precision, smoke) or a TOML file
+    /// A shipped sweep (k-gamma, high-gamma, steps-epsilon, steps-refined, filters, precision, smoke) or a TOML file
     #[arg(required_unless_present = "compare")]
     sweep: Option<String>,
     /// The folder to write; what is finished there is not run again
@@ -77,9 +78,8 @@ struct Work {
 pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     if let [a, b] = &arguments.compare[..] {
         let page = compare::compare(a, b)?;
-        if let Some(output) = &arguments.output {
-            std::fs::create_dir_all(output)?;
-            write(&output.join("compare.md"), &page)?;
+        if arguments.output.is_some() {
+            write(&make_folder(arguments.output.as_deref())?.join("compare.md"), &page)?;
         }
         print!("{page}");
         return Ok(());
@@ -98,24 +98,24 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let binary = match &arguments.binary {
         Some(path) if path.is_file() => std::path::absolute(path)?,
         Some(path) => return Err(Refusal::new(path, "--binary", "no file", "a program like dsdf").into()),
-        None => crate::dsdf::build_package(&sweep.package, sweep.profile.name())?,
+        None => {
+            plan::check_package(&sweep, name)?;
+            crate::dsdf::build_package(&sweep.package, sweep.profile.name())?
+        }
     };
     plan::check(&sweep, name, &binary)?;
-    plan::check_data(&sweep, &folder, name)?;
-    let chosen: Vec<(usize, Cell)> = sweep
-        .cells()
-        .into_iter()
-        .enumerate()
-        .filter(|(i, _)| shard.is_none_or(|shard| shard.holds(*i)))
-        .filter(|(_, cell)| arguments.only.iter().all(|text| cell.name.contains(text)))
-        .collect();
+    plan::check_data(&sweep, &folder, name, &binary)?;
+    let wanted = |cell: &Cell| arguments.only.iter().all(|text| cell.name.contains(text));
+    let chosen: Vec<Cell> = sweep.cells().into_iter().filter(wanted).collect();
     let cores = slurm::cores(variable).unwrap_or(std::thread::available_parallelism().map_or(1, usize::from));
     let jobs = arguments.jobs.map_or(cores, |jobs| jobs as usize);
-    // A shard may be empty where there are more of them than cells.
-    if chosen.is_empty() && (shard.is_none() || !arguments.only.is_empty()) {
-        let found = format!("{} {}", arguments.only.join(" "), arguments.shard.as_deref().unwrap_or_default());
-        return Err(Refusal::new(Path::new("arguments"), "--only", found, "what some cell's name holds").into());
+    if chosen.is_empty() {
+        let expected = "what some cell's name holds";
+        return Err(Refusal::new(Path::new("arguments"), "--only", arguments.only.join(" "), expected).into());
     }
+    // A shard may be empty where there are more of them than cells.
+    let own = |(i, _): &(usize, Cell)| shard.is_none_or(|shard| shard.holds(*i));
+    let chosen: Vec<Cell> = chosen.into_iter().enumerate().filter(own).map(|(_, cell)| cell).collect();
     if arguments.dry_run {
         let output = arguments.output.clone().unwrap_or_else(|| PathBuf::from("."));
         let work = Work { sweep, folder, output };
@@ -123,7 +123,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     }
     let output = make_folder(arguments.output.as_deref())?;
     if arguments.slurm {
-        let name = std::fs::canonicalize(name).map_or_else(|_| name.to_owned(), |p| p.to_string_lossy().into_owned());
+        let name = sweep::absolute(name)?;
         let mut command = vec![std::env::current_exe()?.to_string_lossy().into_owned(), "ablate".to_owned(), name];
         command.extend(["-o".to_owned(), output.to_string_lossy().into_owned()]);
         let mut run = command.clone();
@@ -146,7 +146,6 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let data = work.photographs(&binary)?;
     let cells = work.output.join("cells");
     let bench = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads: (cores / jobs).max(1) };
-    let chosen: Vec<Cell> = chosen.into_iter().map(|(_, cell)| cell).collect();
     pool::run(&bench, &chosen, jobs)?;
     work.report()
 }
@@ -175,7 +174,7 @@ impl Work {
             return Err(Refusal::new(&self.output, "lock", "another sweep at work", "a folder of one's own").into());
         }
         let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
-        if let Ok(there) = std::fs::read_to_string(&path) {
+        if let Some(there) = inputs::read(&path)? {
             self.same(&path, &there)?;
         }
         write(&path, text)?;
@@ -196,26 +195,22 @@ impl Work {
         Ok(())
     }
 
-    /// Refuses to go on with another program or other scenes than the cells that are there had.
+    /// Refuses to go on with another program or other data than what is there was made with.
     fn check_inputs(&self, binary: &Path) -> anyhow::Result<()> {
-        let mut inputs = format!("program {:016x}\n", plan::fingerprint(binary)?);
+        let mut inputs = format!("program {:016x}\n", inputs::file(binary)?);
         for data in &self.sweep.data {
-            if let Some(scene) = &data.scene {
-                let fingerprint = plan::fingerprint(&self.folder.join(scene))?;
-                inputs += &format!("{} {fingerprint:016x}\n", data.name);
-            }
+            inputs += &format!("{} {:016x}\n", data.name, inputs::data(data, &self.folder)?);
         }
         let path = self.output.join("inputs");
-        match std::fs::read_to_string(&path) {
-            Ok(there) if there != inputs => {
-                let changed = there.lines().find(|line| !inputs.lines().any(|own| own == *line)).unwrap_or("less");
-                let found = format!("another {}", changed.split(' ').next().unwrap_or_default());
-                let expected = "that of the cells that are here (see --binary), or another folder";
-                Err(Refusal::new(&path, "inputs", found, expected).into())
-            }
-            Ok(_) => Ok(()),
-            Err(_) => write(&path, inputs),
+        let taken = |data: &tables::Data| self.output.join("data").join(&data.name).exists();
+        let begun = self.output.join("cells").exists() || self.sweep.data.iter().any(taken);
+        if let Some(there) = inputs::read(&path)?.filter(|there| begun && *there != inputs) {
+            let changed = there.lines().find(|line| !inputs.lines().any(|own| own == *line)).unwrap_or("less");
+            let found = format!("another {}", changed.split(' ').next().unwrap_or_default());
+            let expected = "that of the cells that are here (see --binary), or another folder";
+            return Err(Refusal::new(&path, "inputs", found, expected).into());
         }
+        write(&path, inputs)
     }
 
     /// The folders of the data sets, with their true surfaces; scenes are photographed once.
@@ -236,8 +231,10 @@ impl Work {
                 std::fs::create_dir_all(part.parent().context("a folder")?)?;
                 let size = format!("{0}x{0}", data.size);
                 let (scene, out) = (scene.to_string_lossy(), part.to_string_lossy());
-                crate::dsdf::report(binary, &["synth", &scene, "-o", &out, "--views", &views, "--size", &size])
-                    .map_err(|e| Refusal::new(Path::new(&*scene), "data", e, "a scene to take pictures of"))?;
+                let arguments = ["synth", &scene, "-o", &out, "--views", &views, "--size", &size].map(str::to_owned);
+                let log = folder.with_extension("log");
+                process::run(binary, &arguments, &self.sweep.limits, &log, &|| {})?
+                    .map_err(|e| Refusal::of(Path::new(&*scene), "data", &e.reason, "a scene to take pictures of"))?;
                 std::fs::rename(&part, &folder)?;
             }
             folders.push((folder.clone(), Some(mesh.unwrap_or_else(|| folder.join("truth.ply")))));
@@ -253,6 +250,7 @@ impl Work {
                 std::fs::read_to_string(&path).map_err(|e| Refusal::new(&path, "sweep", e, "a shard of this sweep"))?;
             self.same(&path, &there)?;
         }
+        inputs::merge(folders, &self.output)?;
         for cell in self.sweep.cells() {
             let to = self.cell(&cell);
             let from = folders.iter().map(|f| f.join("cells").join(&cell.name)).find(|f| finished(f).is_some());

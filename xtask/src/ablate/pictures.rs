@@ -207,7 +207,8 @@ pub(super) fn heat_map(sweep: &Sweep, rows: &[Row], metrics: &[&Metric]) -> Stri
                 for (c, column) in table.columns.1.iter().enumerate() {
                     let (x, v) = (x0 + c as f64 * SIDE.0, value(row, column));
                     let part = ((level(v) - low) / (most - low).max(1e-9)).clamp(0.0, 1.0);
-                    let (red, green, blue) = (120.0 + 125.0 * part, 190.0 - 90.0 * part, 130.0 - 50.0 * part);
+                    let known = (120.0 + 125.0 * part, 190.0 - 90.0 * part, 130.0 - 50.0 * part);
+                    let (red, green, blue) = if v.is_finite() { known } else { (224.0, 224.0, 224.0) };
                     let text = if v.is_finite() { three(v * metric.shown.0) + metric.shown.1 } else { "-".into() };
                     let _ = writeln!(
                         out,

@@ -1,7 +1,7 @@
 //! What a sweep would do: its values judged by the program itself, its cells, its time.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 
 use super::refusal::Refusal;
 use super::results::finished;
@@ -20,13 +20,14 @@ const OWN: [(&str, &str); 12] = [
     ("threads", "--jobs"),
     ("output", "-o"),
     ("resume", "nothing: sweeps go on by themselves"),
-    ("json", "nothing"),
-    ("quiet", "nothing"),
+    ("json", "sweeps without it: it is set"),
+    ("quiet", "sweeps without it: it is set"),
 ];
 
 /// Asks the program that will run the cells whether it takes every value, and every combination.
 pub(super) fn check(sweep: &Sweep, name: &str, binary: &Path) -> anyhow::Result<()> {
     let file = Path::new(name);
+    check_binary(binary)?;
     let listed =
         sweep.parameters.keys().flat_map(|key| sweep.values(key).into_iter().map(move |v| ("parameters", key, v)));
     let fixed = sweep.fixed.iter().map(|(key, value)| ("fixed", key, text(value)));
@@ -70,8 +71,30 @@ pub(super) fn check(sweep: &Sweep, name: &str, binary: &Path) -> anyhow::Result<
     Ok(())
 }
 
-/// Refuses data that is not there.
-pub(super) fn check_data(sweep: &Sweep, folder: &Path, name: &str) -> anyhow::Result<()> {
+/// Refuses what cannot run, or takes no options of a fit.
+fn check_binary(binary: &Path) -> anyhow::Result<()> {
+    let found = match refused(binary, &["--no-such-option".to_owned()]) {
+        Ok(Some(said)) if said.contains("--no-such-option") => return Ok(()),
+        Ok(None) => "a program that takes anything".to_owned(),
+        Ok(Some(said)) if said.is_empty() => "a program that says nothing".to_owned(),
+        Ok(Some(said)) => said,
+        Err(error) => error.to_string(),
+    };
+    Err(Refusal::new(binary, "--binary", found, "a program like dsdf").into())
+}
+
+/// Refuses a package that the workspace does not have.
+pub(super) fn check_package(sweep: &Sweep, name: &str) -> anyhow::Result<()> {
+    let packages = crate::dsdf::packages()?;
+    if !packages.contains(&sweep.package) {
+        let expected = format!("one of {}", packages.join(", "));
+        return Err(Refusal::new(Path::new(name), "package", &sweep.package, expected).into());
+    }
+    Ok(())
+}
+
+/// Refuses data that is not there, or that the program does not know.
+pub(super) fn check_data(sweep: &Sweep, folder: &Path, name: &str, binary: &Path) -> anyhow::Result<()> {
     for data in &sweep.data {
         let field = |key: &str| format!("data.{}.{key}", data.name);
         let files = [("scene", &data.scene, false), ("dataset", &data.dataset, true), ("mesh", &data.mesh, false)];
@@ -82,6 +105,16 @@ pub(super) fn check_data(sweep: &Sweep, folder: &Path, name: &str) -> anyhow::Re
                 return Err(Refusal::new(Path::new(name), field(key), path.display(), expected).into());
             }
         }
+        let is_mesh = |path: &String| path.ends_with(".ply") || path.ends_with(".obj");
+        if let Some(mesh) = data.mesh.as_ref().filter(|path| !is_mesh(path)) {
+            return Err(Refusal::new(Path::new(name), field("mesh"), mesh, "a .ply or .obj file").into());
+        }
+        if let Some(dataset) = &data.dataset {
+            let output = Command::new(binary).args(["inspect", "--json"]).arg(folder.join(dataset)).output()?;
+            if !output.status.success() {
+                return Err(Refusal::of(Path::new(name), field("dataset"), &said(&output), "a data set").into());
+            }
+        }
         if data.views == 0 || data.size == 0 {
             return Err(Refusal::new(Path::new(name), field("views"), "0", "1 or more, as for size").into());
         }
@@ -89,19 +122,15 @@ pub(super) fn check_data(sweep: &Sweep, folder: &Path, name: &str) -> anyhow::Re
     Ok(())
 }
 
-/// A number that tells files apart.
-pub(super) fn fingerprint(path: &Path) -> anyhow::Result<u64> {
-    use std::hash::Hasher;
-    let mut hasher = std::hash::DefaultHasher::new();
-    hasher.write(&std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?);
-    Ok(hasher.finish())
-}
-
 /// What the program says against options, if anything.
 fn refused(binary: &Path, flags: &[String]) -> anyhow::Result<Option<String>> {
     let output = Command::new(binary).args(["fit", "--check", "-o", "unused"]).args(flags).output()?;
-    let said = String::from_utf8_lossy(&output.stderr).trim().trim_start_matches("error: ").to_owned();
-    Ok((!output.status.success()).then_some(said))
+    Ok((!output.status.success()).then(|| said(&output)))
+}
+
+/// The message of a program that failed.
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).trim().trim_start_matches("error: ").to_owned()
 }
 
 /// Iterations of a fit that is timed for the estimate, and how many cells are.
@@ -109,9 +138,9 @@ const PILOT: u64 = 30;
 const PILOTS: usize = 4;
 
 /// Prints the cells, and how long those take that are left.
-pub(super) fn show(work: &Work, binary: &Path, cells: &[(usize, Cell)], jobs: usize) -> anyhow::Result<()> {
+pub(super) fn show(work: &Work, binary: &Path, cells: &[Cell], jobs: usize) -> anyhow::Result<()> {
     let (mut known, mut left) = (Vec::new(), Vec::new());
-    for (number, cell) in cells {
+    for (number, cell) in cells.iter().enumerate() {
         let row = finished(&work.cell(cell));
         let state = row.as_ref().map_or("", |row| row.status.as_str());
         println!("{number:>5} {} {state}", cell.name);

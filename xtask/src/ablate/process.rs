@@ -19,6 +19,13 @@ pub(super) struct Failure {
     pub(super) reason: String,
 }
 
+impl Failure {
+    /// Of a program that took longer than it may.
+    pub(super) fn time(limit: f64) -> Self {
+        Failure { status: "time", reason: format!("{limit} s are over") }
+    }
+}
+
 /// A program with limits, for commands in a row.
 pub(super) struct Limited<'a> {
     pub(super) program: &'a Path,
@@ -33,13 +40,21 @@ impl crate::dsdf::Run for Limited<'_> {
     }
 }
 
+/// Errors of the system that say nothing of what was run: input and output, files open, space, read-only, quota.
+const MACHINE: [i32; 6] = [5, 23, 24, 28, 30, 122];
+
+/// Whether a message is of such an error.
+fn of_the_machine(message: &str) -> bool {
+    cfg!(unix) && MACHINE.iter().any(|code| message.contains(&format!("(os error {code})")))
+}
+
 /// How often a program is looked at.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Runs `program` and reads the JSON object that it prints. What it says otherwise goes to `log`; `watch` is called all the while.
 ///
 /// # Errors
-/// If the program cannot be started. What it does then is a result.
+/// If the program cannot be started, or a disk is full. What it does otherwise is a result.
 pub(super) fn run(
     program: &Path,
     arguments: &[String],
@@ -67,15 +82,18 @@ pub(super) fn run(
         let used = crate::dsdf::memory(child.id(), "VmRSS:");
         let seconds = start.elapsed().as_secs_f64();
         let over = if seconds > limits.seconds {
-            Some(("time", format!("{} s are over", limits.seconds)))
+            Some(Failure::time(limits.seconds))
         } else {
-            used.filter(|used| *used > limits.mebibytes)
-                .map(|used| ("memory", format!("{used:.0} MiB of {} in use", limits.mebibytes)))
+            let over = used.filter(|used| *used > limits.mebibytes);
+            over.map(|used| Failure {
+                status: "memory",
+                reason: format!("{used:.0} MiB of {} in use", limits.mebibytes),
+            })
         };
-        if let Some((status, reason)) = over {
+        if let Some(failure) = over {
             child.kill()?;
             child.wait()?;
-            return Ok(Err(Failure { status, reason }));
+            return Ok(Err(failure));
         }
         watch();
         std::thread::sleep(LOOK);
@@ -87,6 +105,8 @@ pub(super) fn run(
     }
     let errors = std::fs::read_to_string(log).unwrap_or_default();
     let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    // The parameters are not to blame; the cell is run again when there is room again.
+    anyhow::ensure!(!of_the_machine(last), "{}: {last}", log.display());
     Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
 }
 
@@ -108,6 +128,8 @@ mod tests {
         let failure = shell("echo one >&2; echo two >&2; exit 3", limits).unwrap_err();
         assert!(failure.status == "failed" && failure.reason.ends_with(": two"), "{failure:?}");
         assert_eq!(shell("echo nonsense", limits).unwrap_err().status, "failed");
+        assert!(of_the_machine("error: run: No space left on device (os error 28)"));
+        assert!(!of_the_machine("error: run: No such file or directory (os error 2)"));
         if cfg!(target_os = "linux") {
             let small = Limits { seconds: 10.0, mebibytes: 0.1 };
             assert_eq!(shell("sleep 5", small).unwrap_err().status, "memory");

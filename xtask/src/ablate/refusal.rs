@@ -14,6 +14,12 @@ pub(crate) struct Refusal {
 }
 
 impl Refusal {
+    /// Of what another program said: its own "expected", or else this one.
+    pub(super) fn of(file: &Path, field: impl Display, said: &str, expected: &str) -> Self {
+        let (found, expected) = said.rsplit_once(", expected ").unwrap_or((said, expected));
+        Self::new(file, field, found, expected)
+    }
+
     pub(super) fn new(file: &Path, field: impl Display, found: impl Display, expected: impl Display) -> Self {
         let line = |text: &dyn Display| text.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         let file = file.display().to_string();

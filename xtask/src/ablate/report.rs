@@ -3,6 +3,8 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use pulldown_cmark::Event;
+
 use super::claims::{Judged, error, error_name, judge, percent, worse};
 use super::pictures::{Table, save, shown};
 use super::results::{METRICS, Metric, Row, settings, to_csv, write};
@@ -68,7 +70,7 @@ fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
     if !failed.is_empty() {
         let _ = writeln!(out, "## What was ended or failed\n\n| cell | seed | status | reason |\n|---|---|---|---|");
         for row in failed {
-            let reason = row.reason.replace('|', "/");
+            let reason = field(&row.reason);
             let _ =
                 writeln!(out, "| {}, {} | {} | {} | {reason} |", row.data, settings(&row.values), row.seed, row.status);
         }
@@ -77,20 +79,25 @@ fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
     out
 }
 
+/// Text of a table's field.
+fn field(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
 fn setup(out: &mut String, sweep: &Sweep) {
     let _ = writeln!(out, "## Setup\n\n| | |\n|---|---|");
     for (key, _) in &sweep.parameters {
-        let _ = writeln!(out, "| {key} | {} |", sweep.values(key).join(", "));
+        let _ = writeln!(out, "| {key} | {} |", field(&sweep.values(key).join(", ")));
     }
     let fixed: Vec<String> = sweep.fixed.iter().map(|(k, v)| format!("{k} = {}", super::sweep::text(v))).collect();
-    let _ = writeln!(out, "| all cells | {} |", fixed.join(", "));
+    let _ = writeln!(out, "| all cells | {} |", field(&fixed.join(", ")));
     for data in &sweep.data {
         let of = data.scene.as_deref().or(data.dataset.as_deref()).unwrap_or_default();
         let views = data
             .scene
             .as_ref()
             .map_or(String::new(), |_| format!(", {} views of {} × {} pixels", data.views, data.size, data.size));
-        let _ = writeln!(out, "| {} | {of}{views} |", data.name);
+        let _ = writeln!(out, "| {} | {}{views} |", data.name, field(of));
     }
     let budget = match (sweep.iterations, &sweep.time) {
         (Some(n), _) => format!("{n} iterations"),
@@ -122,7 +129,7 @@ fn claims(out: &mut String, sweep: &Sweep, rows: &[Row]) {
     );
     let judged: Vec<Judged> = sweep.claim.iter().map(|claim| judge(sweep, claim, rows)).collect();
     for (claim, judged) in sweep.claim.iter().zip(&judged) {
-        let _ = writeln!(out, "| {} | **{}** |", claim.text.replace('|', "/"), judged.verdict.name());
+        let _ = writeln!(out, "| {} | **{}** |", field(&claim.text), judged.verdict.name());
     }
     out.push('\n');
     for (claim, judged) in sweep.claim.iter().zip(&judged) {
@@ -257,7 +264,12 @@ fn tables(out: &mut String, sweep: &Sweep, rows: &[Row]) {
 /// The page with its pictures inside. It knows the Markdown that is written above, no more.
 fn html(title: &str, markdown: &str, folder: &Path) -> anyhow::Result<String> {
     let mut body = String::new();
-    let parser = pulldown_cmark::Parser::new_ext(markdown, pulldown_cmark::Options::ENABLE_TABLES);
+    // A sweep's words are words: what looks like HTML in them is none.
+    let parser =
+        pulldown_cmark::Parser::new_ext(markdown, pulldown_cmark::Options::ENABLE_TABLES).map(|event| match event {
+            Event::Html(text) | Event::InlineHtml(text) => Event::Text(text),
+            event => event,
+        });
     pulldown_cmark::html::push_html(&mut body, parser);
     for file in ["heat.svg", "curves.svg", "pareto.svg"] {
         let svg = std::fs::read_to_string(folder.join(file))?;

@@ -7,7 +7,7 @@ use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
 use super::refusal::Refusal;
-use super::sweep::{Cell, Sweep};
+use super::sweep::{Cell, Sweep, long_name};
 
 /// A number of a row.
 #[derive(Debug)]
@@ -16,7 +16,7 @@ pub(super) struct Metric {
     pub(super) name: &'static str,
     pub(super) label: &'static str,
     pub(super) better: Better,
-    /// What a fit without this number counts as.
+    /// What a fit without this number counts as; not a number where it says nothing.
     pub(super) worst: f64,
     /// Errors below this are not told apart.
     pub(super) least: f64,
@@ -50,17 +50,17 @@ pub(super) const METRICS: [Metric; 17] = [
     metric_of("ssim", "SSIM of held-out views", Better::More, [0.0, 1e-4], (1.0, "")),
     metric_of("mask_iou", "mask IoU of held-out views", Better::More, [0.0, 1e-4], (1.0, "")),
     metric_of("f_score", "F-score at 1 % of the bounding radius", Better::More, [0.0, 1e-4], (1.0, "")),
-    metric_of("loss", "final loss", Better::Less, [1.0, 1e-9], (1e3, "e-3")),
-    metric_of("best_loss", "lowest loss", Better::Less, [1.0, 1e-9], (1e3, "e-3")),
-    metric_of("first_bias", "bias of the gradient, first iterate", Better::Less, [1.0, 1e-2], (100.0, " %")),
-    metric_of("first_variance", "variance of the gradient, first iterate", Better::Less, [1.0, 1e-4], (1.0, "")),
-    metric_of("last_bias", "bias of the gradient, last iterate", Better::Less, [1.0, 1e-2], (100.0, " %")),
-    metric_of("last_variance", "variance of the gradient, last iterate", Better::Less, [1.0, 1e-4], (1.0, "")),
+    metric_of("loss", "final loss, in thousandths", Better::Less, [1.0, 1e-9], (1e3, "")),
+    metric_of("best_loss", "lowest loss, in thousandths", Better::Less, [1.0, 1e-9], (1e3, "")),
+    metric_of("first_bias", "bias of the gradient, first iterate", Better::Less, [f64::NAN, 1e-2], (100.0, " %")),
+    metric_of("first_variance", "variance of the gradient, first iterate", Better::Less, [f64::NAN, 1e-4], (1.0, "")),
+    metric_of("last_bias", "bias of the gradient, last iterate", Better::Less, [f64::NAN, 1e-2], (100.0, " %")),
+    metric_of("last_variance", "variance of the gradient, last iterate", Better::Less, [f64::NAN, 1e-4], (1.0, "")),
     metric_of("values", "values of f", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
     metric_of("gradients", "gradients of f", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
     metric_of("hessian_vectors", "Hessian–vector products", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
     metric_of("parameters", "parameter gradients", Better::Cost, [f64::NAN, 1e-9], (1e-6, " M")),
-    metric_of("iterations", "iterations", Better::More, [0.0, 1e-9], (1.0, "")),
+    metric_of("iterations", "iterations", Better::Cost, [f64::NAN, 1e-9], (1.0, "")),
     metric_of("seconds", "seconds of the fit", Better::Cost, [f64::NAN, 1e-9], (1.0, " s")),
 ];
 
@@ -104,9 +104,12 @@ impl Row {
         }
     }
 
-    /// What tells it from other rows of a sweep.
+    /// What tells it from other rows: parameters in any order, under any of their names.
     pub(super) fn key(&self) -> (String, u64, Vec<(String, String)>) {
-        (self.data.clone(), self.seed, self.values.clone())
+        let mut values: Vec<(String, String)> =
+            self.values.iter().map(|(key, value)| (long_name(key).to_owned(), value.clone())).collect();
+        values.sort();
+        (self.data.clone(), self.seed, values)
     }
 
     /// The value of a parameter.
@@ -159,7 +162,8 @@ pub(super) fn from_csv(path: &Path) -> anyhow::Result<Vec<Row>> {
     let refuse = |field: String, found: &str, expected: &str| Refusal::new(path, field, found, expected);
     let mut reader = csv::Reader::from_path(path)
         .map_err(|e| refuse("results".into(), &e.to_string(), "the results.csv of a sweep"))?;
-    let header = reader.headers()?.clone();
+    let header =
+        reader.headers().map_err(|e| refuse("header".into(), &e.to_string(), "the results.csv of a sweep"))?.clone();
     for needed in TEXTS {
         if !header.iter().any(|h| h == needed) {
             return Err(refuse("header".into(), &header.iter().collect::<Vec<_>>().join(","), needed).into());
@@ -182,11 +186,16 @@ pub(super) fn from_csv(path: &Path) -> anyhow::Result<Vec<Row>> {
                 _ if metric(name).is_some() => {
                     if !field.is_empty() {
                         let bad = || refuse(format!("line {}, {name}", line + 2), field, "a number");
-                        row.numbers.insert(name.to_owned(), field.parse().map_err(|_| bad())?);
+                        let number = field.parse().ok().filter(|v: &f64| v.is_finite());
+                        row.numbers.insert(name.to_owned(), number.ok_or_else(bad)?);
                     }
                 }
                 _ => row.values.push((name.to_owned(), field.to_owned())),
             }
+        }
+        if rows.iter().any(|other: &Row| other.key() == row.key()) {
+            let found = format!("{}, {}, seed {} twice", row.data, settings(&row.values), row.seed);
+            return Err(refuse(format!("line {}", line + 2), &found, "a row for each cell").into());
         }
         rows.push(row);
     }
@@ -203,7 +212,7 @@ pub(super) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()
     let mut part = path.as_os_str().to_owned();
     part.push(".part");
     std::fs::write(&part, content).with_context(|| path.display().to_string())?;
-    Ok(std::fs::rename(&part, path)?)
+    std::fs::rename(&part, path).with_context(|| path.display().to_string())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Means over seeds, and comparisons of pairs.
 
-use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, StudentsT};
+use statrs::distribution::{Beta, ContinuousCDF, StudentsT};
 
 /// The level of all intervals.
 pub(super) const LEVEL: f64 = 0.95;
@@ -41,31 +41,15 @@ pub(super) fn ratio(logs: &[f64]) -> Mean {
     Mean { mean: mean.mean.exp(), low: mean.low.exp(), high: mean.high.exp(), ..mean }
 }
 
-/// The interval of a share of which `hits` of `count` were seen (Clopper and Pearson).
-pub(super) fn share(hits: usize, count: usize) -> (f64, f64) {
-    let tail = 0.5 * (1.0 - LEVEL);
-    let at_least = |p: f64| {
-        let below = hits.checked_sub(1);
-        binomial(count, p).map_or(1.0, |b| below.map_or(1.0, |k| 1.0 - b.cdf(k as u64)))
-    };
-    let at_most = |p: f64| binomial(count, p).map_or(1.0, |b| b.cdf(hits as u64));
-    let low = if hits == 0 { 0.0 } else { bisect(|p| at_least(p) - tail) };
-    let high = if hits == count { 1.0 } else { bisect(|p| tail - at_most(p)) };
+/// The interval of a share that `count` observations show (Clopper and Pearson). A part of an observation counts as such.
+pub(super) fn share(seen: f64, count: usize) -> (f64, f64) {
+    let (tail, n) = (0.5 * (1.0 - LEVEL), count as f64);
+    let hits = seen * n;
+    let quantile = |a: f64, b: f64, p: f64| Beta::new(a, b).map(|beta| beta.inverse_cdf(p));
+    // None and all have no distribution on their own side.
+    let low = quantile(hits, n - hits + 1.0, tail).unwrap_or(0.0);
+    let high = quantile(hits + 1.0, n - hits, 1.0 - tail).unwrap_or(1.0);
     (low, high)
-}
-
-fn binomial(count: usize, p: f64) -> Option<Binomial> {
-    Binomial::new(p, count as u64).ok()
-}
-
-/// Where a growing function of [0, 1] is zero.
-fn bisect(f: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        *(if f(middle) < 0.0 { &mut low } else { &mut high }) = middle;
-    }
-    0.5 * (low + high)
 }
 
 #[cfg(test)]
@@ -83,10 +67,10 @@ mod tests {
         let r = ratio(&[2f64.ln(), 2f64.ln(), 2.2f64.ln()]);
         assert!(r.mean > 2.0 && r.mean < 2.1 && r.low > 1.0);
         // 0 of 10: 1 − 0.025^(1/10); 3 of 10 from tables.
-        let (low, high) = share(0, 10);
+        let (low, high) = share(0.0, 10);
         assert!(low == 0.0 && (high - 0.3085).abs() < 1e-3, "{high}");
-        let (low, high) = share(3, 10);
+        let (low, high) = share(0.3, 10);
         assert!((low - 0.0667).abs() < 1e-3 && (high - 0.6525).abs() < 1e-3, "{low} {high}");
-        assert_eq!(share(10, 10).1, 1.0);
+        assert_eq!(share(1.0, 10).1, 1.0);
     }
 }

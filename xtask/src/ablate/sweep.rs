@@ -74,9 +74,13 @@ pub(super) struct Cell {
     pub(super) name: String,
 }
 
+/// Bytes of a cell's name: systems allow 255 for that of a folder.
+const NAME: usize = 240;
+
 /// The sweeps that come with the command.
-pub(super) const SHIPPED: [(&str, &str); 6] = [
+pub(super) const SHIPPED: [(&str, &str); 7] = [
     ("k-gamma", include_str!("../../sweeps/k-gamma.toml")),
+    ("high-gamma", include_str!("../../sweeps/high-gamma.toml")),
     ("steps-epsilon", include_str!("../../sweeps/steps-epsilon.toml")),
     ("steps-refined", include_str!("../../sweeps/steps-refined.toml")),
     ("filters", include_str!("../../sweeps/filters.toml")),
@@ -84,12 +88,20 @@ pub(super) const SHIPPED: [(&str, &str); 6] = [
     ("smoke", include_str!("../../sweeps/smoke.toml")),
 ];
 
+/// A shipped sweep's name as it is, a file's from the root.
+pub(super) fn absolute(name: &str) -> std::io::Result<String> {
+    if SHIPPED.iter().any(|(known, _)| *known == name) {
+        return Ok(name.to_owned());
+    }
+    Ok(std::path::absolute(name)?.to_string_lossy().into_owned())
+}
+
 /// A value as a flag has it.
 pub(super) fn text(value: &Value) -> String {
     match value {
         Value::String(s) => s.clone(),
         // 1e-8, not 0.00000001.
-        Value::Float(v) if *v != 0.0 && v.abs() < 1e-3 => format!("{v:e}"),
+        Value::Float(v) if *v != 0.0 && !(1e-3..1e15).contains(&v.abs()) => format!("{v:e}"),
         other => other.to_string(),
     }
 }
@@ -135,6 +147,18 @@ impl Sweep {
 
     fn check(&self, path: &Path) -> Result<(), Refusal> {
         let refuse = |field: String, found: String, expected: &str| Err(Refusal::new(path, field, found, expected));
+        let lines = [("title", &self.title)].into_iter().chain(self.claim.iter().map(|c| ("claim.text", &c.text)));
+        if let Some((field, odd)) = lines.into_iter().find(|(_, text)| text.chars().any(char::is_control)) {
+            return refuse(field.into(), format!("{odd:?}"), "one line");
+        }
+        let word = |key: &String| !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        for (table, key) in
+            self.fixed.keys().map(|k| ("fixed", k)).chain(self.parameters.keys().map(|k| ("parameters", k)))
+        {
+            if !word(key) {
+                return refuse(format!("{table}.{key:?}"), format!("{key:?}"), "letters, digits and underscores");
+            }
+        }
         if self.parameters.is_empty() {
             return refuse("parameters".into(), "none".into(), "one or more, each with a list of values");
         }
@@ -150,6 +174,9 @@ impl Sweep {
                 return refuse(format!("parameters.{key}"), odd.to_string(), "numbers, strings or booleans");
             }
             let texts: Vec<String> = list.iter().map(text).collect();
+            if let Some(odd) = texts.iter().find(|text| text.chars().any(char::is_control)) {
+                return refuse(format!("parameters.{key}"), format!("{odd:?}"), "printable text");
+            }
             let same = |a: &String, b: &String| a == b || a.parse::<f64>().is_ok_and(|a| b.parse() == Ok(a));
             if let Some(twice) = texts.iter().enumerate().find(|(i, t)| texts[..*i].iter().any(|o| same(o, t))) {
                 return refuse(format!("parameters.{key}"), format!("{} twice", twice.1), "different values");
@@ -208,6 +235,14 @@ impl Sweep {
         if test.size == 0 || test.spp == 0 || test.runs < 2 {
             return refuse("gradient".into(), format!("{test:?}"), "size and spp of 1 or more, 2 runs or more");
         }
+        if let Some(cell) = self.cells().iter().find(|cell| cell.name.len() > NAME) {
+            let found = format!("a cell's name of {} bytes", cell.name.len());
+            return refuse(
+                "parameters".into(),
+                found,
+                &format!("{NAME} or less, for folders: fewer parameters or shorter values"),
+            );
+        }
         self.check_claims(path)
     }
 
@@ -234,7 +269,11 @@ impl Sweep {
             if claim.kind == Kind::Best && claim.values.len() != 1 {
                 return refuse(format!("{} values", claim.values.len()), "one".into());
             }
+            if claim.than.as_ref().is_some_and(|than| claim.values.contains(than)) {
+                return refuse("a value compared with itself".into(), "another value for than".into());
+            }
             if matches!(claim.metric.as_str(), "chamfer" | "f_score")
+                && claim.kind != Kind::OftenDiverges
                 && let Some(data) = self.data.iter().find(|data| !data.has_truth())
             {
                 let found = format!("{} of {}", claim.metric, data.name);
@@ -305,10 +344,14 @@ impl Sweep {
 /// The method's own names of some options.
 const ALIASES: [(&str, &str); 3] = [("k", "top_k"), ("N", "steps"), ("spp", "edge_rays")];
 
+/// The program's name of an option.
+pub(super) fn long_name(key: &str) -> &str {
+    ALIASES.iter().find(|(short, _)| *short == key).map_or(key, |(_, long)| long)
+}
+
 /// `--top-k=7` of `top_k` and 7; a switch for a boolean.
 pub(super) fn flag((key, value): (String, String)) -> Vec<String> {
-    let key = ALIASES.iter().find(|(short, _)| *short == key).map_or(key.as_str(), |(_, long)| *long);
-    let name = format!("--{}", key.replace('_', "-"));
+    let name = format!("--{}", long_name(&key).replace('_', "-"));
     match value.as_str() {
         "true" => vec![name],
         "false" => Vec::new(),

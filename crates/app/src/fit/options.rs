@@ -121,6 +121,9 @@ impl FitOptions {
             (name, value.to_string(), value > 0.0 && value.is_finite(), "a number above 0")
         };
         let at_least_one = |name, value: u64| -> Check { (name, value.to_string(), value >= 1, "1 or more") };
+        // As many as `gradient` takes.
+        let count =
+            |name, value: u64| -> Check { (name, value.to_string(), (1..=65536).contains(&value), "1 to 65536") };
         let not_negative =
             |name, value: f64| -> Check { (name, value.to_string(), value >= 0.0 && value.is_finite(), "0 or more") };
         let radius = self.initial_radius;
@@ -140,9 +143,9 @@ impl FitOptions {
                 self.estimator != Method::FiniteDifferences,
                 "an estimator of parameter gradients",
             ),
-            at_least_one("edge_rays", self.edge_rays.into()),
-            at_least_one("edge_samples", self.edge_samples.into()),
-            at_least_one("steps", self.steps as u64),
+            count("edge_rays", self.edge_rays.into()),
+            count("edge_samples", self.edge_samples.into()),
+            count("steps", self.steps as u64),
             ("top_k", self.top_k.to_string(), self.top_k >= 2, "2 or more (one point alone keeps no weight)"),
             positive("gamma", self.gamma),
             not_negative("lambda_d", self.lambda_d),

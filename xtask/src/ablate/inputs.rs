@@ -1,0 +1,93 @@
+//! What the cells of a folder were made of: fingerprints of the program and of the data.
+
+use std::hash::Hasher;
+use std::path::{Path, PathBuf};
+
+use super::refusal::Refusal;
+use super::results::write;
+use super::tables::Data;
+
+/// A text file, if there is one.
+pub(super) fn read(path: &Path) -> Result<Option<String>, Refusal> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Refusal::new(path, "file", error, "a file to read")),
+    }
+}
+
+/// A number that tells files apart.
+pub(super) fn file(path: &Path) -> Result<u64, Refusal> {
+    let mut hasher = std::hash::DefaultHasher::new();
+    hasher.write(&std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?);
+    Ok(hasher.finish())
+}
+
+/// The same for all that a data set is made of: its folder, or its scene with the files that this names, and its true surface.
+pub(super) fn data(data: &Data, folder: &Path) -> Result<u64, Refusal> {
+    let mut files: Vec<PathBuf> = data.mesh.iter().map(|mesh| folder.join(mesh)).collect();
+    if let Some(scene) = &data.scene {
+        let scene = folder.join(scene);
+        let beside = scene.parent().unwrap_or(Path::new(""));
+        let content = serde_json::from_str(&read(&scene)?.unwrap_or_default()).unwrap_or(serde_json::Value::Null);
+        named(&content, beside, &mut files);
+        files.push(scene);
+    }
+    if let Some(dataset) = &data.dataset {
+        all(&folder.join(dataset), &mut files)?;
+    }
+    let mut hasher = std::hash::DefaultHasher::new();
+    for path in files {
+        hasher.write_u64(file(&path)?);
+    }
+    Ok(hasher.finish())
+}
+
+/// Files of a folder, in the order of their names.
+fn all(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Refusal> {
+    let refuse = |e| Refusal::new(folder, "dataset", e, "a folder to read");
+    let mut own: Vec<PathBuf> =
+        std::fs::read_dir(folder).map_err(refuse)?.flatten().map(|entry| entry.path()).collect();
+    own.sort();
+    for path in own {
+        if path.is_dir() {
+            all(&path, files)?;
+        } else {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Files that a scene names.
+fn named(content: &serde_json::Value, folder: &Path, files: &mut Vec<PathBuf>) {
+    match content {
+        serde_json::Value::String(text) => files.extend(Some(folder.join(text)).filter(|path| path.is_file())),
+        serde_json::Value::Array(list) => list.iter().for_each(|item| named(item, folder, files)),
+        serde_json::Value::Object(map) => map.values().for_each(|item| named(item, folder, files)),
+        _ => {}
+    }
+}
+
+/// Refuses shards of other data, and keeps what they were made of; other programs may be of other machines, and are said.
+pub(super) fn merge(folders: &[PathBuf], output: &Path) -> anyhow::Result<()> {
+    let mut first: Option<(PathBuf, String)> = None;
+    for folder in [output].into_iter().chain(folders.iter().map(PathBuf::as_path)) {
+        let path = folder.join("inputs");
+        let Some(text) = read(&path)? else { continue };
+        let Some((known, there)) = &first else {
+            first = Some((path, text));
+            continue;
+        };
+        let data = |text: &str| {
+            text.lines().filter(|line| !line.starts_with("program ")).map(str::to_owned).collect::<Vec<_>>()
+        };
+        if data(&text) != data(there) {
+            return Err(Refusal::new(&path, "inputs", "other data", format!("that of {}", known.display())).into());
+        }
+        if text != *there {
+            eprintln!("warning: {}: another program than that of {}", path.display(), known.display());
+        }
+    }
+    first.map_or(Ok(()), |(_, text)| write(&output.join("inputs"), text))
+}
