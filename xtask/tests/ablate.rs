@@ -144,7 +144,7 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         ("\"killed\"", "\"kil\\nled\"", "title", "one line"),
         ("width = 16", "preview-every = 9", "preview-every", "underscores"),
         ("\"paper\"]", "\"paper\"]\nN = [9999999]", "parameters.N: found 9999999", "1 to 65536"),
-        ("seeds = [1, 2]", "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"", "line 4", "unknown variant"),
+        ("seeds = [1, 2]", "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"", "line 5", "unknown variant"),
     ] {
         let path = folder.path().join("bad.toml");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();

@@ -156,7 +156,7 @@ fn criterion(claim: &super::tables::Claim) -> String {
     text + &only.concat()
 }
 
-/// How much worse than the best a recommended setting may look.
+/// How much worse than the best a recommended setting may look, and how much slower than the fastest of those.
 const NEAR: f64 = 1.05;
 
 /// A setting with how much worse it is than the best one.
@@ -209,12 +209,14 @@ fn recommendation(out: &mut String, rows: &[Row]) {
         .collect();
     all.sort_by(|a, b| a.error.total_cmp(&b.error));
     let equal = |s: &&Setting| s.converged && s.worse.count > 1 && s.worse.low <= 1.0 && s.worse.mean <= NEAR;
-    let fastest = all.iter().filter(equal).min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let least = all.iter().filter(equal).map(|s| s.seconds).fold(f64::INFINITY, f64::min);
+    // Times closer than this are not told apart: the better one then.
+    let fastest = all.iter().filter(equal).find(|s| s.seconds <= NEAR * least);
     let _ = writeln!(out, "## Recommendation\n");
     if let Some(fastest) = fastest {
         let _ = writeln!(
             out,
-            "**{}**: the fastest of the settings that always converged and whose {} is not worse than the best one's for certain, nor by 5 % as seen.\n",
+            "**{}**: the fastest, within 5 %, of the settings that always converged and whose {} is not worse than the best one's for certain, nor by 5 % as seen.\n",
             settings(&fastest.values),
             error_name(metric)
         );
