@@ -4,6 +4,7 @@ mod ablate;
 mod bench;
 mod dsdf;
 mod figures;
+mod host;
 mod plot;
 mod tradeoff;
 

@@ -89,5 +89,33 @@ pub(super) fn merge(folders: &[PathBuf], output: &Path) -> anyhow::Result<()> {
             eprintln!("warning: {}: another program than that of {}", path.display(), known.display());
         }
     }
+    for folder in folders {
+        add_machines(output, machines(folder)?)?;
+    }
     first.map_or(Ok(()), |(_, text)| write(&output.join("inputs"), text))
+}
+
+/// Where and with what cells were run: a line each, kept beside them for the report.
+const MACHINES: &str = "machines";
+
+/// The machines of a folder.
+pub(super) fn machines(folder: &Path) -> Result<Vec<String>, Refusal> {
+    let text = read(&folder.join(MACHINES))?.unwrap_or_default();
+    Ok(text.lines().map(str::to_owned).collect())
+}
+
+/// This machine, with so many cores of it.
+pub(super) fn this_machine(cores: usize) -> String {
+    format!("{}, {cores} cores, dsdf {}", crate::host::processor(), crate::host::revision())
+}
+
+/// Adds machines to those of a folder, each once.
+pub(super) fn add_machines(folder: &Path, more: Vec<String>) -> anyhow::Result<()> {
+    let mut all = machines(folder)?;
+    for line in more {
+        if !all.contains(&line) {
+            all.push(line);
+        }
+    }
+    write(&folder.join(MACHINES), all.join("\n") + "\n")
 }

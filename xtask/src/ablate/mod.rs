@@ -143,6 +143,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let work = Work { sweep, folder, output };
     let _lock = work.claim()?;
     work.check_inputs(&binary)?;
+    inputs::add_machines(&work.output, vec![inputs::this_machine(cores)])?;
     let data = work.photographs(&binary)?;
     let cells = work.output.join("cells");
     let bench = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads: (cores / jobs).max(1) };

@@ -21,7 +21,7 @@ pub(super) fn report(
 ) -> anyhow::Result<()> {
     write(&output.join("results.csv"), to_csv(rows)?)?;
     save(sweep, rows, output, picture)?;
-    let text = markdown(sweep, rows);
+    let text = markdown(sweep, rows, &super::inputs::machines(output)?);
     write(&output.join("report.html"), html(&sweep.title, &text, output)?)?;
     write(&output.join("report.md"), text)
 }
@@ -31,13 +31,13 @@ fn metrics(sweep: &Sweep) -> Vec<&'static Metric> {
     METRICS.iter().filter(|m| sweep.metrics.is_empty() || sweep.metrics.iter().any(|n| n == m.name)).collect()
 }
 
-fn markdown(sweep: &Sweep, rows: &[Row]) -> String {
+fn markdown(sweep: &Sweep, rows: &[Row], machines: &[String]) -> String {
     let cells = sweep.cells().len();
     let mut out = format!("# {}\n\n", sweep.title);
     if !sweep.about.is_empty() {
         let _ = writeln!(out, "{}\n", sweep.about.trim());
     }
-    setup(&mut out, sweep);
+    setup(&mut out, sweep, machines);
     let failed: Vec<&Row> = rows.iter().filter(|r| r.status != "done").collect();
     let converged = rows.iter().filter(|r| r.converged).count();
     let _ = writeln!(
@@ -84,7 +84,7 @@ fn field(text: &str) -> String {
     text.replace('|', "\\|")
 }
 
-fn setup(out: &mut String, sweep: &Sweep) {
+fn setup(out: &mut String, sweep: &Sweep, machines: &[String]) {
     let _ = writeln!(out, "## Setup\n\n| | |\n|---|---|");
     for (key, _) in &sweep.parameters {
         let _ = writeln!(out, "| {key} | {} |", field(&sweep.values(key).join(", ")));
@@ -106,6 +106,9 @@ fn setup(out: &mut String, sweep: &Sweep) {
     };
     let seeds: Vec<String> = sweep.seeds.iter().map(ToString::to_string).collect();
     let _ = writeln!(out, "| budget of a fit | {budget} |\n| seeds | {} |", seeds.join(", "));
+    for machine in machines {
+        let _ = writeln!(out, "| run on | {} |", field(machine));
+    }
     let (converged, test) = (&sweep.converged, &sweep.gradient);
     let _ = writeln!(
         out,

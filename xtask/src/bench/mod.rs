@@ -3,12 +3,13 @@
 mod programs;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::host::{processor, revision};
 use crate::{cargo_command, dsdf};
 use programs::{Accuracy, Growth, Program};
 
@@ -46,7 +47,7 @@ impl Machine {
 pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     let path = output.unwrap_or_else(|| dsdf::root().join("target/bench.json"));
     let binary = dsdf::build()?;
-    eprintln!("{}", host());
+    eprintln!("{}", processor());
     let machine = Machine::measure()?;
     println!("\n| program | seconds | peak memory, MiB |\n|---|---|---|");
     let programs = programs::measure(&binary)?;
@@ -60,7 +61,7 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     println!("\n| seconds of a gradient grow with | as its power |\n|---|---|");
     let growth = programs::growth(&binary)?;
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let report = Report { host: host(), revision: revision(), threads, machine, programs, accuracy, growth };
+    let report = Report { host: processor(), revision: revision(), threads, machine, programs, accuracy, growth };
     write(&path, &report)?;
     eprintln!("{}", path.display());
     Ok(())
@@ -73,16 +74,4 @@ fn write(path: &Path, report: &Report) -> anyhow::Result<()> {
     serde_json::to_writer_pretty(&mut file, report)?;
     file.persist(path).with_context(|| path.display().to_string())?;
     Ok(())
-}
-
-/// The processor's name.
-fn host() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split(':').nth(1));
-    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
-}
-
-fn revision() -> String {
-    let output = Command::new("git").args(["describe", "--always", "--dirty"]).current_dir(dsdf::root()).output();
-    output.map_or_else(|_| "unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
 }
