@@ -29,6 +29,7 @@ pub(crate) fn build_package(package: &str, profile: &str) -> anyhow::Result<Path
 /// The packages of the workspace.
 pub(crate) fn packages() -> anyhow::Result<Vec<String>> {
     let output = crate::cargo_command(&["metadata", "--no-deps", "--format-version", "1"]).output()?;
+    ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr).trim());
     let metadata: Value = serde_json::from_slice(&output.stdout)?;
     let packages = metadata["packages"].as_array().context("packages")?;
     Ok(packages.iter().filter_map(|package| package["name"].as_str().map(str::to_owned)).collect())

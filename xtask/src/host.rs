@@ -13,5 +13,6 @@ pub(crate) fn processor() -> String {
 pub(crate) fn revision() -> String {
     let output =
         Command::new("git").args(["describe", "--always", "--dirty"]).current_dir(crate::dsdf::root()).output();
-    output.map_or_else(|_| "unknown".to_owned(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
+    let said = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
+    if said.is_empty() { "unknown".to_owned() } else { said }
 }

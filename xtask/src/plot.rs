@@ -70,11 +70,17 @@ fn legend(out: &mut String, names: &[String], place: impl Fn(usize) -> (f64, f64
         let color = COLORS[i % COLORS.len()];
         let _ = writeln!(
             out,
-            "<path d=\"M{x} {y}h18\" stroke=\"{color}\" stroke-width=\"2\"/><text x=\"{}\" y=\"{}\">{name}</text>",
+            "<path d=\"M{x} {y}h18\" stroke=\"{color}\" stroke-width=\"2\"/><text x=\"{}\" y=\"{}\">{}</text>",
             x + 22.0,
-            y + 3.0
+            y + 3.0,
+            escape(name)
         );
     }
+}
+
+/// Text in SVG.
+pub(crate) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
 /// One, two and five times the powers of ten.
@@ -107,7 +113,8 @@ fn draw(out: &mut String, panel: &Panel, (x0, y0): (f64, f64), x_label: &str, y_
     let (left, top, right, bottom) = (x0 + LEFT, y0 + TOP, x0 + WIDTH, y0 + HEIGHT - 14.0);
     let x = |v: f64| left + place(&marks_x, v) * (right - left);
     let y = |v: f64| bottom - place(&marks_y, v) * (bottom - top);
-    let _ = writeln!(out, "<text x=\"{left}\" y=\"{}\" font-weight=\"bold\">{}</text>", y0 + 10.0, panel.title);
+    let _ =
+        writeln!(out, "<text x=\"{left}\" y=\"{}\" font-weight=\"bold\">{}</text>", y0 + 10.0, escape(&panel.title));
     for mark in &marks_x {
         let at = x(*mark);
         let _ = writeln!(

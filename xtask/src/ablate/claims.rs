@@ -47,7 +47,9 @@ pub(super) fn worse(rows: &[Row], parameter: &str, value: &str, than: &str, metr
         });
         if let Some(partner) = partner {
             let known = |r: &Row| r.numbers.contains_key(metric.name);
-            let log = (error(row, metric).max(metric.least) / error(partner, metric).max(metric.least)).ln();
+            // A maximum would take what is not known for the least.
+            let at_least = |v: f64| if v.is_nan() { v } else { v.max(metric.least) };
+            let log = (at_least(error(row, metric)) / at_least(error(partner, metric))).ln();
             // Two fits without a result say nothing of each other, and costs that are not known are no costs.
             if log.is_finite() && (known(row) || known(partner)) {
                 blocks.entry((&row.data, row.seed)).or_default().push(log);

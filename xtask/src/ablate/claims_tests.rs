@@ -59,4 +59,12 @@ fn fits_without_a_result_count() {
     let lost = rows(|_, _| None);
     assert_eq!(verdict("often-diverges", "[2]", "than = 7", &lost), Verdict::Inconclusive);
     assert_eq!(verdict("little-gain", "[2]", "than = 7", &lost), Verdict::Inconclusive);
+    // A gradient that was not measured is neither good nor bad.
+    let mut unknown = rows(|_, _| Some(0.02));
+    for row in unknown.iter_mut().filter(|row| row.value("k") == "7") {
+        row.numbers.insert("last_bias".to_owned(), 0.5);
+    }
+    let metric = "than = 7\nmetric = \"last_bias\"";
+    assert_eq!(verdict("worse", "[2]", metric, &unknown), Verdict::Inconclusive);
+    assert_eq!(verdict("little-gain", "[2]", metric, &unknown), Verdict::Inconclusive);
 }

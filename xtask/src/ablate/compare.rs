@@ -15,7 +15,7 @@ pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
         let common = own.iter().filter(|r| other.iter().any(|o| o.key() == r.key()));
         common
             .map(|r| {
-                let mut values = r.values.clone();
+                let mut values = r.key().2;
                 values.push(("sweep".to_owned(), side.to_owned()));
                 Row { values, ..r.clone() }
             })

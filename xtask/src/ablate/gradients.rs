@@ -25,10 +25,15 @@ impl Bench<'_> {
         }
         let test = &self.sweep.gradient;
         let file: toml::Table = toml::from_str(&std::fs::read_to_string(run.join("fit.toml"))?)?;
-        let bounds: Vec<f64> =
-            file["bounds"].as_array().context("bounds")?.iter().filter_map(toml::Value::as_float).collect();
+        let bounds: Vec<f64> = file
+            .get("bounds")
+            .and_then(toml::Value::as_array)
+            .context("bounds in fit.toml")?
+            .iter()
+            .filter_map(toml::Value::as_float)
+            .collect();
         let &[x, y, z, radius] = &bounds[..] else { anyhow::bail!("bounds of {} numbers", bounds.len()) };
-        let options = &file["options"];
+        let options = file.get("options").context("options in fit.toml")?;
         let option = |key: &str| options.get(key).map(text).unwrap_or_default();
         let length = |key: &str| option(key).parse::<f64>().map(|v| (v * radius).to_string()).unwrap_or_default();
         let estimator = option("estimator");

@@ -1,6 +1,5 @@
 //! What the cells of a folder were made of: fingerprints of the program and of the data.
 
-use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
 use super::refusal::Refusal;
@@ -16,11 +15,31 @@ pub(super) fn read(path: &Path) -> Result<Option<String>, Refusal> {
     }
 }
 
+/// FNV-1a, of 64 bits: the same number on every machine.
+struct Hash(u64);
+
+impl Hash {
+    const fn new() -> Self {
+        Hash(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn file(&mut self, path: &Path) -> Result<(), Refusal> {
+        self.add(&std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?);
+        Ok(())
+    }
+}
+
 /// A number that tells files apart.
 pub(super) fn file(path: &Path) -> Result<u64, Refusal> {
-    let mut hasher = std::hash::DefaultHasher::new();
-    hasher.write(&std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?);
-    Ok(hasher.finish())
+    let mut hash = Hash::new();
+    hash.file(path)?;
+    Ok(hash.0)
 }
 
 /// The same for all that a data set is made of: its folder, or its scene with the files that this names, and its true surface.
@@ -36,11 +55,12 @@ pub(super) fn data(data: &Data, folder: &Path) -> Result<u64, Refusal> {
     if let Some(dataset) = &data.dataset {
         all(&folder.join(dataset), &mut files)?;
     }
-    let mut hasher = std::hash::DefaultHasher::new();
+    let mut hash = Hash::new();
     for path in files {
-        hasher.write_u64(file(&path)?);
+        hash.add(path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().as_bytes());
+        hash.file(&path)?;
     }
-    Ok(hasher.finish())
+    Ok(hash.0)
 }
 
 /// Files of a folder, in the order of their names.
@@ -104,9 +124,10 @@ pub(super) fn machines(folder: &Path) -> Result<Vec<String>, Refusal> {
     Ok(text.lines().map(str::to_owned).collect())
 }
 
-/// This machine, with so many cores of it.
-pub(super) fn this_machine(cores: usize) -> String {
-    format!("{}, {cores} cores, dsdf {}", crate::host::processor(), crate::host::revision())
+/// This machine, with so many cores of it, and the source of the program unless that was given.
+pub(super) fn this_machine(cores: usize, given: bool) -> String {
+    let program = if given { "a program given".to_owned() } else { format!("dsdf {}", crate::host::revision()) };
+    format!("{}, {cores} cores, {program}", crate::host::processor())
 }
 
 /// Adds machines to those of a folder, each once.

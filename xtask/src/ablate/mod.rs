@@ -81,7 +81,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
         if arguments.output.is_some() {
             write(&make_folder(arguments.output.as_deref())?.join("compare.md"), &page)?;
         }
-        print!("{page}");
+        say(&page);
         return Ok(());
     }
     let name = arguments.sweep.as_deref().unwrap_or_default();
@@ -122,6 +122,13 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
         return plan::show(&work, &binary, &chosen, jobs);
     }
     let output = make_folder(arguments.output.as_deref())?;
+    for data in sweep.data.iter().flat_map(|data| &data.dataset) {
+        // What the sweep writes would be taken for part of it.
+        if output.starts_with(std::path::absolute(folder.join(data))?) {
+            let expected = "one outside of the data sets";
+            return Err(Refusal::new(&output, "-o", format!("a folder in {data}"), expected).into());
+        }
+    }
     if arguments.slurm {
         let name = sweep::absolute(name)?;
         let mut command = vec![std::env::current_exe()?.to_string_lossy().into_owned(), "ablate".to_owned(), name];
@@ -133,7 +140,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
         let job = slurm::Job { run, merge: command, cells: chosen.len(), jobs, shards: arguments.shards as usize };
         let path = output.join("submit.sh");
         write(&path, job.script(&sweep, &output))?;
-        println!("{}", path.display());
+        say(&format!("{}\n", path.display()));
         return Ok(());
     }
     let output = match shard {
@@ -143,12 +150,20 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     let work = Work { sweep, folder, output };
     let _lock = work.claim()?;
     work.check_inputs(&binary)?;
-    inputs::add_machines(&work.output, vec![inputs::this_machine(cores)])?;
+    if chosen.iter().any(|cell| finished(&work.cell(cell)).is_none()) {
+        let machine = inputs::this_machine(cores, arguments.binary.is_some());
+        inputs::add_machines(&work.output, vec![machine])?;
+    }
     let data = work.photographs(&binary)?;
     let cells = work.output.join("cells");
     let bench = Bench { sweep: &work.sweep, binary: &binary, data: &data, cells, threads: (cores / jobs).max(1) };
     pool::run(&bench, &chosen, jobs)?;
     work.report()
+}
+
+/// Standard output, whose reader may have read enough.
+fn say(text: &str) {
+    let _ = std::io::Write::write_all(&mut std::io::stdout(), text.as_bytes());
 }
 
 /// The output folder, which has to be writable.
@@ -279,7 +294,7 @@ impl Work {
             }
         }
         report::report(&self.sweep, &rows, &self.output, &|row| pictures.get(&row.key()).cloned().unwrap_or_default())?;
-        println!("{}", self.output.join("report.md").display());
+        say(&format!("{}\n", self.output.join("report.md").display()));
         Ok(())
     }
 }

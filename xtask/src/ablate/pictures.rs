@@ -9,7 +9,7 @@ use image::{Rgb, RgbImage};
 use super::results::{Metric, Row, metric};
 use super::statistics::mean;
 use super::sweep::Sweep;
-use crate::plot::{Curve, Panel, svg};
+use crate::plot::{Curve, Panel, escape, svg};
 
 /// A table of the sweep: a data set, with the values of the parameters that are neither rows nor columns.
 pub(super) struct Table {
@@ -184,13 +184,13 @@ pub(super) fn heat_map(sweep: &Sweep, rows: &[Row], metrics: &[&Metric]) -> Stri
                 mean(&own).mean
             };
             let level = |v: f64| if metric.name == "psnr" { -v / 20.0 } else { v.max(metric.least).log10() };
-            let levels = || places().map(|(r, c)| level(value(r, c))).filter(|v| v.is_finite());
+            let levels = || places().map(|(r, c)| value(r, c)).filter(|v| v.is_finite()).map(level);
             let (low, most) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
             let _ = writeln!(
                 out,
                 "<text x=\"{x0}\" y=\"{}\" font-weight=\"bold\">{}: {}</text><text x=\"{x0}\" y=\"{}\">{} ↓ {} →</text>",
                 y0 - 26.0,
-                table.title,
+                escape(&table.title),
                 metric.label,
                 y0 - 14.0,
                 table.rows.0,
@@ -200,9 +200,10 @@ pub(super) fn heat_map(sweep: &Sweep, rows: &[Row], metrics: &[&Metric]) -> Stri
                 let y = y0 + r as f64 * SIDE.1;
                 let _ = writeln!(
                     out,
-                    "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{row}</text>",
+                    "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
                     x0 - 6.0,
-                    y + 0.6 * SIDE.1
+                    y + 0.6 * SIDE.1,
+                    escape(row)
                 );
                 for (c, column) in table.columns.1.iter().enumerate() {
                     let (x, v) = (x0 + c as f64 * SIDE.0, value(row, column));
@@ -223,7 +224,12 @@ pub(super) fn heat_map(sweep: &Sweep, rows: &[Row], metrics: &[&Metric]) -> Stri
             }
             for (c, column) in table.columns.1.iter().enumerate() {
                 let x = x0 + (c as f64 + 0.5) * SIDE.0;
-                let _ = writeln!(out, "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{column}</text>", y0 - 3.0);
+                let _ = writeln!(
+                    out,
+                    "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+                    y0 - 3.0,
+                    escape(column)
+                );
             }
         }
     }

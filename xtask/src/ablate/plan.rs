@@ -9,10 +9,11 @@ use super::sweep::{Cell, Sweep, flag, text};
 use super::{Bench, Work};
 
 /// Options that a sweep has keys of its own for.
-const OWN: [(&str, &str); 12] = [
+const OWN: [(&str, &str); 13] = [
     ("help", "an option of a fit"),
     ("version", "an option of a fit"),
     ("check", "an option of a fit"),
+    ("end_with", "an option of a fit"),
     ("stop_after", "iterations = N beside title"),
     ("seed", "seeds = [...] beside title"),
     ("iterations", "iterations = N beside title"),
@@ -143,7 +144,7 @@ pub(super) fn show(work: &Work, binary: &Path, cells: &[Cell], jobs: usize) -> a
     for (number, cell) in cells.iter().enumerate() {
         let row = finished(&work.cell(cell));
         let state = row.as_ref().map_or("", |row| row.status.as_str());
-        println!("{number:>5} {} {state}", cell.name);
+        super::say(&format!("{number:>5} {} {state}\n", cell.name));
         match row {
             Some(row) => known.extend(row.numbers.get("seconds").copied()),
             None => left.push(cell),
@@ -158,11 +159,11 @@ pub(super) fn show(work: &Work, binary: &Path, cells: &[Cell], jobs: usize) -> a
     };
     // Evaluation and gradients take about ten seconds beside the fit.
     let minutes = left.len() as f64 * (each + 10.0) / jobs as f64 / 60.0;
-    println!(
-        "{} cells, {} to run: about {minutes:.0} minutes with {jobs} at a time ({each:.0} s a fit)",
+    super::say(&format!(
+        "{} cells, {} to run: about {minutes:.0} minutes with {jobs} at a time ({each:.0} s a fit)\n",
         cells.len(),
         left.len()
-    );
+    ));
     Ok(())
 }
 

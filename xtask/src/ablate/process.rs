@@ -40,13 +40,16 @@ impl crate::dsdf::Run for Limited<'_> {
     }
 }
 
-/// Errors of the system that say nothing of what was run: input and output, files open, space, read-only, quota.
-const MACHINE: [i32; 6] = [5, 23, 24, 28, 30, 122];
+/// Errors of the system that say nothing of what was run: input and output, threads, files open, space, read-only, stale, quota.
+const MACHINE: [i32; 8] = [5, 11, 23, 24, 28, 30, 116, 122];
 
 /// Whether a message is of such an error.
 fn of_the_machine(message: &str) -> bool {
     cfg!(unix) && MACHINE.iter().any(|code| message.contains(&format!("(os error {code})")))
 }
+
+/// The exit status of `dsdf` when it was asked to stop.
+const INTERRUPTED: i32 = 130;
 
 /// How often a program is looked at.
 const LOOK: Duration = Duration::from_millis(20);
@@ -98,15 +101,17 @@ pub(super) fn run(
         watch();
         std::thread::sleep(LOOK);
     };
-    let text = std::fs::read_to_string(&out_path)?;
+    let text = String::from_utf8_lossy(&std::fs::read(&out_path)?).into_owned();
     std::fs::remove_file(&out_path)?;
     if status.success() {
         return Ok(serde_json::from_str(&text).map_err(|e| Failure { status: "failed", reason: e.to_string() }));
     }
-    let errors = std::fs::read_to_string(log).unwrap_or_default();
+    let errors = String::from_utf8_lossy(&std::fs::read(log).unwrap_or_default()).into_owned();
     let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
-    // The parameters are not to blame; the cell is run again when there is room again.
-    anyhow::ensure!(!of_the_machine(last), "{}: {last}", log.display());
+    // The parameters are not to blame: the cell is run again.
+    let blamed = errors.lines().find(|line| of_the_machine(line));
+    anyhow::ensure!(blamed.is_none(), "{}: {}", log.display(), blamed.unwrap_or_default());
+    anyhow::ensure!(status.code() != Some(INTERRUPTED), "{}: interrupted", log.display());
     Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
 }
 

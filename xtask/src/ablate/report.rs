@@ -52,7 +52,11 @@ fn markdown(sweep: &Sweep, rows: &[Row], machines: &[String]) -> String {
     if !sweep.claim.is_empty() {
         claims(&mut out, sweep, rows);
     }
-    recommendation(&mut out, rows);
+    if rows.len() < cells {
+        let _ = writeln!(out, "## Recommendation\n\nNone before all cells are here.\n");
+    } else {
+        recommendation(&mut out, rows);
+    }
     let _ = writeln!(out, "## Reconstructions\n\n![The reconstructions](grid.png)\n");
     let _ = writeln!(
         out,
@@ -174,12 +178,20 @@ struct Setting {
     worse: Mean,
 }
 
+/// A cost with so many decimals, if it is known.
+fn cost(v: f64, decimals: usize) -> String {
+    if v.is_finite() { format!("{v:.decimals$}") } else { "-".to_owned() }
+}
+
 /// The fastest setting that nothing says is worse than the best.
 fn recommendation(out: &mut String, rows: &[Row]) {
     let known = rows.iter().any(|r| r.numbers.contains_key("chamfer"));
     let Some(metric) = super::results::metric(if known { "chamfer" } else { "psnr" }) else { return };
+    // Data without a true surface says nothing of distances to one.
+    let told = |data: &str| rows.iter().any(|r| r.data == data && r.numbers.contains_key(metric.name));
+    let rows: Vec<Row> = rows.iter().filter(|r| told(&r.data)).cloned().collect();
     let mut places: Vec<Vec<(String, String)>> = Vec::new();
-    for row in rows {
+    for row in &rows {
         if !places.contains(&row.values) {
             places.push(row.values.clone());
         }
@@ -234,14 +246,14 @@ fn recommendation(out: &mut String, rows: &[Row]) {
     for s in &all {
         let _ = writeln!(
             out,
-            "| {} | {:.3} % | {} ({} to {}) | {:.1} | {:.0} |",
+            "| {} | {:.3} % | {} ({} to {}) | {} | {} |",
             settings(&s.values),
             100.0 * s.error,
             percent(s.worse.mean),
             percent(s.worse.low),
             percent(s.worse.high),
-            s.seconds,
-            s.passes / 1e6
+            cost(s.seconds, 1),
+            cost(s.passes / 1e6, 0)
         );
     }
     let _ = writeln!(

@@ -88,12 +88,16 @@ fn matrix(file: &Path, archive: &mut ZipArchive<BufReader<File>>, name: &str) ->
     };
     let npy = NpyFile::new(entry).map_err(|e| error(e.to_string()))?;
     let shape = npy.shape().to_vec();
+    let by_columns = npy.order() == npyz::Order::Fortran;
     let wide = npy.dtype().descr().contains("f8");
     let numbers: std::io::Result<Vec<f64>> =
         if wide { npy.into_vec() } else { npy.into_vec::<f32>().map(|v| v.into_iter().map(f64::from).collect()) };
     let numbers = numbers.map_err(|e| error(e.to_string()))?;
     match <[f64; 16]>::try_from(numbers) {
-        Ok(m) if shape == [4, 4] && m.iter().all(|v| v.is_finite()) => Ok(DMat4::from_cols_array(&m).transpose()),
+        Ok(m) if shape == [4, 4] && m.iter().all(|v| v.is_finite()) => {
+            let m = DMat4::from_cols_array(&m);
+            Ok(if by_columns { m } else { m.transpose() })
+        }
         Ok(_) => Err(error(format!("shape {shape:?} or a number that is not finite"))),
         Err(_) => Err(error(format!("shape {shape:?}"))),
     }
