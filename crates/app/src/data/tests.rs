@@ -105,12 +105,18 @@ fn write_json(path: &Path, value: &Value) {
     std::fs::write(path, value.to_string()).unwrap();
 }
 
+/// Every third array is stored by columns.
 fn write_npz(folder: &Path, arrays: &[(String, DMat4)]) {
     let mut npz = ZipWriter::new(File::create(folder.join("cameras_sphere.npz")).unwrap());
-    for (name, matrix) in arrays {
+    for (i, (name, matrix)) in arrays.iter().enumerate() {
         npz.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
-        let mut array = npyz::WriteOptions::new().default_dtype().shape(&[4, 4]).writer(&mut npz).begin_nd().unwrap();
-        array.extend(matrix.transpose().to_cols_array()).unwrap();
+        let (order, stored) = match i % 3 {
+            2 => (npyz::Order::Fortran, *matrix),
+            _ => (npyz::Order::C, matrix.transpose()),
+        };
+        let options = npyz::WriteOptions::new().default_dtype().shape(&[4, 4]).order(order);
+        let mut array = options.writer(&mut npz).begin_nd().unwrap();
+        array.extend(stored.to_cols_array()).unwrap();
         array.finish().unwrap();
     }
     npz.finish().unwrap();
