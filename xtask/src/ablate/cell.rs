@@ -107,7 +107,7 @@ impl Bench<'_> {
                     row.numbers.insert(format!("{name}_variance"), variance);
                 }
                 // A full disk is no result.
-                Err(error) if is_of_the_machine(&error) => return Err(error),
+                Err(error) if process::is_fault(&error) => return Err(error),
                 Err(error) => {
                     let status = error.downcast_ref::<Failure>().map_or("failed", |failure| failure.status);
                     let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
@@ -197,11 +197,6 @@ impl Bench<'_> {
     ) -> anyhow::Result<Result<Value, Failure>> {
         process::run(self.binary, arguments, &self.sweep.limits, &folder.join(format!("{name}.log")), watch)
     }
-}
-
-/// Whether files could not be read or written; that one is missing is the cell's own fault.
-fn is_of_the_machine(error: &anyhow::Error) -> bool {
-    error.root_cause().downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() != std::io::ErrorKind::NotFound)
 }
 
 /// The report that a stage left, if it is whole.

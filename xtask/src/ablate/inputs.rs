@@ -89,30 +89,53 @@ fn named(content: &serde_json::Value, folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
+/// The file that holds them, a line for the program and one for each data set.
+const INPUTS: &str = "inputs";
+
+/// Refuses to go on in `output` with another program or other data than what is there was made with; keeps them otherwise.
+pub(super) fn check(output: &Path, binary: &Path, sets: &[Data], folder: &Path) -> anyhow::Result<()> {
+    let mut own = format!("program {:016x}\n", file(binary)?);
+    for set in sets {
+        own += &format!("{} {:016x}\n", set.name, data(set, folder)?);
+    }
+    let path = output.join(INPUTS);
+    let taken = |set: &Data| output.join("data").join(&set.name).exists();
+    let begun = output.join("cells").exists() || sets.iter().any(taken);
+    if let Some(there) = read(&path)?.filter(|there| begun && *there != own) {
+        let found = format!("another {}", changed(&there, &own).split(' ').next().unwrap_or_default());
+        let expected = "that of the cells that are here (see --binary), or another folder";
+        return Err(Refusal::new(&path, "inputs", found, expected).into());
+    }
+    write(&path, own)
+}
+
+/// The first line that is not of `own`.
+pub(super) fn changed<'a>(there: &'a str, own: &str) -> &'a str {
+    there.lines().find(|line| !own.lines().any(|own| own == *line)).unwrap_or("less")
+}
+
 /// Refuses shards of other data, and keeps what they were made of; other programs may be of other machines, and are said.
 pub(super) fn merge(folders: &[PathBuf], output: &Path) -> anyhow::Result<()> {
+    let of_data = |text: &str| text.lines().filter(|line| !line.starts_with("program ")).collect::<String>();
     let mut first: Option<(PathBuf, String)> = None;
+    let mut more = Vec::new();
     for folder in [output].into_iter().chain(folders.iter().map(PathBuf::as_path)) {
-        let path = folder.join("inputs");
+        more.extend(machines(folder)?);
+        let path = folder.join(INPUTS);
         let Some(text) = read(&path)? else { continue };
         let Some((known, there)) = &first else {
             first = Some((path, text));
             continue;
         };
-        let data = |text: &str| {
-            text.lines().filter(|line| !line.starts_with("program ")).map(str::to_owned).collect::<Vec<_>>()
-        };
-        if data(&text) != data(there) {
+        if of_data(&text) != of_data(there) {
             return Err(Refusal::new(&path, "inputs", "other data", format!("that of {}", known.display())).into());
         }
         if text != *there {
             eprintln!("warning: {}: another program than that of {}", path.display(), known.display());
         }
     }
-    for folder in folders {
-        add_machines(output, machines(folder)?)?;
-    }
-    first.map_or(Ok(()), |(_, text)| write(&output.join("inputs"), text))
+    add_machines(output, more)?;
+    first.map_or(Ok(()), |(_, text)| write(&output.join(INPUTS), text))
 }
 
 /// Where and with what cells were run: a line each, kept beside them for the report.
@@ -138,5 +161,5 @@ pub(super) fn add_machines(folder: &Path, more: Vec<String>) -> anyhow::Result<(
             all.push(line);
         }
     }
-    write(&folder.join(MACHINES), all.join("\n") + "\n")
+    write(&folder.join(MACHINES), all.iter().map(|line| format!("{line}\n")).collect::<String>())
 }

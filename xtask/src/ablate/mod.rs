@@ -149,7 +149,7 @@ pub(crate) fn run(arguments: &Ablate) -> anyhow::Result<()> {
     };
     let work = Work { sweep, folder, output };
     let _lock = work.claim()?;
-    work.check_inputs(&binary)?;
+    inputs::check(&work.output, &binary, &work.sweep.data, &work.folder)?;
     if chosen.iter().any(|cell| finished(&work.cell(cell)).is_none()) {
         let machine = inputs::this_machine(cores, arguments.binary.is_some());
         inputs::add_machines(&work.output, vec![machine])?;
@@ -205,28 +205,15 @@ impl Work {
             return Err(Refusal::new(path, "sweep", "no sweep", "the same sweep, or another folder").into());
         };
         if own != other {
-            let found = other.lines().find(|line| !own.lines().any(|own| own == *line)).unwrap_or("less");
-            return Err(Refusal::new(path, "sweep", found, "the same sweep, or another folder").into());
+            return Err(Refusal::new(
+                path,
+                "sweep",
+                inputs::changed(&other, &own),
+                "the same sweep, or another folder",
+            )
+            .into());
         }
         Ok(())
-    }
-
-    /// Refuses to go on with another program or other data than what is there was made with.
-    fn check_inputs(&self, binary: &Path) -> anyhow::Result<()> {
-        let mut inputs = format!("program {:016x}\n", inputs::file(binary)?);
-        for data in &self.sweep.data {
-            inputs += &format!("{} {:016x}\n", data.name, inputs::data(data, &self.folder)?);
-        }
-        let path = self.output.join("inputs");
-        let taken = |data: &tables::Data| self.output.join("data").join(&data.name).exists();
-        let begun = self.output.join("cells").exists() || self.sweep.data.iter().any(taken);
-        if let Some(there) = inputs::read(&path)?.filter(|there| begun && *there != inputs) {
-            let changed = there.lines().find(|line| !inputs.lines().any(|own| own == *line)).unwrap_or("less");
-            let found = format!("another {}", changed.split(' ').next().unwrap_or_default());
-            let expected = "that of the cells that are here (see --binary), or another folder";
-            return Err(Refusal::new(&path, "inputs", found, expected).into());
-        }
-        write(&path, inputs)
     }
 
     /// The folders of the data sets, with their true surfaces; scenes are photographed once.

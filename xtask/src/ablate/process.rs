@@ -40,6 +40,17 @@ impl crate::dsdf::Run for Limited<'_> {
     }
 }
 
+/// What ended a program is no doing of its own.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Fault(String);
+
+/// Whether an error is none of a cell's: a fault, or files that cannot be read or written. That one is missing is the cell's own.
+pub(super) fn is_fault(error: &anyhow::Error) -> bool {
+    let system = error.root_cause().downcast_ref::<std::io::Error>();
+    error.is::<Fault>() || system.is_some_and(|e| e.kind() != std::io::ErrorKind::NotFound)
+}
+
 /// Errors of the system that say nothing of what was run: input and output, threads, files open, space, read-only, stale, quota.
 const MACHINE: [i32; 8] = [5, 11, 23, 24, 28, 30, 116, 122];
 
@@ -110,8 +121,10 @@ pub(super) fn run(
     let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
     // The parameters are not to blame: the cell is run again.
     let blamed = errors.lines().find(|line| of_the_machine(line));
-    anyhow::ensure!(blamed.is_none(), "{}: {}", log.display(), blamed.unwrap_or_default());
-    anyhow::ensure!(status.code() != Some(INTERRUPTED), "{}: interrupted", log.display());
+    let interrupted = (status.code() == Some(INTERRUPTED)).then_some("interrupted");
+    if let Some(said) = blamed.or(interrupted) {
+        return Err(Fault(format!("{}: {said}", log.display())).into());
+    }
     Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
 }
 
@@ -133,6 +146,15 @@ mod tests {
         let failure = shell("echo one >&2; echo two >&2; exit 3", limits).unwrap_err();
         assert!(failure.status == "failed" && failure.reason.ends_with(": two"), "{failure:?}");
         assert_eq!(shell("echo nonsense", limits).unwrap_err().status, "failed");
+        // Also through what reads its report.
+        let folder = tempfile::tempdir().unwrap();
+        let program = Limited { program: Path::new("sh"), limits: &limits, log: &folder.path().join("log") };
+        for script in ["echo 'No space left (os error 28)' >&2; echo note >&2; exit 1", "exit 130"] {
+            let error = crate::dsdf::Run::report(&program, &["-c", script]).unwrap_err();
+            assert!(is_fault(&error.context("gradient")), "{script}");
+        }
+        let own = crate::dsdf::Run::report(&program, &["-c", "exit 3"]).unwrap_err();
+        assert!(!is_fault(&own), "{own}");
         assert!(of_the_machine("error: run: No space left on device (os error 28)"));
         assert!(!of_the_machine("error: run: No such file or directory (os error 2)"));
         if cfg!(target_os = "linux") {
