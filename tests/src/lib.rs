@@ -17,7 +17,10 @@ pub fn shared(path: &str) -> Option<PathBuf> {
         return Some(file);
     }
     // Not `eprintln!`, which the test harness swallows.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {path} is not here; this test needs the shared references");
+    let _ = writeln!(
+        std::io::stderr(),
+        "SKIPPED: {path} is not here; this test needs the shared references"
+    );
     None
 }
 
@@ -30,7 +33,8 @@ pub fn binary() -> &'static Path {
             .current_dir(root())
             .status();
         assert!(status.is_ok_and(|s| s.success()), "cargo build of dsdf");
-        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(dir));
+        let target = std::env::var_os("CARGO_TARGET_DIR")
+            .map_or_else(|| root().join("target"), |dir| root().join(dir));
         target.join("debug").join(format!("dsdf{}", std::env::consts::EXE_SUFFIX))
     })
 }

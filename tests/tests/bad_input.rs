@@ -90,7 +90,10 @@ fn outputs_that_cannot_be_written_are_named() {
     if Path::new("/dev/full").exists() {
         std::os::unix::fs::symlink("/dev/full", folder.path("full.png")).unwrap();
         let output = dsdf(&["render", &path, "-o", &folder.path("full.png")]);
-        assert!(output.status.success(), "a rename replaces the link and needs no room on the device");
+        assert!(
+            output.status.success(),
+            "a rename replaces the link and needs no room on the device"
+        );
     }
 }
 
@@ -118,14 +121,33 @@ fn gradients_of_nothing_are_refused() {
     let folder = Folder::new();
     let (path, out) = (folder.write("scene.json", &scene()), folder.path("g.npy"));
     refused(&["gradient", &path, "--wrt", "/sdf/height", "-o", &out], 2, &["/sdf/height"]);
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"], 2, &["--top-k"]);
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--gamma", "nan"], 2, &["gamma"]);
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--estimator", "magic"], 2, &["magic", "paper"]);
+    refused(
+        &["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--top-k", "1"],
+        2,
+        &["--top-k"],
+    );
+    refused(
+        &["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--gamma", "nan"],
+        2,
+        &["gamma"],
+    );
+    refused(
+        &["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--estimator", "magic"],
+        2,
+        &["magic", "paper"],
+    );
     let gradient = |flags: &[&str], words: &[&str]| {
-        refused(&[&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out], flags].concat(), 2, words);
+        refused(
+            &[&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out], flags].concat(),
+            2,
+            words,
+        );
     };
     gradient(&["--filter", "tent"], &["--filter", "tent", "box or gaussian"]);
-    gradient(&["--filter", "gaussian", "--estimator", "refined"], &["--filter", "gaussian", "box", "refined"]);
+    gradient(
+        &["--filter", "gaussian", "--estimator", "refined"],
+        &["--filter", "gaussian", "box", "refined"],
+    );
     gradient(&["--filter", "box", "--estimator", "was"], &["--filter", "box", "gaussian", "was"]);
     gradient(&["--estimator", "paper", "--top-k", "1"], &["--top-k", "1", "leaves one point none"]);
     gradient(&["--gamma", "-2"], &["--gamma", "found -2", "above 0"]);
@@ -136,16 +158,28 @@ fn gradients_of_nothing_are_refused() {
         2,
         &["--estimator", "fd"],
     );
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &folder.path("g.png")], 2, &[".npy"]);
+    refused(
+        &["gradient", &path, "--wrt", "/sdf/radius", "-o", &folder.path("g.png")],
+        2,
+        &[".npy"],
+    );
     refused(&["gradient", &path, "-o", &out], 2, &["--wrt"]);
-    refused(&["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--steps", "0"], 2, &["--steps"]);
+    refused(
+        &["gradient", &path, "--wrt", "/sdf/radius", "-o", &out, "--steps", "0"],
+        2,
+        &["--steps"],
+    );
 }
 
 /// A data set of three tiny views.
 fn dataset(folder: &Folder) -> Value {
     for i in 0..3 {
         let path = folder.write("scene.json", &scene());
-        assert!(dsdf(&["render", &path, "-o", &folder.path(&format!("{i}.png")), "--spp", "1"]).status.success());
+        assert!(
+            dsdf(&["render", &path, "-o", &folder.path(&format!("{i}.png")), "--spp", "1"])
+                .status
+                .success()
+        );
     }
     let frame = |i: i32| json!({"file_path": format!("{i}.png"), "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]});
     json!({"camera_angle_x": 0.5, "w": 8, "h": 8, "frames": [frame(0), frame(1), frame(2)]})
@@ -165,7 +199,8 @@ fn data_sets_are_checked() {
     let mut bad = good.clone();
     bad["frames"][1]["transform_matrix"][0][3] = json!(null);
     check(&bad, &["frames/1/transform_matrix"]);
-    bad["frames"][1]["transform_matrix"] = json!([[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
+    bad["frames"][1]["transform_matrix"] =
+        json!([[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
     check(&bad, &["frames/1/transform_matrix", "rotation"]);
     let mut bad = good.clone();
     bad["frames"] = json!([]);
@@ -208,11 +243,17 @@ fn middlebury_cameras_are_checked() {
             "3\n0.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n1.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n2.png {k} 1 0 0 0 1 0 0 0 1 0 0 4\n"
         )
     };
-    for (k, word) in
-        [("0 0 4 0 16 4 0 0 1", "singular K"), ("nan 0 4 0 16 4 0 0 1", "line 2"), ("16 0 4 0 16 4 0 0", "line 2")]
-    {
+    for (k, word) in [
+        ("0 0 4 0 16 4 0 0 1", "singular K"),
+        ("nan 0 4 0 16 4 0 0 1", "line 2"),
+        ("16 0 4 0 16 4 0 0", "line 2"),
+    ] {
         fs::write(folder.path("x_par.txt"), line(k)).unwrap();
-        refused(&["inspect", &folder.path(""), "-o", &folder.path("i.png")], 2, &["x_par.txt", word]);
+        refused(
+            &["inspect", &folder.path(""), "-o", &folder.path("i.png")],
+            2,
+            &["x_par.txt", word],
+        );
     }
     assert!(!Path::new(&folder.path("i.png")).exists());
 }
@@ -224,7 +265,13 @@ fn runs_and_models_that_are_none_are_named() {
     refused(&["eval", &folder.path("")], 2, &["fit.toml"]);
     fs::write(folder.path("m.safetensors"), b"junk").unwrap();
     refused(
-        &["query", &folder.path("m.safetensors"), &folder.path("p.npy"), "-o", &folder.path("o.npy")],
+        &[
+            "query",
+            &folder.path("m.safetensors"),
+            &folder.path("p.npy"),
+            "-o",
+            &folder.path("o.npy"),
+        ],
         2,
         &["m.safetensors"],
     );
@@ -232,21 +279,52 @@ fn runs_and_models_that_are_none_are_named() {
     // What a resumed run would have to ignore, and a checkpoint that is none.
     folder.write("transforms.json", &dataset(&folder));
     let (data, run) = (folder.path(""), folder.path("run"));
-    let fit = dsdf(&["fit", &data, "-o", &run, "--iterations", "2", "--batch", "16", "--bounds", "0,0,0,1"]);
+    let fit = dsdf(&[
+        "fit",
+        &data,
+        "-o",
+        &run,
+        "--iterations",
+        "2",
+        "--batch",
+        "16",
+        "--bounds",
+        "0,0,0,1",
+    ]);
     assert!(fit.status.success(), "{}", String::from_utf8_lossy(&fit.stderr));
-    refused(&["fit", "--resume", "-o", &run, "--batch", "32"], 2, &["fit.toml", "batch", "32", "16"]);
-    assert!(dsdf(&["fit", "--resume", "-o", &run, "--batch", "16", "--iterations", "3"]).status.success());
-    refused(&["fit", "--resume", "-o", &run, "--iterations", "1"], 2, &["fit.toml", "iterations", "at least the 3"]);
+    refused(
+        &["fit", "--resume", "-o", &run, "--batch", "32"],
+        2,
+        &["fit.toml", "batch", "32", "16"],
+    );
+    assert!(
+        dsdf(&["fit", "--resume", "-o", &run, "--batch", "16", "--iterations", "3"])
+            .status
+            .success()
+    );
+    refused(
+        &["fit", "--resume", "-o", &run, "--iterations", "1"],
+        2,
+        &["fit.toml", "iterations", "at least the 3"],
+    );
     let state = folder.path("run/checkpoint/state.safetensors");
     let mut bytes = fs::read(&state).unwrap();
     let end = bytes.len() - 4;
     bytes[end..].copy_from_slice(&f32::NAN.to_le_bytes());
     fs::write(&state, bytes).unwrap();
-    refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "NaN"]);
+    refused(
+        &["fit", "--resume", "-o", &run, "--iterations", "4"],
+        2,
+        &["state.safetensors", "NaN"],
+    );
     let options = fs::read_to_string(folder.path("run/fit.toml")).unwrap();
     assert!(options.contains("iterations = 3"), "a refused run keeps its options: {options}");
     fs::write(folder.path("run/checkpoint/state.safetensors"), b"junk").unwrap();
-    refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &["state.safetensors", "whole checkpoint"]);
+    refused(
+        &["fit", "--resume", "-o", &run, "--iterations", "4"],
+        2,
+        &["state.safetensors", "whole checkpoint"],
+    );
 }
 
 #[test]
@@ -262,7 +340,11 @@ fn weights_of_a_wrong_shape_are_named() {
     let points = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/query/softplus.points.npy");
     let out = folder.path("o.npy");
     let words = ["m.safetensors", "layers.1.weight", "[33, 20]", "[33, 47]"];
-    refused(&["query", &folder.path("m.safetensors"), &points.to_string_lossy(), "-o", &out], 2, &words);
+    refused(
+        &["query", &folder.path("m.safetensors"), &points.to_string_lossy(), "-o", &out],
+        2,
+        &words,
+    );
     let mut neural = scene();
     let mut huge = scene();
     huge["sdf"]["radius"] = json!(1e200);

@@ -66,7 +66,9 @@ fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, 
     let report = dsdf_json(&arguments);
     let kinds = ["value", "gradient", "hessian_vector"];
     let evaluations = kinds.iter().map(|kind| report["evaluations"][kind].as_u64().unwrap()).sum();
-    let name = |wrt: &String| folder.path().join(format!("g.{}.npy", wrt.trim_start_matches('/').replace('/', "_")));
+    let name = |wrt: &String| {
+        folder.path().join(format!("g.{}.npy", wrt.trim_start_matches('/').replace('/', "_")))
+    };
     (case.wrt.iter().map(|wrt| npy(&name(wrt))).collect(), evaluations)
 }
 
@@ -107,13 +109,21 @@ fn check(case: &Case) -> Result<(), String> {
     for (i, (wrt, reference)) in case.wrt.iter().zip(&reference).enumerate() {
         let n = f64::from(SEEDS);
         let mean: Vec<f32> = (0..reference.len())
-            .map(|p| (runs.iter().map(|(images, _)| f64::from(images[i][p])).sum::<f64>() / n) as f32)
+            .map(|p| {
+                (runs.iter().map(|(images, _)| f64::from(images[i][p])).sum::<f64>() / n) as f32
+            })
             .collect();
         let scale = norm(reference);
-        let spread = runs.iter().map(|(images, _)| distance(&images[i], &mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let (bias, standard_error) = (distance(&mean, reference) / scale, (spread / n).sqrt() / scale);
+        let spread =
+            runs.iter().map(|(images, _)| distance(&images[i], &mean).powi(2)).sum::<f64>()
+                / (n - 1.0);
+        let (bias, standard_error) =
+            (distance(&mean, reference) / scale, (spread / n).sqrt() / scale);
         let error =
-            (runs.iter().map(|(images, _)| distance(&images[i], reference).powi(2)).sum::<f64>() / n).sqrt() / scale;
+            (runs.iter().map(|(images, _)| distance(&images[i], reference).powi(2)).sum::<f64>()
+                / n)
+                .sqrt()
+                / scale;
         let variance = spread * f64::from(SPP) / (scale * scale);
         println!(
             "| {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} | {variance:.4} | {evaluations} |",
@@ -136,10 +146,14 @@ fn check(case: &Case) -> Result<(), String> {
 
 #[test]
 fn the_refined_estimator_is_unbiased_on_every_case() {
-    let suite: Suite = toml::from_str(&std::fs::read_to_string(suite().join("suite.toml")).unwrap()).unwrap();
-    println!("| scene | by | bias ± standard error | error at {SPP} spp | variance a sample | field evaluations |");
+    let suite: Suite =
+        toml::from_str(&std::fs::read_to_string(suite().join("suite.toml")).unwrap()).unwrap();
+    println!(
+        "| scene | by | bias ± standard error | error at {SPP} spp | variance a sample | field evaluations |"
+    );
     // Small films do not fill two threads; two cases do.
-    let (mine, others): (Vec<_>, Vec<_>) = suite.case.iter().enumerate().partition(|(i, _)| i % 2 == 0);
+    let (mine, others): (Vec<_>, Vec<_>) =
+        suite.case.iter().enumerate().partition(|(i, _)| i % 2 == 0);
     let failures_of = |cases: Vec<(usize, &Case)>| -> Vec<String> {
         cases.into_iter().filter_map(|(_, case)| check(case).err()).collect()
     };

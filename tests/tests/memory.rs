@@ -1,4 +1,5 @@
-//! The largest resident set of derivative images: it grows with neither samples nor points along a ray.
+//! The largest resident set of derivative images: it grows with neither samples nor points along a
+//! ray.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
@@ -22,7 +23,9 @@ fn peak(scene: &str, flags: &[&str]) -> f64 {
     // The mark goes with the process, so it is read until then.
     while child.try_wait().unwrap().is_none() {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let mark = text.lines().find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<f64>().ok());
+        let mark = text
+            .lines()
+            .find_map(|l| l.strip_prefix("VmHWM:")?.split_whitespace().next()?.parse::<f64>().ok());
         peak = mark.map_or(peak, |kib| peak.max(kib / 1024.0));
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -35,11 +38,16 @@ fn memory_grows_with_neither_samples_nor_points() {
     let scene = root().join("tests/gradients/disc.lambert.json").to_string_lossy().into_owned();
     for estimator in ["refined", "paper"] {
         let at = |spp: &str, steps: &str| {
-            peak(&scene, &["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp, "--steps", steps])
+            peak(
+                &scene,
+                &["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp, "--steps", steps],
+            )
         };
         // From 1024 samples on a tile is a pixel, and full.
         let (few, many, long) = (at("1024", "22"), at("8192", "22"), at("1024", "200"));
-        println!("{estimator}: {few:.0} MiB; 8 times the samples {many:.0}, 9 times the points {long:.0}");
+        println!(
+            "{estimator}: {few:.0} MiB; 8 times the samples {many:.0}, 9 times the points {long:.0}"
+        );
         assert!(many < 1.5 * few, "{estimator}: {few} MiB with 1024 samples, {many} with 8192");
         assert!(long < 2.0 * few, "{estimator}: {few} MiB with 22 points, {long} with 200");
     }

@@ -5,15 +5,16 @@ use std::path::Path;
 
 use tests::{dsdf_json, npy};
 
-/// The largest difference of two vectors over all rows, relative to the row's length or, if that is larger, to the
-/// root mean square over all rows: near a zero of f nothing is relatively exact.
+/// The largest difference of two vectors over all rows, relative to the row's length or, if that is
+/// larger, to the root mean square over all rows: near a zero of f nothing is relatively exact.
 fn error(got: &[f32], want: &[f32], columns: std::ops::Range<usize>) -> f64 {
     let part = |v: &[f32], row: usize| -> Vec<f64> {
         v[4 * row..4 * row + 4][columns.clone()].iter().map(|v| f64::from(*v)).collect()
     };
     let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     let rows = want.len() / 4;
-    let mean = ((0..rows).map(|r| length(&part(want, r)).powi(2)).sum::<f64>() / rows as f64).sqrt();
+    let mean =
+        ((0..rows).map(|r| length(&part(want, r)).powi(2)).sum::<f64>() / rows as f64).sqrt();
     (0..rows)
         .map(|r| {
             let (got, want) = (part(got, r), part(want, r));
@@ -28,8 +29,10 @@ fn values_and_gradients_are_those_of_another_program() {
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/query");
     let folder = tempfile::tempdir().unwrap();
     for name in ["softplus", "sine"] {
-        let file = |end: &str| fixtures.join(format!("{name}.{end}")).to_string_lossy().into_owned();
-        let out = |end: &str| folder.path().join(format!("{name}.{end}")).to_string_lossy().into_owned();
+        let file =
+            |end: &str| fixtures.join(format!("{name}.{end}")).to_string_lossy().into_owned();
+        let out =
+            |end: &str| folder.path().join(format!("{name}.{end}")).to_string_lossy().into_owned();
         let (model, points) = (file("safetensors"), file("points.npy"));
         let report = dsdf_json(&["query", &model, &points, "-o", &out("g.npy"), "--gradient"]);
         assert_eq!(report["points"], 200);
@@ -41,6 +44,9 @@ fn values_and_gradients_are_those_of_another_program() {
         assert!(value < 1e-5 && gradient < 1e-4, "{name}: value {value:e}, gradient {gradient:e}");
         // Without --gradient the values are the same but for rounding.
         let alone = npy(Path::new(&out("f.npy")));
-        assert!(alone.iter().zip(got.chunks(4)).all(|(f, row)| (f - row[0]).abs() < 1e-5), "{name}");
+        assert!(
+            alone.iter().zip(got.chunks(4)).all(|(f, row)| (f - row[0]).abs() < 1e-5),
+            "{name}"
+        );
     }
 }

@@ -33,10 +33,14 @@ fn derivative_images_match(estimator: &str, wrt: &[&str], allowed: f64) {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("g.npy").to_string_lossy().into_owned();
         let file_text = file.to_string_lossy();
-        let mut arguments = vec!["gradient", &file_text, "--estimator", estimator, "--spp", "256", "-o", &out];
+        let mut arguments =
+            vec!["gradient", &file_text, "--estimator", estimator, "--spp", "256", "-o", &out];
         wrt.iter().for_each(|wrt| arguments.extend(["--wrt", wrt]));
         let report = dsdf_json(&arguments);
-        assert!(report["seconds"].as_f64().unwrap() > 0.0 && report["evaluations"]["gradient"].as_u64().unwrap() > 0);
+        assert!(
+            report["seconds"].as_f64().unwrap() > 0.0
+                && report["evaluations"]["gradient"].as_u64().unwrap() > 0
+        );
         for pointer in wrt.iter().map(|wrt| wrt.trim_start_matches('/').replace('/', "_")) {
             let want = npy(&file.with_file_name(format!("{scene}.d_{pointer}.npy")));
             let got = npy(&folder.path().join(format!("g.{pointer}.npy")));
@@ -58,12 +62,34 @@ fn the_same_seed_gives_the_same_bits_on_one_and_two_threads() {
     let run = |estimator: &str, threads: &str| {
         let out = folder.path().join(format!("g{threads}.npy")).to_string_lossy().into_owned();
         let scene = scene.to_string_lossy();
-        let flags = ["--wrt", "/sdf/major", "--spp", "16", "--estimator", estimator, "--threads", threads, "-o", &out];
+        let flags = [
+            "--wrt",
+            "/sdf/major",
+            "--spp",
+            "16",
+            "--estimator",
+            estimator,
+            "--threads",
+            threads,
+            "-o",
+            &out,
+        ];
         let output = dsdf(&[&["gradient", &scene], &flags[..]].concat());
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         std::fs::read(out).unwrap()
     };
-    let all = ["refined", "paper", "paper-all", "interior", "gaussian", "was", "loubet", "band", "contour", "fd"];
+    let all = [
+        "refined",
+        "paper",
+        "paper-all",
+        "interior",
+        "gaussian",
+        "was",
+        "loubet",
+        "band",
+        "contour",
+        "fd",
+    ];
     for estimator in all {
         assert!(run(estimator, "1") == run(estimator, "2"), "{estimator}");
     }
@@ -78,8 +104,18 @@ fn synth(folder: &Path) -> String {
         "background": [0, 0, 0]}"#;
     std::fs::write(&scene, text).unwrap();
     let data = folder.join("data").to_string_lossy().into_owned();
-    let output =
-        dsdf(&["synth", &scene.to_string_lossy(), "-o", &data, "--views", "6", "--size", "32x32", "--spp", "4"]);
+    let output = dsdf(&[
+        "synth",
+        &scene.to_string_lossy(),
+        "-o",
+        &data,
+        "--views",
+        "6",
+        "--size",
+        "32x32",
+        "--spp",
+        "4",
+    ]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     data
 }
@@ -116,8 +152,11 @@ fn a_killed_fit_goes_on_bit_for_bit() {
     finish(&fit(&path("whole"), &[]));
     let killed = folder.path().join("killed");
     for (more, reach) in [("--threads=1", 12), ("--resume", 40)] {
-        let mut child =
-            Command::new(tests::binary()).args(fit(&path("killed"), &[more])).arg("--quiet").spawn().unwrap();
+        let mut child = Command::new(tests::binary())
+            .args(fit(&path("killed"), &[more]))
+            .arg("--quiet")
+            .spawn()
+            .unwrap();
         while iterations(&killed).last().is_none_or(|last| *last < reach) {
             assert!(child.try_wait().unwrap().is_none(), "it ended before iteration {reach}");
             std::thread::sleep(std::time::Duration::from_millis(2));
@@ -131,9 +170,16 @@ fn a_killed_fit_goes_on_bit_for_bit() {
     for name in ["model.safetensors", "radiance.safetensors"] {
         assert!(read("whole", name) == read("killed", name), "{name} differs");
     }
-    assert_eq!(iterations(&killed), (1..=ITERATIONS).collect::<Vec<u64>>(), "nothing is told twice or lost");
+    assert_eq!(
+        iterations(&killed),
+        (1..=ITERATIONS).collect::<Vec<u64>>(),
+        "nothing is told twice or lost"
+    );
     finish(&fit(&path("killed"), &["--resume"]));
-    assert!(read("whole", "model.safetensors") == read("killed", "model.safetensors"), "a finished run stays as it is");
+    assert!(
+        read("whole", "model.safetensors") == read("killed", "model.safetensors"),
+        "a finished run stays as it is"
+    );
 }
 
 #[test]
@@ -143,19 +189,28 @@ fn a_fit_leaves_a_run_that_the_other_commands_read() {
     let run = folder.path().join("run").to_string_lossy().into_owned();
     let report = dsdf_json(&["fit", &data, "-o", &run, "--iterations", "30", "--batch", "128"]);
     assert_eq!(report["iterations"], 30);
-    for name in ["model.safetensors", "fit.toml", "metrics.jsonl", "checkpoint/state.safetensors", "preview/000030.png"]
-    {
+    for name in [
+        "model.safetensors",
+        "fit.toml",
+        "metrics.jsonl",
+        "checkpoint/state.safetensors",
+        "preview/000030.png",
+    ] {
         assert!(Path::new(&run).join(name).exists(), "{name}");
     }
     let mesh = folder.path().join("m.glb").to_string_lossy().into_owned();
     assert_eq!(dsdf_json(&["mesh", &run, "-o", &mesh, "--resolution", "48"])["closed"], true);
     let truth = Path::new(&data).join("truth.ply").to_string_lossy().into_owned();
     let eval = dsdf_json(&["eval", &run, "--mesh", &truth, "--resolution", "48"]);
-    for key in ["psnr", "ssim", "mask_iou", "chamfer", "chamfer_relative", "f_score", "normal_consistency"] {
+    for key in
+        ["psnr", "ssim", "mask_iou", "chamfer", "chamfer_relative", "f_score", "normal_consistency"]
+    {
         assert!(eval[key].is_number(), "{key} of {eval}");
     }
     let turntable = folder.path().join("t.png").to_string_lossy().into_owned();
-    let report = dsdf_json(&["render", &run, "-o", &turntable, "--views", "3", "--size", "24", "--spp", "1"]);
+    let report = dsdf_json(&[
+        "render", &run, "-o", &turntable, "--views", "3", "--size", "24", "--spp", "1",
+    ]);
     assert_eq!((&report["views"], &report["width"]), (&3.into(), &(3 * 24 + 2 * 4).into()));
     let inspect = folder.path().join("i.png").to_string_lossy().into_owned();
     let report = dsdf_json(&["inspect", &data, "-o", &inspect]);
@@ -163,7 +218,8 @@ fn a_fit_leaves_a_run_that_the_other_commands_read() {
     assert!(Path::new(&inspect).exists());
 }
 
-/// Finite differences of a ball alone, smaller than a pixel: as it grows it leaves the bounds that it had.
+/// Finite differences of a ball alone, smaller than a pixel: as it grows it leaves the bounds that
+/// it had.
 #[test]
 fn differences_follow_a_growing_ball() {
     let folder = tempfile::tempdir().unwrap();
@@ -174,11 +230,15 @@ fn differences_follow_a_growing_ball() {
     std::fs::write(&scene, text).unwrap();
     let total = |estimator: &str, spp: &str| {
         let out = folder.path().join("g.npy");
-        let (scene, out_name) = (scene.to_string_lossy().into_owned(), out.to_string_lossy().into_owned());
+        let (scene, out_name) =
+            (scene.to_string_lossy().into_owned(), out.to_string_lossy().into_owned());
         let by = ["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp];
         dsdf_json(&[&["gradient", &scene, "-o", &out_name], &by[..]].concat());
         npy(&out).iter().map(|v| f64::from(*v)).sum::<f64>()
     };
     let (differences, refined) = (total("fd", "65536"), total("refined", "1024"));
-    assert!((differences - refined).abs() < 0.05 * refined, "differences {differences}, refined {refined}");
+    assert!(
+        (differences - refined).abs() < 0.05 * refined,
+        "differences {differences}, refined {refined}"
+    );
 }

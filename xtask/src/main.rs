@@ -1,20 +1,16 @@
 //! Development commands of dsdf: `cargo xtask ci`, `bench`, `ablate`, `tradeoff` and `figures`.
 
-mod ablate;
 mod bench;
-mod dsdf;
 mod figures;
-mod host;
-mod plot;
 mod tradeoff;
 
 use std::path::PathBuf;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
-use anyhow::{Context, bail};
 use clap::{Parser, Subcommand};
 
 use figures::Figure;
+use measure::cargo;
 
 /// Development commands of dsdf.
 #[derive(Parser)]
@@ -34,7 +30,7 @@ enum Task {
         output: Option<PathBuf>,
     },
     /// Run a sweep over parameters: fits, their quality, their gradients, and a report
-    Ablate(ablate::Ablate),
+    Ablate(sweep::Ablate),
     /// Measure what each parameter costs and buys, and the presets
     Tradeoff {
         /// Where to write [default: docs/results/tradeoff]
@@ -57,7 +53,8 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
-            let line: Vec<&str> = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
+            let line: Vec<&str> =
+                text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
             eprintln!("{}", line.join(" "));
             return ExitCode::from(2);
         }
@@ -71,7 +68,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::from(if error.downcast_ref::<ablate::Refusal>().is_some() { 2 } else { 1 })
+            ExitCode::from(if error.downcast_ref::<sweep::Refusal>().is_some() { 2 } else { 1 })
         }
     }
 }
@@ -79,7 +76,7 @@ fn main() -> ExitCode {
 fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
         Task::Ci => ci(),
-        Task::Ablate(arguments) => ablate::run(&arguments),
+        Task::Ablate(arguments) => sweep::run(&arguments),
         Task::Bench { output } => bench::run(output),
         Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
@@ -92,23 +89,4 @@ fn ci() -> anyhow::Result<()> {
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])?;
     cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])?;
     cargo(&["test", "--workspace"], &[])
-}
-
-/// Cargo in the workspace's root.
-fn cargo_command(arguments: &[&str]) -> Command {
-    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
-    command.args(arguments).current_dir(dsdf::root());
-    command
-}
-
-/// Runs cargo and fails if it does.
-fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
-    let line = format!("cargo {}", arguments.join(" "));
-    eprintln!("$ {line}");
-    let status = cargo_command(arguments).envs(environment.iter().copied()).status();
-    let status = status.with_context(|| format!("cannot start {line}"))?;
-    if !status.success() {
-        bail!("{line} failed");
-    }
-    Ok(())
 }

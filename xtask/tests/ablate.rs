@@ -44,12 +44,14 @@ fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
-/// Starts the sweep, and kills it (SIGKILL) when some cell that had not begun before is in the middle of its fit.
+/// Starts the sweep, and kills it (SIGKILL) when some cell that had not begun before is in the
+/// middle of its fit.
 fn kill_in_the_middle(sweep: &str, output: &Path) {
     let lines = |output: &Path| -> usize {
         let cells = std::fs::read_dir(output.join("cells")).into_iter().flatten().flatten();
         let fits = cells.filter(|cell| !cell.path().join("result.json").exists());
-        let length = |path: &Path| std::fs::read_to_string(path).map_or(0, |text| text.lines().count());
+        let length =
+            |path: &Path| std::fs::read_to_string(path).map_or(0, |text| text.lines().count());
         fits.map(|cell| length(&cell.path().join("run/metrics.jsonl"))).max().unwrap_or(0)
     };
     let before = lines(output);
@@ -72,7 +74,11 @@ fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
     let [whole, killed, parts] = ["whole", "killed", "parts"].map(|name| folder.path().join(name));
     run(&[&sweep, "-o", &text(&whole), "--jobs", "2"]);
     assert_eq!(results(&whole).len(), 5);
-    assert!(results(&whole)[1..].iter().all(|row| row.contains(",done,")), "{:#?}", results(&whole));
+    assert!(
+        results(&whole)[1..].iter().all(|row| row.contains(",done,")),
+        "{:#?}",
+        results(&whole)
+    );
 
     kill_in_the_middle(&sweep, &killed);
     kill_in_the_middle(&sweep, &killed);
@@ -80,7 +86,13 @@ fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
     assert_eq!(results(&whole), results(&killed), "after two kills");
 
     // Nothing is run twice.
-    let cell = std::fs::read_dir(whole.join("cells")).unwrap().next().unwrap().unwrap().path().join("result.json");
+    let cell = std::fs::read_dir(whole.join("cells"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path()
+        .join("result.json");
     let written = std::fs::metadata(&cell).unwrap().modified().unwrap();
     run(&[&sweep, "-o", &text(&whole)]);
     assert_eq!(written, std::fs::metadata(&cell).unwrap().modified().unwrap());
@@ -89,7 +101,8 @@ fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
         run(&[&sweep, "-o", &text(&parts), "--shard", shard]);
     }
     let merged = folder.path().join("merged");
-    let shards: Vec<String> = (1..=4).map(|i| text(&parts.join(format!("shards/{i}-of-4")))).collect();
+    let shards: Vec<String> =
+        (1..=4).map(|i| text(&parts.join(format!("shards/{i}-of-4")))).collect();
     let merged_name = text(&merged);
     let mut merge = vec![sweep.as_str(), "-o", merged_name.as_str(), "--merge"];
     merge.extend(shards.iter().map(String::as_str));
@@ -98,7 +111,10 @@ fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
 
     let compared = run(&["--compare", &text(&whole), &text(&merged)]);
     let page = String::from_utf8_lossy(&compared.stdout).into_owned();
-    assert!(page.contains("4 cells in common, 0 only in A") && page.contains("| 100 % |"), "{page}");
+    assert!(
+        page.contains("4 cells in common, 0 only in A") && page.contains("| 100 % |"),
+        "{page}"
+    );
 }
 
 #[test]
@@ -118,9 +134,15 @@ fn the_smoke_sweep_leaves_all_that_a_sweep_does() {
         assert!(text.len() > 500 && !text.contains("NaN"), "{file}");
     }
     let report = std::fs::read_to_string(output.join("report.md")).unwrap();
-    assert!(report.contains("4 of 4 cells") && report.contains("γ = 6 is worse than 3 | **"), "{report}");
+    assert!(
+        report.contains("4 of 4 cells") && report.contains("γ = 6 is worse than 3 | **"),
+        "{report}"
+    );
     let grid = image::open(output.join("grid.png")).unwrap().to_rgb8();
-    assert!(grid.width() > 250 && grid.pixels().any(|p| p.0[0] > 60 && p.0[0] < 200), "an empty grid");
+    assert!(
+        grid.width() > 250 && grid.pixels().any(|p| p.0[0] > 60 && p.0[0] < 200),
+        "an empty grid"
+    );
     let plan = run(&["smoke", "--dry-run", "-o", &text(&output)]);
     assert!(String::from_utf8_lossy(&plan.stdout).contains("4 cells, 0 to run"), "{plan:?}");
 }
@@ -133,8 +155,18 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
     for (from, to, field, expected) in [
         ("width = 16", "wdth = 16", "fixed.wdth", "an option of `dsdf fit`"),
         ("\"paper\"]", "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
-        ("\"paper\"]", "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a number above 0"),
-        ("\"paper\"]", "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a number above 0"),
+        (
+            "\"paper\"]",
+            "\"paper\"]\ngamma = [0.0]",
+            "parameters.gamma: found 0",
+            "a number above 0",
+        ),
+        (
+            "\"paper\"]",
+            "\"paper\"]\ngamma = [-2]",
+            "parameters.gamma: found -2",
+            "a number above 0",
+        ),
         ("\"paper\"]", "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
         ("\"paper\"]", "\"papre\"]", "parameters.estimator: found papre", "interior, paper"),
         ("\"paper\"]", "\"custom\"]", "parameters.estimator: found custom", "weights of their own"),
@@ -144,7 +176,12 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         ("\"killed\"", "\"kil\\nled\"", "title", "one line"),
         ("width = 16", "preview-every = 9", "preview-every", "underscores"),
         ("\"paper\"]", "\"paper\"]\nN = [9999999]", "parameters.N: found 9999999", "1 to 65536"),
-        ("seeds = [1, 2]", "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"", "line 5", "unknown variant"),
+        (
+            "seeds = [1, 2]",
+            "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"",
+            "line 5",
+            "unknown variant",
+        ),
     ] {
         let path = folder.path().join("bad.toml");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
@@ -152,7 +189,10 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert_eq!(refused.status.code(), Some(2), "{to}: {said}");
         let one = said.lines().count() == 1;
-        assert!(one && said.contains("bad.toml") && said.contains(field) && said.contains(expected), "{to}: {said}");
+        assert!(
+            one && said.contains("bad.toml") && said.contains(field) && said.contains(expected),
+            "{to}: {said}"
+        );
         assert!(!output.exists(), "{to} left a folder");
     }
     for arguments in [
@@ -165,6 +205,9 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
     ] {
         let refused = ablate(arguments).output().unwrap();
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(refused.status.code() == Some(2) && said.lines().count() == 1, "{arguments:?}: {said}");
+        assert!(
+            refused.status.code() == Some(2) && said.lines().count() == 1,
+            "{arguments:?}: {said}"
+        );
     }
 }

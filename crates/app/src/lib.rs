@@ -1,8 +1,9 @@
-//! The application layer of dsdf: everything between files and the layers below, and the `dsdf` command.
+//! The application layer of dsdf: everything between files and the layers below, and the `dsdf`
+//! command.
 //!
 //! ```
-//! use app::scene::Scene;
-//! use app::estimate::{Setup, render};
+//! use scene::Scene;
+//! use estimate::{Setup, render};
 //! use std::path::Path;
 //!
 //! let scene = serde_json::json!({
@@ -22,19 +23,5 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod camera;
 pub mod cli;
-pub mod data;
 pub mod error;
-pub mod estimate;
-pub mod evaluations;
-pub mod film;
-pub mod fit;
-pub mod inspect;
-pub mod io;
-pub mod mesh;
-pub mod metrics;
-pub mod sampler;
-pub mod scene;
-pub mod synth;
-pub mod turntable;

@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-/// Batches of changing sizes come and go with every step of the tracer: what is freed is kept for the next.
+/// Batches of changing sizes come and go with every step of the tracer: what is freed is kept for
+/// the next.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

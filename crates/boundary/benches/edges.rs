@@ -10,7 +10,8 @@ const PIXELS: u32 = 4096;
 
 fn edges(c: &mut Criterion) {
     let tile: Vec<(u32, u32)> = (0..PIXELS).map(|i| (i % 64, i / 64)).collect();
-    let scattered: Vec<(u32, u32)> = (0..PIXELS).map(|i| (i * 7919 % 1024, i * 104_729 % 1024)).collect();
+    let scattered: Vec<(u32, u32)> =
+        (0..PIXELS).map(|i| (i * 7919 % 1024, i * 104_729 % 1024)).collect();
     let mut group = c.benchmark_group("edges");
     group.throughput(Throughput::Elements(PIXELS.into())).sample_size(10);
     for (name, pixels) in [("of a tile", &tile), ("of scattered pixels", &scattered)] {
@@ -18,7 +19,12 @@ fn edges(c: &mut Criterion) {
     }
     let (known, mut film) = (Edges::of(&tile, 1024, 1024), vec![[0.0; 3]; tile.len()]);
     group.bench_function("fluxes of a tile", |b| {
-        b.iter(|| known.as_slice().iter().for_each(|edge| edge.scatter(black_box([1.0, 2.0, 3.0]), &mut film)));
+        b.iter(|| {
+            known
+                .as_slice()
+                .iter()
+                .for_each(|edge| edge.scatter(black_box([1.0, 2.0, 3.0]), &mut film))
+        });
     });
     group.finish();
 }

@@ -1,12 +1,14 @@
 //! The pixel-boundary integral of a box-filtered warp.
 //!
-//! A box filter ends at its pixel's border, and a warp field V carries radiance L across it, so the derivative of a pixel
-//! p has the term −∮ (L − c_p) V·n dl over the border, n pointing out of the pixel (Bangaru et al. 2022, supplement,
-//! section 1, equation 2). The border is four unit segments along the film's axes. A segment is shared by two pixels, and
-//! what leaves the one enters the other: it is sampled once, and its flux given to both with opposite sign.
+//! A box filter ends at its pixel's border, and a warp field V carries radiance L across it, so the
+//! derivative of a pixel p has the term −∮ (L − c_p) V·n dl over the border, n pointing out of the
+//! pixel (Bangaru et al. 2022, supplement, section 1, equation 2). The border is four unit segments
+//! along the film's axes. A segment is shared by two pixels, and what leaves the one enters the
+//! other: it is sampled once, and its flux given to both with opposite sign.
 //!
-//! This crate knows where edges are and how their samples enter pixels and gradients; what L and V are is up to the
-//! caller. Film coordinates are in pixels, x right, y down; pixel (i, j) covers [i, i+1) × [j, j+1).
+//! This crate knows where edges are and how their samples enter pixels and gradients; what L and V
+//! are is up to the caller. Film coordinates are in pixels, x right, y down; pixel (i, j) covers
+//! [i, i+1) × [j, j+1).
 //!
 //! ```
 //! use boundary::Edges;
@@ -26,7 +28,8 @@
 
 use std::collections::HashMap;
 
-/// A unit segment between two pixels, or at the edge of a set of pixels. Its normal points along +x or +y of the film.
+/// A unit segment between two pixels, or at the edge of a set of pixels. Its normal points along +x
+/// or +y of the film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
     axis: usize,
@@ -36,7 +39,8 @@ pub struct Edge {
 }
 
 impl Edge {
-    /// The film axis of the normal: 0 for x, 1 for y. The normal points out of `inside` and into `outside`.
+    /// The film axis of the normal: 0 for x, 1 for y. The normal points out of `inside` and into
+    /// `outside`.
     pub fn axis(&self) -> usize {
         self.axis
     }
@@ -69,13 +73,14 @@ impl Edge {
         u
     }
 
-    /// Adds the boundary term of a mean flux (L − c) V·n through this edge to the derivatives of its pixels, for a c that
-    /// both share: minus where the flux leaves, plus where it enters.
+    /// Adds the boundary term of a mean flux (L − c) V·n through this edge to the derivatives of
+    /// its pixels, for a c that both share: minus where the flux leaves, plus where it enters.
     pub fn scatter(&self, flux: [f64; 3], derivative: &mut [[f64; 3]]) {
         self.scatter_each(|_| flux, derivative);
     }
 
-    /// [`scatter`](Self::scatter) where every pixel has its own c: `flux(p)` is the mean of (L − c_p) V·n.
+    /// [`scatter`](Self::scatter) where every pixel has its own c: `flux(p)` is the mean of (L −
+    /// c_p) V·n.
     pub fn scatter_each(&self, flux: impl Fn(usize) -> [f64; 3], derivative: &mut [[f64; 3]]) {
         for (side, sign) in [(self.inside, -1.0), (self.outside, 1.0)] {
             if let Some(pixel) = side {
@@ -87,8 +92,8 @@ impl Edge {
         }
     }
 
-    /// The reverse of [`scatter_each`](Self::scatter_each): `carried(p)` is δ_p·(L − c_p), and the result the adjoint of
-    /// −V·n, i.e. the coefficient of +a·n ∂_θ f.
+    /// The reverse of [`scatter_each`](Self::scatter_each): `carried(p)` is δ_p·(L − c_p), and the
+    /// result the adjoint of −V·n, i.e. the coefficient of +a·n ∂_θ f.
     pub fn gather<R: num_traits::Float>(&self, carried: impl Fn(usize) -> R) -> R {
         let side = |pixel: Option<usize>| pixel.map_or(R::zero(), &carried);
         side(self.inside) - side(self.outside)
@@ -100,26 +105,38 @@ impl Edge {
 pub struct Edges(Vec<Edge>);
 
 impl Edges {
-    /// The edges of some pixels (column, row) of a film; edges refer to pixels by their index in the list. Pixels outside
-    /// the film are left out. A pixel that is listed twice is two pixels, each with four edges of its own or shared with a
-    /// neighbour: every entry gets its whole border.
+    /// The edges of some pixels (column, row) of a film; edges refer to pixels by their index in
+    /// the list. Pixels outside the film are left out. A pixel that is listed twice is two pixels,
+    /// each with four edges of its own or shared with a neighbour: every entry gets its whole
+    /// border.
     ///
     /// The order depends on the list alone.
     pub fn of(pixels: &[(u32, u32)], width: u32, height: u32) -> Self {
         let mut edges: Vec<Edge> = Vec::with_capacity(4 * pixels.len());
         let mut known = HashMap::with_capacity(4 * pixels.len());
-        for (index, &(x, y)) in pixels.iter().enumerate().filter(|(_, (x, y))| *x < width && *y < height) {
+        for (index, &(x, y)) in
+            pixels.iter().enumerate().filter(|(_, (x, y))| *x < width && *y < height)
+        {
             // Left, right, top, bottom: the lower side of an edge is the pixel that it ends.
-            let four = [(0, [x, y], false), (0, [x + 1, y], true), (1, [x, y], false), (1, [x, y + 1], true)];
+            let four = [
+                (0, [x, y], false),
+                (0, [x + 1, y], true),
+                (1, [x, y], false),
+                (1, [x, y + 1], true),
+            ];
             for (axis, origin, inside) in four {
                 let side = |edge: &Edge| if inside { edge.inside } else { edge.outside };
-                let shared = known.get(&(axis, origin)).copied().filter(|&at: &usize| side(&edges[at]).is_none());
+                let shared = known
+                    .get(&(axis, origin))
+                    .copied()
+                    .filter(|&at: &usize| side(&edges[at]).is_none());
                 let at = shared.unwrap_or_else(|| {
                     edges.push(Edge { axis, origin, inside: None, outside: None });
                     known.insert((axis, origin), edges.len() - 1);
                     edges.len() - 1
                 });
-                *(if inside { &mut edges[at].inside } else { &mut edges[at].outside }) = Some(index);
+                *(if inside { &mut edges[at].inside } else { &mut edges[at].outside }) =
+                    Some(index);
             }
         }
         Edges(edges)
@@ -127,7 +144,8 @@ impl Edges {
 
     /// The edges of all pixels of a film, row after row; pixel (x, y) has index y · width + x.
     pub fn film(width: u32, height: u32) -> Self {
-        let pixels: Vec<(u32, u32)> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
+        let pixels: Vec<(u32, u32)> =
+            (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
         Self::of(&pixels, width, height)
     }
 
@@ -184,7 +202,9 @@ mod tests {
         let edges = Edges::film(5, 4);
         assert_eq!(edges.as_slice().len(), 5 * 5 + 4 * 6);
         let mut out = vec![[0.0; 3]; 20];
-        for edge in edges.as_slice().iter().filter(|e| e.inside().is_some() && e.outside().is_some()) {
+        for edge in
+            edges.as_slice().iter().filter(|e| e.inside().is_some() && e.outside().is_some())
+        {
             edge.scatter([1.0; 3], &mut out);
         }
         assert_relative_eq!(out.iter().map(|p| p[0]).sum::<f64>(), 0.0);
@@ -236,13 +256,16 @@ mod tests {
         }
     }
 
-    /// A constant radiance of c_p leaves nothing to carry; with any c the total over area and border is the same.
+    /// A constant radiance of c_p leaves nothing to carry; with any c the total over area and
+    /// border is the same.
     #[test]
     fn a_control_variate_changes_neither_sum() {
         let (edges, constant) = (Edges::film(3, 2), |p: usize| 0.1 + 0.3 * p as f64);
         let mut border = vec![[0.0; 3]; 6];
         for edge in edges.as_slice() {
-            let carried = |p: usize, s: f64| (radiance(edge.point(s)) - constant(p)) * warp(edge.point(s))[edge.axis()];
+            let carried = |p: usize, s: f64| {
+                (radiance(edge.point(s)) - constant(p)) * warp(edge.point(s))[edge.axis()]
+            };
             edge.scatter_each(|p| [mean(400, |s| carried(p, s)); 3], &mut border);
         }
         for (p, border) in border.iter().enumerate() {

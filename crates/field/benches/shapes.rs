@@ -10,10 +10,13 @@ use glam::Vec3;
 const POINTS: usize = 4096;
 
 fn shapes(c: &mut Criterion) {
-    let x: Vec<Vec3> = (0..POINTS).map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2)).collect();
-    let (mut f, mut g, mut h) = (vec![0.0; POINTS], vec![Vec3::ZERO; POINTS], vec![Vec3::ZERO; POINTS]);
+    let x: Vec<Vec3> =
+        (0..POINTS).map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2)).collect();
+    let (mut f, mut g, mut h) =
+        (vec![0.0; POINTS], vec![Vec3::ZERO; POINTS], vec![Vec3::ZERO; POINTS]);
     let ball = || Box::new(Shape::<f32>::sphere([0.1, 0.0, 0.0], 0.7));
-    let torus = || Box::new(Shape::<f32>::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.6, 0.2]));
+    let torus =
+        || Box::new(Shape::<f32>::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.6, 0.2]));
     let fields: [(&str, Box<dyn Field<f32>>); 3] = [
         ("sphere", ball()),
         ("torus", torus()),
@@ -23,8 +26,12 @@ fn shapes(c: &mut Criterion) {
         let mut group = c.benchmark_group(name);
         group.throughput(Throughput::Elements(POINTS as u64)).sample_size(10);
         group.bench_function("value", |b| b.iter(|| field.value(black_box(&x), &mut f)));
-        group.bench_function("value_gradient", |b| b.iter(|| field.value_gradient(black_box(&x), &mut f, &mut g)));
-        group.bench_function("hessian_vector", |b| b.iter(|| field.hessian_vector(black_box(&x), &x, &mut g, &mut h)));
+        group.bench_function("value_gradient", |b| {
+            b.iter(|| field.value_gradient(black_box(&x), &mut f, &mut g))
+        });
+        group.bench_function("hessian_vector", |b| {
+            b.iter(|| field.hessian_vector(black_box(&x), &x, &mut g, &mut h))
+        });
         group.finish();
     }
 }

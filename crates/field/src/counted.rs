@@ -6,6 +6,7 @@ use crate::{Field, Real, Sphere};
 
 /// How many points each kind of pass has seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Evaluations {
     /// Points whose value alone was asked for.
     pub value: u64,
@@ -26,7 +27,8 @@ impl std::ops::AddAssign for Evaluations {
     }
 }
 
-/// A field that counts what is asked of it; shared by all threads, read with [`Counted::evaluations`].
+/// A field that counts what is asked of it; shared by all threads, read with
+/// [`Counted::evaluations`].
 #[derive(Debug)]
 pub struct Counted<F> {
     inner: F,
@@ -40,7 +42,13 @@ impl<F> Counted<F> {
     /// Starts counting at zero.
     pub fn new(inner: F) -> Self {
         let zero = || AtomicU64::new(0);
-        Counted { inner, value: zero(), gradient: zero(), hessian_vector: zero(), parameter: zero() }
+        Counted {
+            inner,
+            value: zero(),
+            gradient: zero(),
+            hessian_vector: zero(),
+            parameter: zero(),
+        }
     }
 
     /// The counts so far.
@@ -83,7 +91,13 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
         add(&self.gradient, x.len());
         self.inner.value_gradient(x, f, gradient);
     }
-    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    ) {
         add(&self.hessian_vector, x.len());
         self.inner.hessian_vector(x, p, gradient, product);
     }
@@ -112,13 +126,25 @@ macro_rules! forward {
             fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
                 (**self).value_gradient(x, f, gradient);
             }
-            fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+            fn hessian_vector(
+                &self,
+                x: &[R::Vec3],
+                p: &[R::Vec3],
+                gradient: &mut [R::Vec3],
+                product: &mut [R::Vec3],
+            ) {
                 (**self).hessian_vector(x, p, gradient, product);
             }
             fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
                 (**self).parameter_vjp(x, alpha, c, adjoint);
             }
-            fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
+            fn parameter_jvp(
+                &self,
+                x: &[R::Vec3],
+                tangent: &[R],
+                f: &mut [R],
+                gradient: &mut [R::Vec3],
+            ) {
                 (**self).parameter_jvp(x, tangent, f, gradient);
             }
         }

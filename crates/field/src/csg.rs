@@ -18,9 +18,10 @@ pub enum Operation {
 
 /// A combination F = g(f_1, …, f_n) of child fields.
 ///
-/// F is exact on the side where the solid's distance is that of one child, and a lower bound elsewhere (the inside of a
-/// union, the outside of an intersection), so sphere tracing stays safe. Where two children tie, the derivative is that
-/// of the earlier child. Parameters are the children's, one after the other; a smooth union's k comes last.
+/// F is exact on the side where the solid's distance is that of one child, and a lower bound
+/// elsewhere (the inside of a union, the outside of an intersection), so sphere tracing stays safe.
+/// Where two children tie, the derivative is that of the earlier child. Parameters are the
+/// children's, one after the other; a smooth union's k comes last.
 pub struct Csg<R> {
     operation: Operation,
     blend: R,
@@ -66,14 +67,16 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
             .unwrap_or(zero)
     }
 
-    /// ∂g/∂f_i for every child and ∂g/∂k, at child values `f` whose tangent is `dot` (and their tangents, in `.d[0]`).
+    /// ∂g/∂f_i for every child and ∂g/∂k, at child values `f` whose tangent is `dot` (and their
+    /// tangents, in `.d[0]`).
     fn slopes(&self, f: &[R], dot: &[R], slope: &mut [Dual<R, 1>]) {
         let zero = Dual::<R, 1>::constant(R::zero());
         let one = Dual::<R, 1>::constant(R::one());
         let seed = |on: bool| [if on { one } else { zero }];
         let n = self.children.len();
         for (j, slope) in slope.iter_mut().enumerate() {
-            let values = (0..n).map(|i| Dual { value: Dual { value: f[i], d: [dot[i]] }, d: seed(i == j) });
+            let values =
+                (0..n).map(|i| Dual { value: Dual { value: f[i], d: [dot[i]] }, d: seed(i == j) });
             let k = Dual { value: Dual::lift(self.blend), d: seed(j == n) };
             *slope = self.combine(k, values).d[0];
         }
@@ -99,8 +102,8 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
         (f, g)
     }
 
-    /// Visits every point with the children's values, their slopes in g, and the slopes' change as the point moves
-    /// along `direction`.
+    /// Visits every point with the children's values, their slopes in g, and the slopes' change as
+    /// the point moves along `direction`.
     fn for_each_point(
         &self,
         x: &[R::Vec3],
@@ -135,7 +138,9 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         match self.operation {
             Operation::Subtraction => bounds.next().flatten(),
             // Of the children's balls any one will do; the smallest is the tightest.
-            Operation::Intersection => bounds.flatten().reduce(|a, b| if b.radius < a.radius { b } else { a }),
+            Operation::Intersection => {
+                bounds.flatten().reduce(|a, b| if b.radius < a.radius { b } else { a })
+            }
             Operation::Union | Operation::SmoothUnion => {
                 let all: Option<Vec<_>> = bounds.collect();
                 let union = all?.into_iter().reduce(|a, b| a.union(&b))?;
@@ -162,7 +167,13 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         self.for_each_point(x, |_| R::Vec3::zero(), |p, slope, g| gradient[p] = weighted(slope, g));
     }
 
-    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    ) {
         let n = x.len();
         let mut child_gradient = vec![R::Vec3::zero(); n];
         let mut child_product = vec![R::Vec3::zero(); n * self.children.len()];
@@ -199,7 +210,12 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         );
         for (i, (start, child)) in self.offsets().enumerate() {
             let (span, end) = (i * n..(i + 1) * n, start + child.parameter_count());
-            child.parameter_vjp(x, &child_alpha[span.clone()], &child_c[span], &mut adjoint[start..end]);
+            child.parameter_vjp(
+                x,
+                &child_alpha[span.clone()],
+                &child_c[span],
+                &mut adjoint[start..end],
+            );
         }
         if self.operation == Operation::SmoothUnion
             && let Some(last) = adjoint.last_mut()

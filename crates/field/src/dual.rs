@@ -1,4 +1,5 @@
-//! Forward-mode dual numbers, nestable, for the analytic shapes and for checks of hand-written derivatives.
+//! Forward-mode dual numbers, nestable, for the analytic shapes and for checks of hand-written
+//! derivatives.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -6,11 +7,17 @@ use num_traits::Float;
 
 use crate::Real;
 
-/// What a formula needs of its numbers so that one text serves values, gradients and second derivatives.
+/// What a formula needs of its numbers so that one text serves values, gradients and second
+/// derivatives.
 ///
 /// Comparisons look at the value alone, so at a kink the derivative is that of the branch taken.
 pub trait Scalar:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
 {
     /// The precision underneath.
     type Real: Real;
@@ -120,11 +127,17 @@ impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
 impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
-        Dual { value: self.value * o.value, d: std::array::from_fn(|i| self.d[i] * o.value + self.value * o.d[i]) }
+        Dual {
+            value: self.value * o.value,
+            d: std::array::from_fn(|i| self.d[i] * o.value + self.value * o.d[i]),
+        }
     }
 }
 
-#[allow(clippy::suspicious_arithmetic_impl, reason = "the quotient rule is a difference of products")]
+#[allow(
+    clippy::suspicious_arithmetic_impl,
+    reason = "the quotient rule is a difference of products"
+)]
 impl<S: Scalar, const N: usize> Div for Dual<S, N> {
     type Output = Self;
     fn div(self, o: Self) -> Self {

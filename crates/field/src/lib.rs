@@ -1,12 +1,13 @@
 //! Scalar fields over batches of points: the bottom layer of dsdf.
 //!
-//! A *field* is a function f(x; θ) of a point x in space and a flat vector of parameters θ. dsdf reads it as a signed
-//! distance: negative inside the solid, positive outside, in world units. Everything above this crate (sphere
-//! tracing, warp fields, fitting) knows a field by the [`Field`] trait alone: its value, its spatial gradient,
-//! Hessian–vector products, and the parameter gradient of α f(x) + c·∇f(x), all over batches.
+//! A *field* is a function f(x; θ) of a point x in space and a flat vector of parameters θ. dsdf
+//! reads it as a signed distance: negative inside the solid, positive outside, in world units.
+//! Everything above this crate (sphere tracing, warp fields, fitting) knows a field by the
+//! [`Field`] trait alone: its value, its spatial gradient, Hessian–vector products, and the
+//! parameter gradient of α f(x) + c·∇f(x), all over batches.
 //!
-//! The crate also holds the analytic shapes ([`Shape`]) and their constructive combinations ([`Csg`]), which have
-//! closed-form answers and so serve as scenes and as ground truth.
+//! The crate also holds the analytic shapes ([`Shape`]) and their constructive combinations
+//! ([`Csg`]), which have closed-form answers and so serve as scenes and as ground truth.
 //!
 //! ```
 //! use field::{Csg, Field, Operation, Shape, Vector3};
@@ -25,9 +26,10 @@
 //! ```
 //!
 //! # Conventions
-//! Points are in world units; gradients are per world unit. A batch is a slice with one element a point, and all
-//! slices of one call have one length. Fields do not parallelise: the caller splits batches over threads, in chunks
-//! whose size does not depend on the number of threads, so that sums come out with the same bits.
+//! Points are in world units; gradients are per world unit. A batch is a slice with one element a
+//! point, and all slices of one call have one length. Fields do not parallelise: the caller splits
+//! batches over threads, in chunks whose size does not depend on the number of threads, so that
+//! sums come out with the same bits.
 
 mod counted;
 mod csg;
@@ -46,8 +48,8 @@ pub use sphere::Sphere;
 /// A differentiable scalar field f(x; θ) over batches of points.
 ///
 /// Every slice of a call has the length of `x`, except those in parameter space, which have
-/// [`parameter_count`](Field::parameter_count). Implementations panic on other lengths. A NaN or an infinity in a point
-/// comes out as a NaN, never as a panic.
+/// [`parameter_count`](Field::parameter_count). Implementations panic on other lengths. A NaN or an
+/// infinity in a point comes out as a NaN, never as a panic.
 pub trait Field<R: Real>: Send + Sync {
     /// The length of θ.
     fn parameter_count(&self) -> usize;
@@ -64,15 +66,23 @@ pub trait Field<R: Real>: Send + Sync {
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]);
 
     /// ∇f(x) and the Hessian–vector product ∇²f(x) p.
-    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]);
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    );
 
-    /// VJP of θ ↦ (f, ∇f): adds Σ_i ∂_θ [α_i f(x_i) + c_i·∇f(x_i)] to `adjoint`, points and coefficients held fixed.
+    /// VJP of θ ↦ (f, ∇f): adds Σ_i ∂_θ [α_i f(x_i) + c_i·∇f(x_i)] to `adjoint`, points and
+    /// coefficients held fixed.
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]);
 
-    /// JVP of θ ↦ (f, ∇f): the change of value and gradient at fixed points as θ moves along `tangent`.
+    /// JVP of θ ↦ (f, ∇f): the change of value and gradient at fixed points as θ moves along
+    /// `tangent`.
     ///
-    /// The provided method transposes [`parameter_vjp`](Field::parameter_vjp) point by point, four calls each: right for any field, slow for
-    /// one with many parameters.
+    /// The provided method transposes [`parameter_vjp`](Field::parameter_vjp) point by point, four
+    /// calls each: right for any field, slow for one with many parameters.
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
         let (zero, one) = (R::zero(), R::one());
         let axes = [

@@ -5,8 +5,11 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use num_traits::{Float, FloatConst, NumAssign};
 
-/// A floating-point type with its glam vector: `f32` with [`glam::Vec3`], `f64` with [`glam::DVec3`].
-pub trait Real: Float + FloatConst + NumAssign + Debug + Display + Default + Send + Sync + 'static {
+/// A floating-point type with its glam vector: `f32` with [`glam::Vec3`], `f64` with
+/// [`glam::DVec3`].
+pub trait Real:
+    Float + FloatConst + NumAssign + Debug + Display + Default + Send + Sync + 'static
+{
     /// The three-vector of this precision.
     type Vec3: Vector3<Self>;
 

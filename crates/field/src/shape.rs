@@ -95,8 +95,9 @@ const MAX_PARAMETERS: usize = 8;
 
 /// One analytic shape with its parameters; distances are exact, negative inside.
 ///
-/// Derivatives come from dual numbers through one formula. At the medial axis (a sphere's centre, say), where the
-/// gradient does not exist, the derivative of a vanishing square root is taken as 0.
+/// Derivatives come from dual numbers through one formula. At the medial axis (a sphere's centre,
+/// say), where the gradient does not exist, the derivative of a vanishing square root is taken as
+/// 0.
 #[derive(Clone, Debug)]
 pub struct Shape<R> {
     kind: Kind,
@@ -168,10 +169,18 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
         }
     }
 
-    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    ) {
         for (((x, p), g), hp) in x.iter().zip(p).zip(gradient).zip(product) {
             let (x, p) = (x.to_array(), p.to_array());
-            let at = std::array::from_fn(|i| Dual::<_, 3>::variable(Dual::<R, 1> { value: x[i], d: [p[i]] }, i));
+            let at = std::array::from_fn(|i| {
+                Dual::<_, 3>::variable(Dual::<R, 1> { value: x[i], d: [p[i]] }, i)
+            });
             let y = self.eval(|_, p| Dual::lift(Dual::lift(p)), at);
             *g = R::Vec3::from_array(y.d.map(|d| d.value));
             *hp = R::Vec3::from_array(y.d.map(|d| d.d[0]));
@@ -181,7 +190,9 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         for ((x, &alpha), c) in x.iter().zip(alpha).zip(c) {
             let (x, c) = (x.to_array(), c.to_array());
-            let at = std::array::from_fn(|i| Dual::<_, 1>::lift(Dual::<R, 1> { value: x[i], d: [c[i]] }));
+            let at = std::array::from_fn(|i| {
+                Dual::<_, 1>::lift(Dual::<R, 1> { value: x[i], d: [c[i]] })
+            });
             for (j, out) in adjoint.iter_mut().enumerate() {
                 let y = self.eval(|i, p| Dual { value: Dual::lift(p), d: [unit(i == j)] }, at);
                 *out += alpha * y.d[0].value + y.d[0].d[0];
@@ -193,7 +204,8 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
         for ((x, f), g) in x.iter().zip(f).zip(gradient) {
             let x = x.to_array();
             let at = std::array::from_fn(|i| Dual::<_, 1>::lift(Dual::<R, 3>::variable(x[i], i)));
-            let y = self.eval(|i, p| Dual { value: Dual::lift(p), d: [Dual::lift(tangent[i])] }, at);
+            let y =
+                self.eval(|i, p| Dual { value: Dual::lift(p), d: [Dual::lift(tangent[i])] }, at);
             *f = y.d[0].value;
             *g = R::Vec3::from_array(y.d[0].d);
         }

@@ -16,7 +16,8 @@ impl<R: Real> Sphere<R> {
     pub fn clip(&self, origin: R::Vec3, direction: R::Vec3) -> Option<(R, R)> {
         let to_center = self.center - origin;
         let along = to_center.dot(direction);
-        // The distance from the axis squared, from a difference of vectors: |oc|² − along² cancels far away.
+        // The distance from the axis squared, from a difference of vectors: |oc|² − along² cancels
+        // far away.
         let across = to_center - direction * along;
         let half_square = self.radius * self.radius - across.dot(across);
         // Written so that a NaN misses.

@@ -1,4 +1,5 @@
-//! Every derivative of the analytic fields against finite differences of their values in f64, and poison inputs.
+//! Every derivative of the analytic fields against finite differences of their values in f64, and
+//! poison inputs.
 
 use approx::assert_relative_eq;
 use field::{Csg, Field, Kind, Operation, Shape};
@@ -32,7 +33,9 @@ fn cases() -> Vec<(&'static str, Vec<f64>, Build)> {
         ("union", pair.clone(), |p| Box::new(Csg::new(Operation::Union, two(p)))),
         ("intersection", pair.clone(), |p| Box::new(Csg::new(Operation::Intersection, two(p)))),
         ("subtraction", pair.clone(), |p| Box::new(Csg::new(Operation::Subtraction, two(p)))),
-        ("smooth union", [&pair[..], &[0.6]].concat(), |p| Box::new(Csg::smooth_union(p[15], two(p)))),
+        ("smooth union", [&pair[..], &[0.6]].concat(), |p| {
+            Box::new(Csg::smooth_union(p[15], two(p)))
+        }),
     ]
 }
 

@@ -14,7 +14,9 @@ fn steps(c: &mut Criterion) {
     let mut gradient: Vec<f32> = (0..PARAMETERS).map(|i| (i as f32).sin()).collect();
     let mut group = c.benchmark_group("65536 parameters");
     group.throughput(Throughput::Elements(PARAMETERS as u64)).sample_size(10);
-    group.bench_function("step", |b| b.iter(|| adam.step(black_box(&mut parameters), &gradient, 1e-3)));
+    group.bench_function("step", |b| {
+        b.iter(|| adam.step(black_box(&mut parameters), &gradient, 1e-3))
+    });
     group.bench_function("clip", |b| b.iter(|| clip_norm(black_box(&mut gradient), 1e3)));
     group.finish();
 }

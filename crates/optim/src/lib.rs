@@ -1,7 +1,7 @@
 //! Adam, learning-rate schedules, gradient clipping and finite checks, over plain slices.
 //!
-//! A *gradient* points uphill: steps go against it. A *group* is a range of parameters with settings of its own. *Progress*
-//! is the fraction of a run that is done, from 0 to 1.
+//! A *gradient* points uphill: steps go against it. A *group* is a range of parameters with
+//! settings of its own. *Progress* is the fraction of a run that is done, from 0 to 1.
 //!
 //! ```
 //! use optim::{Adam, Group, Schedule};
@@ -19,14 +19,15 @@
 //! ```
 //!
 //! # What is guaranteed
-//! Everything is elementwise in a fixed order, so the same inputs give the same bits, also from a saved state. A step is taken
-//! as a whole or not at all: a gradient or rate that would leave a NaN or an infinity behind is refused.
+//! Everything is elementwise in a fixed order, so the same inputs give the same bits, also from a
+//! saved state. A step is taken as a whole or not at all: a gradient or rate that would leave a NaN
+//! or an infinity behind is refused.
 //!
 //! # What is not
 //! Parameters are the caller's; that they are finite is not checked.
 //!
-//! Source: Kingma and Ba, "Adam: A Method for Stochastic Optimization" (2015), algorithm 1; decoupled weight decay from
-//! Loshchilov and Hutter (2019).
+//! Source: Kingma and Ba, "Adam: A Method for Stochastic Optimization" (2015), algorithm 1;
+//! decoupled weight decay from Loshchilov and Hutter (2019).
 
 mod schedule;
 
@@ -66,8 +67,8 @@ const EPSILON: f64 = 1e-8;
 /// Why a step was not taken; parameters and state are as before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptimError {
-    /// A gradient that is not a number, or so large that its square overflows. The running mean of squares would
-    /// become infinite, and the parameter would never move again.
+    /// A gradient that is not a number, or so large that its square overflows. The running mean of
+    /// squares would become infinite, and the parameter would never move again.
     #[error("gradient {index} of group {group} is {value}, expected a number with a finite square")]
     NotFinite {
         /// The group's name.
@@ -126,13 +127,24 @@ impl<R: Float> Adam<R> {
     /// # Panics
     /// If a group reaches beyond the parameters or overlaps another, or a β is not in [0, 1).
     pub fn new(length: usize, groups: Vec<Group>) -> Self {
-        let mut ranges: Vec<&Range<usize>> = groups.iter().map(|g| &g.range).filter(|r| !r.is_empty()).collect();
+        let mut ranges: Vec<&Range<usize>> =
+            groups.iter().map(|g| &g.range).filter(|r| !r.is_empty()).collect();
         ranges.sort_by_key(|r| r.start);
-        assert!(ranges.iter().all(|r| r.end <= length), "groups within {length} parameters, not {ranges:?}");
-        assert!(ranges.windows(2).all(|w| w[0].end <= w[1].start), "groups that do not overlap, not {ranges:?}");
+        assert!(
+            ranges.iter().all(|r| r.end <= length),
+            "groups within {length} parameters, not {ranges:?}"
+        );
+        assert!(
+            ranges.windows(2).all(|w| w[0].end <= w[1].start),
+            "groups that do not overlap, not {ranges:?}"
+        );
         for group in &groups {
             for beta in [group.beta1, group.beta2] {
-                assert!((0.0..1.0).contains(&beta), "decay {beta} of group {}, expected from 0 to below 1", group.name);
+                assert!(
+                    (0.0..1.0).contains(&beta),
+                    "decay {beta} of group {}, expected from 0 to below 1",
+                    group.name
+                );
             }
         }
         Adam { groups, first: vec![R::zero(); length], second: vec![R::zero(); length], steps: 0 }
@@ -141,8 +153,14 @@ impl<R: Float> Adam<R> {
     /// One step against `gradient` with learning rate `rate`.
     ///
     /// # Errors
-    /// If a gradient, its square or the rate is not finite, or a length is wrong; nothing has changed then.
-    pub fn step(&mut self, parameters: &mut [R], gradient: &[R], rate: R) -> Result<(), OptimError> {
+    /// If a gradient, its square or the rate is not finite, or a length is wrong; nothing has
+    /// changed then.
+    pub fn step(
+        &mut self,
+        parameters: &mut [R],
+        gradient: &[R],
+        rate: R,
+    ) -> Result<(), OptimError> {
         self.check_length("parameters", parameters.len())?;
         self.check_length("gradient", gradient.len())?;
         self.groups.iter().try_for_each(|group| check_group(group, gradient, rate))?;
@@ -151,7 +169,8 @@ impl<R: Float> Adam<R> {
         for group in &self.groups {
             let (beta1, beta2) = (constant::<R>(group.beta1), constant::<R>(group.beta2));
             // Differences from 1 in double precision: in single they lose four digits.
-            let (fresh1, fresh2) = (constant::<R>(1.0 - group.beta1), constant::<R>(1.0 - group.beta2));
+            let (fresh1, fresh2) =
+                (constant::<R>(1.0 - group.beta1), constant::<R>(1.0 - group.beta2));
             let unbias1 = constant::<R>(1.0 - group.beta1.powi(exponent));
             let unbias2 = constant::<R>(1.0 - group.beta2.powi(exponent));
             let (rate, epsilon) = (rate * constant(group.rate), constant::<R>(EPSILON));
@@ -173,7 +192,8 @@ impl<R: Float> Adam<R> {
         if found == expected { Ok(()) } else { Err(OptimError::Length { what, found, expected }) }
     }
 
-    /// The running means of gradient and squared gradient, and the number of steps: all there is to save.
+    /// The running means of gradient and squared gradient, and the number of steps: all there is to
+    /// save.
     pub fn state(&self) -> (&[R], &[R], u64) {
         (&self.first, &self.second, self.steps)
     }
@@ -181,7 +201,8 @@ impl<R: Float> Adam<R> {
     /// Goes on from a saved state, bit for bit.
     ///
     /// # Errors
-    /// If a length is wrong, a number is not finite or a mean square is negative; nothing has changed then.
+    /// If a length is wrong, a number is not finite or a mean square is negative; nothing has
+    /// changed then.
     pub fn restore(&mut self, first: &[R], second: &[R], steps: u64) -> Result<(), OptimError> {
         self.check_length("first moments", first.len())?;
         self.check_length("second moments", second.len())?;
@@ -206,7 +227,11 @@ fn check_group<R: Float>(group: &Group, gradient: &[R], rate: R) -> Result<(), O
         return Err(OptimError::NotFinite { group: name, index, value: double(own[at]) });
     }
     let rate = rate * constant(group.rate);
-    if rate.is_finite() { Ok(()) } else { Err(OptimError::Rate { group: group.name.clone(), value: double(rate) }) }
+    if rate.is_finite() {
+        Ok(())
+    } else {
+        Err(OptimError::Rate { group: group.name.clone(), value: double(rate) })
+    }
 }
 
 fn check_moments<R: Float>(what: &'static str, values: &[R], least: R) -> Result<(), OptimError> {
@@ -223,7 +248,8 @@ pub fn first_non_finite<R: Float>(values: &[R]) -> Option<(usize, R)> {
 
 /// The Euclidean norm, summed in order and scaled so that it neither over- nor underflows.
 pub fn norm<R: Float>(values: &[R]) -> R {
-    let largest = values.iter().fold(R::zero(), |m, v| if v.abs() > m || v.is_nan() { v.abs() } else { m });
+    let largest =
+        values.iter().fold(R::zero(), |m, v| if v.abs() > m || v.is_nan() { v.abs() } else { m });
     if largest == R::zero() || !largest.is_finite() {
         return largest;
     }
@@ -231,7 +257,8 @@ pub fn norm<R: Float>(values: &[R]) -> R {
     largest * sum.sqrt()
 }
 
-/// Shortens a gradient to norm `most` if it is longer; returns the norm it had. A gradient that is not finite is left.
+/// Shortens a gradient to norm `most` if it is longer; returns the norm it had. A gradient that is
+/// not finite is left.
 pub fn clip_norm<R: Float>(gradient: &mut [R], most: R) -> R {
     let length = norm(gradient);
     if length > most && length.is_finite() {

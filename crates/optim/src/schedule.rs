@@ -4,14 +4,16 @@ use serde::{Deserialize, Serialize};
 
 /// The learning rate as a fraction of its peak, over the progress of a run from 0 to 1.
 ///
-/// Progress rather than steps, so that a run bounded by time follows the same course as one bounded by steps.
+/// Progress rather than steps, so that a run bounded by time follows the same course as one bounded
+/// by steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Schedule {
     /// 1 throughout.
     #[default]
     Constant,
-    /// A straight rise from 0, then half a cosine down (Loshchilov and Hutter 2017, without restarts).
+    /// A straight rise from 0, then half a cosine down (Loshchilov and Hutter 2017, without
+    /// restarts).
     WarmUpCosine {
         /// The progress at which the rise ends and the cosine begins, in [0, 1).
         warm_up: f64,
@@ -38,8 +40,8 @@ pub struct InvalidSchedule {
 }
 
 impl Schedule {
-    /// The fraction of the peak rate; progress beyond [0, 1] counts as its nearer end, and a NaN gives a NaN, which
-    /// [`Adam::step`](crate::Adam::step) refuses.
+    /// The fraction of the peak rate; progress beyond [0, 1] counts as its nearer end, and a NaN
+    /// gives a NaN, which [`Adam::step`](crate::Adam::step) refuses.
     pub fn fraction(&self, progress: f64) -> f64 {
         let progress = progress.clamp(0.0, 1.0);
         match *self {
@@ -68,7 +70,9 @@ impl Schedule {
                 check("warm_up", warm_up, (0.0..1.0).contains(&warm_up), "from 0 to below 1")?;
                 check("last", last, (0.0..=1.0).contains(&last), "from 0 to 1")
             }
-            Schedule::Exponential { last } => check("last", last, last > 0.0 && last <= 1.0, "above 0, up to 1"),
+            Schedule::Exponential { last } => {
+                check("last", last, last > 0.0 && last <= 1.0, "above 0, up to 1")
+            }
         }
     }
 }
@@ -125,7 +129,10 @@ mod tests {
             assert_eq!(error.name, "warm_up");
         }
         for last in [-0.1, 1.1, f64::NAN] {
-            assert_eq!(Schedule::WarmUpCosine { warm_up: 0.1, last }.validate().unwrap_err().name, "last");
+            assert_eq!(
+                Schedule::WarmUpCosine { warm_up: 0.1, last }.validate().unwrap_err().name,
+                "last"
+            );
             assert_eq!(Schedule::Exponential { last }.validate().unwrap_err().name, "last");
         }
         let error = Schedule::Exponential { last: 0.0 }.validate().unwrap_err();

@@ -143,7 +143,10 @@ fn a_gradient_whose_square_overflows_is_refused() {
     let mut adam = Adam::<f32>::new(2, vec![Group::new("a", 0..1), Group::new("b", 1..2)]);
     let mut p = [0.0f32; 2];
     let error = adam.step(&mut p, &[1.0, -1e30], 0.1).unwrap_err();
-    assert!(matches!(&error, OptimError::NotFinite { group, index: 1, .. } if group == "b"), "{error}");
+    assert!(
+        matches!(&error, OptimError::NotFinite { group, index: 1, .. } if group == "b"),
+        "{error}"
+    );
     assert_eq!((p, adam.state().2), ([0.0; 2], 0));
     for tiny in [1e-30, 1e-45, 0.0, -1e-38] {
         adam.step(&mut p, &[tiny, 1e18], 0.1).unwrap();
@@ -158,10 +161,19 @@ fn a_rate_or_a_state_that_is_no_number_is_refused() {
     let before = (adam.clone(), p);
     for poison in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert!(matches!(adam.step(&mut p, &[0.1; 2], poison), Err(OptimError::Rate { .. })));
-        assert!(matches!(adam.restore(&[0.0, poison], &[0.0; 2], 3), Err(OptimError::State { index: 1, .. })));
-        assert!(matches!(adam.restore(&[0.0; 2], &[poison, 0.0], 3), Err(OptimError::State { index: 0, .. })));
+        assert!(matches!(
+            adam.restore(&[0.0, poison], &[0.0; 2], 3),
+            Err(OptimError::State { index: 1, .. })
+        ));
+        assert!(matches!(
+            adam.restore(&[0.0; 2], &[poison, 0.0], 3),
+            Err(OptimError::State { index: 0, .. })
+        ));
     }
-    assert!(matches!(adam.restore(&[0.0; 2], &[0.0, -1e-9], 3), Err(OptimError::State { index: 1, .. })));
+    assert!(matches!(
+        adam.restore(&[0.0; 2], &[0.0, -1e-9], 3),
+        Err(OptimError::State { index: 1, .. })
+    ));
     assert_eq!((adam, p), before);
 }
 
@@ -191,6 +203,9 @@ fn norms_survive_extremes() {
 #[test]
 fn wrong_lengths_are_errors() {
     let mut p = [0.0; 2];
-    assert!(matches!(adam(3).step(&mut p, &[0.0; 3], 0.1), Err(OptimError::Length { what: "parameters", .. })));
+    assert!(matches!(
+        adam(3).step(&mut p, &[0.0; 3], 0.1),
+        Err(OptimError::Length { what: "parameters", .. })
+    ));
     assert!(matches!(adam(3).restore(&[0.0; 2], &[0.0; 3], 1), Err(OptimError::Length { .. })));
 }

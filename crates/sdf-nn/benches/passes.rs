@@ -1,4 +1,5 @@
-//! Points a second of every pass, one core, single precision, beside the machine's fused multiply–add peak.
+//! Points a second of every pass, one core, single precision, beside the machine's fused
+//! multiply–add peak.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;
@@ -21,18 +22,28 @@ fn network(width: usize, layers: usize) -> Network<f32> {
 }
 
 fn passes(c: &mut Criterion) {
-    let x: Vec<Vec3> = (0..POINTS).map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2) * 0.7).collect();
-    let (mut f, mut g, mut h) = (vec![0.0; POINTS], vec![Vec3::ZERO; POINTS], vec![Vec3::ZERO; POINTS]);
+    let x: Vec<Vec3> = (0..POINTS)
+        .map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2) * 0.7)
+        .collect();
+    let (mut f, mut g, mut h) =
+        (vec![0.0; POINTS], vec![Vec3::ZERO; POINTS], vec![Vec3::ZERO; POINTS]);
     for (width, layers) in [(64, 3), (64, 4), (256, 8)] {
         let net = network(width, layers);
         let mut theta = vec![0.0; net.parameters().len()];
         let multiply_adds = net.parameters().len();
-        let mut group = c.benchmark_group(format!("{width}x{layers}, {multiply_adds} multiply-adds a point"));
+        let mut group =
+            c.benchmark_group(format!("{width}x{layers}, {multiply_adds} multiply-adds a point"));
         group.throughput(Throughput::Elements(POINTS as u64)).sample_size(10);
         group.bench_function("value", |b| b.iter(|| net.value(black_box(&x), &mut f)));
-        group.bench_function("value_gradient", |b| b.iter(|| net.value_gradient(black_box(&x), &mut f, &mut g)));
-        group.bench_function("hessian_vector", |b| b.iter(|| net.hessian_vector(black_box(&x), &x, &mut g, &mut h)));
-        group.bench_function("parameter_vjp", |b| b.iter(|| net.parameter_vjp(black_box(&x), &f, &x, &mut theta)));
+        group.bench_function("value_gradient", |b| {
+            b.iter(|| net.value_gradient(black_box(&x), &mut f, &mut g))
+        });
+        group.bench_function("hessian_vector", |b| {
+            b.iter(|| net.hessian_vector(black_box(&x), &x, &mut g, &mut h))
+        });
+        group.bench_function("parameter_vjp", |b| {
+            b.iter(|| net.parameter_vjp(black_box(&x), &f, &x, &mut theta))
+        });
         group.finish();
     }
 }

@@ -47,7 +47,12 @@ impl<R: Lane> Encoder<R> {
 
     /// Writes the features' tangents as the points move along `p`.
     #[inline(always)]
-    pub(crate) fn tangent<I: Isa>(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
+    pub(crate) fn tangent<I: Isa>(
+        &self,
+        p: &[R::Vec3],
+        features: &[Row<R>],
+        tangent: &mut [Row<R>],
+    ) {
         for l in 0..LANES {
             let y = (p[l.min(p.len() - 1)] * self.inverse_radius).to_array();
             for c in 0..3 {
@@ -70,14 +75,20 @@ impl<R: Lane> Encoder<R> {
 
     /// VJP of [`encode`](Self::encode): the adjoint of the points, times `factor`.
     #[inline(always)]
-    pub(crate) fn pull_back<I: Isa>(&self, features: &[Row<R>], adjoint: &[Row<R>], factor: R) -> [Row<R>; 3] {
+    pub(crate) fn pull_back<I: Isa>(
+        &self,
+        features: &[Row<R>],
+        adjoint: &[Row<R>],
+        factor: R,
+    ) -> [Row<R>; 3] {
         let mut out: [Row<R>; 3] = [adjoint[0], adjoint[1], adjoint[2]];
         for band in 0..self.bands {
             let frequency = R::of((1u64 << band) as f64);
             for (c, out) in out.iter_mut().enumerate() {
                 let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
                 for l in 0..LANES {
-                    let slope = adjoint[sine].0[l] * features[cosine].0[l] - adjoint[cosine].0[l] * features[sine].0[l];
+                    let slope = adjoint[sine].0[l] * features[cosine].0[l]
+                        - adjoint[cosine].0[l] * features[sine].0[l];
                     out.0[l] = fma::<R, I>(frequency, slope, out.0[l]);
                 }
             }
@@ -89,8 +100,8 @@ impl<R: Lane> Encoder<R> {
         out
     }
 
-    /// What the change of the features' slopes along the tangent adds to the adjoint of the points: `adjoint` is that of
-    /// the features' tangents.
+    /// What the change of the features' slopes along the tangent adds to the adjoint of the points:
+    /// `adjoint` is that of the features' tangents.
     #[inline(always)]
     pub(crate) fn pull_back_curve<I: Isa>(
         &self,
@@ -106,7 +117,8 @@ impl<R: Lane> Encoder<R> {
             for (c, out) in out.iter_mut().enumerate() {
                 let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
                 for l in 0..LANES {
-                    let curve = adjoint[sine].0[l] * features[sine].0[l] + adjoint[cosine].0[l] * features[cosine].0[l];
+                    let curve = adjoint[sine].0[l] * features[sine].0[l]
+                        + adjoint[cosine].0[l] * features[cosine].0[l];
                     out.0[l] = fma::<R, I>(-square * tangent[c].0[l], curve, out.0[l]);
                 }
             }

@@ -12,9 +12,9 @@ use crate::simd::{Isa, Pass, dispatch};
 
 /// A network from a point, its unit normal and the view direction to linear RGB.
 ///
-/// Its inputs are the frequency encoding of the position in the unit ball, then n, then d. Each output y becomes a
-/// radiance sigmoid(y)², in [0, 1]: with a display's transfer function on top that is close to sigmoid(y) again, so that
-/// dark and bright parts are fitted with like effort.
+/// Its inputs are the frequency encoding of the position in the unit ball, then n, then d. Each
+/// output y becomes a radiance sigmoid(y)², in [0, 1]: with a display's transfer function on top
+/// that is close to sigmoid(y) again, so that dark and bright parts are fitted with like effort.
 #[derive(Clone, Debug)]
 pub struct RadianceHead<R: Real> {
     pub(crate) encoding: Encoding,
@@ -41,7 +41,12 @@ impl<R: Lane> RadianceHead<R> {
         head
     }
 
-    pub(crate) fn zero(encoding: Encoding, hidden: &[usize], activation: Activation, transform: Transform) -> Self {
+    pub(crate) fn zero(
+        encoding: Encoding,
+        hidden: &[usize],
+        activation: Activation,
+        transform: Transform,
+    ) -> Self {
         let mlp = Mlp::new(encoding.features() + DIRECTIONS, hidden, 3, &[], activation);
         RadianceHead { encoding, transform, mlp, encoder: Encoder::new(encoding, &transform) }
     }
@@ -60,7 +65,8 @@ impl<R: Lane> RadianceHead<R> {
         self.mlp.repack();
     }
 
-    /// Sets a weight in [0, 1] on every octave of the position's encoding; see [`crate::Network::set_band_weights`].
+    /// Sets a weight in [0, 1] on every octave of the position's encoding; see
+    /// [`crate::Network::set_band_weights`].
     ///
     /// # Panics
     /// If their number is not that of the encoding's octaves.
@@ -76,8 +82,12 @@ impl<R: Lane> RadianceHead<R> {
         dispatch(Radiance { head: self, x, n, d, rgb });
     }
 
-    /// VJP of (x, n, d; parameters) ↦ RGB: overwrites the adjoints of x (per world unit), n and d, adds to `parameters`.
-    #[allow(clippy::too_many_arguments, reason = "three inputs, one output, and an adjoint for each")]
+    /// VJP of (x, n, d; parameters) ↦ RGB: overwrites the adjoints of x (per world unit), n and d,
+    /// adds to `parameters`.
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "three inputs, one output, and an adjoint for each"
+    )]
     pub fn vjp(
         &self,
         x: &[R::Vec3],
@@ -90,7 +100,13 @@ impl<R: Lane> RadianceHead<R> {
         parameters: &mut [R],
     ) {
         assert_eq!(parameters.len(), self.mlp.parameters.len(), "parameters");
-        dispatch(Vjp { head: self, inputs: [x, n, d], adjoint, bars: [x_bar, n_bar, d_bar], parameters });
+        dispatch(Vjp {
+            head: self,
+            inputs: [x, n, d],
+            adjoint,
+            bars: [x_bar, n_bar, d_bar],
+            parameters,
+        });
     }
 
     #[inline(always)]
@@ -135,7 +151,9 @@ impl<R: Lane> Pass for Radiance<'_, R> {
             self.head.inputs::<I>(x, n, d, &mut s.features[0]);
             self.head.mlp.forward::<I, LANES, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
-                *rgb = R::Vec3::from_array(std::array::from_fn(|c| squash::<R, I>(s.output[0][c].0[l]).0));
+                *rgb = R::Vec3::from_array(std::array::from_fn(|c| {
+                    squash::<R, I>(s.output[0][c].0[l]).0
+                }));
             }
         }
     }
@@ -158,10 +176,16 @@ impl<R: Lane> Pass for Vjp<'_, R> {
         let mut s = mlp.scratch(true, false, true);
         for first in (0..x.len()).step_by(LANES) {
             let block = first..(first + LANES).min(x.len());
-            self.head.inputs::<I>(&x[block.clone()], &n[block.clone()], &d[block.clone()], &mut s.features[0]);
+            self.head.inputs::<I>(
+                &x[block.clone()],
+                &n[block.clone()],
+                &d[block.clone()],
+                &mut s.features[0],
+            );
             mlp.forward::<I, LANES, true, false>(&mut s);
             for l in 0..LANES {
-                let adjoint = self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
+                let adjoint =
+                    self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
                 for c in 0..3 {
                     s.output[0][c].0[l] = adjoint[c] * squash::<R, I>(s.output[0][c].0[l]).1;
                 }

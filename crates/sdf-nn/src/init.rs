@@ -35,7 +35,8 @@ impl Random {
     }
 }
 
-/// Fills hidden layers so that activations neither grow nor fade with depth, and the last layer with small numbers.
+/// Fills hidden layers so that activations neither grow nor fade with depth, and the last layer
+/// with small numbers.
 pub(crate) fn variance_preserving<R: Lane>(mlp: &mut Mlp<R>, random: &mut Random) {
     let last = mlp.layers.len() - 1;
     for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
@@ -52,13 +53,20 @@ pub(crate) fn variance_preserving<R: Lane>(mlp: &mut Mlp<R>, random: &mut Random
 }
 
 impl<R: Lane> Network<R> {
-    /// A network that starts as a sphere of `radius`, as a fraction of the unit ball: f ≈ |x| − radius.
+    /// A network that starts as a sphere of `radius`, as a fraction of the unit ball: f ≈ |x| −
+    /// radius.
     ///
-    /// Hidden layers see the plain coordinates only (the encoding's waves start with weight zero) and are random with a
-    /// variance that keeps lengths (Atzmon and Lipman 2020); their features are functions that grow linearly from the
-    /// origin, among which |x| is the rotationally symmetric mean. Instead of taking that mean at infinite width, the
-    /// last layer is the least-squares fit of |x| − radius over the ball, which is closer at any width.
-    pub fn geometric(architecture: Architecture, transform: Transform, radius: f64, seed: u64) -> Self {
+    /// Hidden layers see the plain coordinates only (the encoding's waves start with weight zero)
+    /// and are random with a variance that keeps lengths (Atzmon and Lipman 2020); their features
+    /// are functions that grow linearly from the origin, among which |x| is the rotationally
+    /// symmetric mean. Instead of taking that mean at infinite width, the last layer is the
+    /// least-squares fit of |x| − radius over the ball, which is closer at any width.
+    pub fn geometric(
+        architecture: Architecture,
+        transform: Transform,
+        radius: f64,
+        seed: u64,
+    ) -> Self {
         let mut random = Random::new(seed);
         let mut network = Network::<f64>::zero(architecture.clone(), Transform::default(), 1.0);
         variance_preserving(&mut network.mlp, &mut random);
@@ -134,7 +142,8 @@ fn solve(matrix: &mut [f64], mut right: Vec<f64>) -> Vec<f64> {
         for j in 0..=i {
             let dot: f64 = (0..j).map(|k| matrix[i * n + k] * matrix[j * n + k]).sum();
             let rest = matrix[i * n + j] - dot;
-            matrix[i * n + j] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / matrix[j * n + j] };
+            matrix[i * n + j] =
+                if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / matrix[j * n + j] };
         }
     }
     for i in 0..n {

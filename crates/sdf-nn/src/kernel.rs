@@ -1,7 +1,8 @@
 //! The inner loops: blocks of points as rows of lanes, multiplied by packed weights.
 //!
-//! Everything here is `#[inline(always)]` so that it is compiled once for each instruction set by [`crate::simd`], which has the same
-//! loops in vectors for single precision. The order of sums is the same in all of them.
+//! Everything here is `#[inline(always)]` so that it is compiled once for each instruction set by
+//! [`crate::simd`], which has the same loops in vectors for single precision. The order of sums is
+//! the same in all of them.
 
 use field::Real;
 
@@ -10,7 +11,8 @@ use crate::simd::Isa;
 /// Points processed side by side: two registers of 16 numbers.
 pub(crate) const LANES: usize = 32;
 
-/// What fewer points are processed as, at half the cost. Sweeps have the number of lanes that they go through as a parameter `N`.
+/// What fewer points are processed as, at half the cost. Sweeps have the number of lanes that they
+/// go through as a parameter `N`.
 pub(crate) const HALF: usize = LANES / 2;
 
 /// Rows of output packed together.
@@ -37,7 +39,8 @@ pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
     if I::FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// The first `rows` rows of output = W input + start, for `W` packed by [`pack`]; `output` has whole tiles of rows.
+/// The first `rows` rows of output = W input + start, for `W` packed by [`pack`]; `output` has
+/// whole tiles of rows.
 #[inline(always)]
 pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
     packed: &[[R; TILE]],
@@ -72,8 +75,14 @@ pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
     }
 }
 
-/// Packs a matrix given by its entries for [`multiply_rows`]: tile by tile of rows, column by column.
-pub(crate) fn pack<R: Real>(rows: usize, columns: usize, entry: impl Fn(usize, usize) -> R, out: &mut Vec<[R; TILE]>) {
+/// Packs a matrix given by its entries for [`multiply_rows`]: tile by tile of rows, column by
+/// column.
+pub(crate) fn pack<R: Real>(
+    rows: usize,
+    columns: usize,
+    entry: impl Fn(usize, usize) -> R,
+    out: &mut Vec<[R; TILE]>,
+) {
     out.clear();
     for tile in 0..rows.div_ceil(TILE) {
         for column in 0..columns {
@@ -104,8 +113,8 @@ pub(crate) fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     }
 }
 
-/// The first `rows` rows of gradient += Σ_sides Σ_lanes adjoint inputᵀ: rows of `padded(columns)`; every side is an adjoint and an
-/// input, transposed.
+/// The first `rows` rows of gradient += Σ_sides Σ_lanes adjoint inputᵀ: rows of `padded(columns)`;
+/// every side is an adjoint and an input, transposed.
 #[inline(always)]
 pub(crate) fn outer_rows<R: Real, I: Isa>(
     sides: &[(&[Row<R>], &[R])],
@@ -115,12 +124,16 @@ pub(crate) fn outer_rows<R: Real, I: Isa>(
 ) {
     let stride = padded(columns);
     let part = PART[0];
-    for (tile, out) in gradient.chunks_exact_mut(part * stride).enumerate().take(rows.div_ceil(part)) {
+    for (tile, out) in
+        gradient.chunks_exact_mut(part * stride).enumerate().take(rows.div_ceil(part))
+    {
         for start in (0..stride).step_by(PART[1]) {
             let mut sums = [[R::zero(); PART[1]]; PART[0]];
             for (adjoint, input) in sides {
                 for l in 0..LANES {
-                    let Some(x) = input[l * stride + start..].first_chunk::<{ PART[1] }>() else { return };
+                    let Some(x) = input[l * stride + start..].first_chunk::<{ PART[1] }>() else {
+                        return;
+                    };
                     for r in 0..PART[0] {
                         let a = adjoint[tile * part + r].0[l];
                         for c in 0..PART[1] {

@@ -1,9 +1,10 @@
 //! Multilayer perceptrons as signed distance fields, and radiance heads on their surfaces.
 //!
-//! A [`Network`] maps a point of world space to a signed distance: negative inside, positive outside, in world units. It
-//! implements [`field::Field`]: value, exact spatial gradient, Hessian–vector products and the parameter gradient of
-//! α f + c·∇f, each by a hand-written sweep over blocks of points; there is no tape. A [`RadianceHead`] maps a surface
-//! point, its unit normal and the view direction to linear RGB.
+//! A [`Network`] maps a point of world space to a signed distance: negative inside, positive
+//! outside, in world units. It implements [`field::Field`]: value, exact spatial gradient,
+//! Hessian–vector products and the parameter gradient of α f + c·∇f, each by a hand-written sweep
+//! over blocks of points; there is no tape. A [`RadianceHead`] maps a surface point, its unit
+//! normal and the view direction to linear RGB.
 //!
 //! ```
 //! use field::Field;
@@ -29,16 +30,19 @@
 //! ```
 //!
 //! # What it costs
-//! In matrix work, a value pass is 1, a gradient 2, a Hessian–vector product 4, a parameter gradient 6. Kernels run blocks
-//! of 32 points through all layers, with AVX-512 or AVX2 and fused multiply–adds where the machine has them (single precision; both give
-//! the same bits). A point's result
-//! does not depend on the batch it is in. Fields do not parallelise; callers split batches.
+//! In matrix work, a value pass is 1, a gradient 2, a Hessian–vector product 4, a parameter
+//! gradient 6. Kernels run blocks of 32 points through all layers, with AVX-512 or AVX2 and fused
+//! multiply–adds where the machine has them (single precision; both give the same bits). A point's
+//! result does not depend on the batch it is in. Fields do not parallelise; callers split batches.
 //!
 //! # What it does not promise
-//! A network is not a distance: |∇f| strays from 1 wherever training did not hold it. Bits differ between machines with
-//! and without fused multiply–add.
+//! A network is not a distance: |∇f| strays from 1 wherever training did not hold it. Bits differ
+//! between machines with and without fused multiply–add.
 
-#![allow(clippy::needless_range_loop, reason = "lanes and rows of several arrays go in step: an index says so")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and rows of several arrays go in step: an index says so"
+)]
 
 mod architecture;
 

@@ -7,13 +7,13 @@ use crate::simd::Isa;
 
 /// A precision the kernels run in: with its own elementary functions and matrix kernels.
 pub trait Lane: Real {
-    /// exp(−x) for x ≥ 0. In single precision within 3.1 ulp up to x = 20, and constant (2e-9) beyond; in double precision
-    /// within 1.1 ulp up to 40, and constant (4e-18) beyond.
+    /// exp(−x) for x ≥ 0. In single precision within 3.1 ulp up to x = 20, and constant (2e-9)
+    /// beyond; in double precision within 1.1 ulp up to 40, and constant (4e-18) beyond.
     fn exp_negative<I: Isa>(x: Self) -> Self;
     /// ln(1 + x) for 0 ≤ x ≤ 1, within 5.4 ulp in single precision, 3 in double.
     fn ln_one_plus<I: Isa>(x: Self) -> Self;
-    /// The sine and the cosine of x: within 0.8 ulp of 1 up to |x| = 1e3 in single precision, and up to 1e4 within 0.6 ulp of 1 in
-    /// double.
+    /// The sine and the cosine of x: within 0.8 ulp of 1 up to |x| = 1e3 in single precision, and
+    /// up to 1e4 within 0.6 ulp of 1 in double.
     fn sin_cos_moderate<I: Isa>(x: Self) -> (Self, Self);
 
     #[doc(hidden)]
@@ -29,7 +29,12 @@ pub trait Lane: Real {
     }
     #[doc(hidden)]
     #[inline(always)]
-    fn outer<I: Isa>(sides: &[(&[Row<Self>], &[Self])], rows: usize, columns: usize, gradient: &mut [Self]) {
+    fn outer<I: Isa>(
+        sides: &[(&[Row<Self>], &[Self])],
+        rows: usize,
+        columns: usize,
+        gradient: &mut [Self],
+    ) {
         outer_rows::<Self, I>(sides, rows, columns, gradient);
     }
     #[doc(hidden)]
@@ -59,7 +64,12 @@ impl Lane for f32 {
         I::multiply::<N>(packed, start, rows, input, output);
     }
     #[inline(always)]
-    fn outer<I: Isa>(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+    fn outer<I: Isa>(
+        sides: &[(&[Row<f32>], &[f32])],
+        rows: usize,
+        columns: usize,
+        gradient: &mut [f32],
+    ) {
         I::outer(sides, rows, columns, gradient);
     }
     #[inline(always)]
@@ -68,13 +78,15 @@ impl Lane for f32 {
     }
     #[inline(always)]
     fn exp_negative<I: Isa>(x: f32) -> f32 {
-        // exp(−x) = 2ⁿ exp(r) with r in [−ln 2/2, ln 2/2]; ln 2 is split in two so that n ln 2 is exact.
-        // Beyond 20 nothing that is added to 1 is left; going on would make denormal squares, which are slow.
+        // exp(−x) = 2ⁿ exp(r) with r in [−ln 2/2, ln 2/2]; ln 2 is split in two so that n ln 2 is
+        // exact. Beyond 20 nothing that is added to 1 is left; going on would make denormal
+        // squares, which are slow.
         let x = if x < 20.0 { -x } else { -20.0 };
         let shifted = madd::<I>(x, std::f32::consts::LOG2_E, ROUND);
         let n = shifted - ROUND;
         let r = madd::<I>(n, 2.121_944_4e-4, madd::<I>(n, -0.693_359_4, x));
-        // Taylor to the sixth order, in pairs (Estrin) for short chains: the rest, r⁷/5040, is below 1.3e-7 relative.
+        // Taylor to the sixth order, in pairs (Estrin) for short chains: the rest, r⁷/5040, is
+        // below 1.3e-7 relative.
         let q = r * r;
         let high = madd::<I>(madd::<I>(1.0 / 720.0, r, 1.0 / 120.0), r, 1.0 / 24.0);
         let middle = madd::<I>(1.0 / 6.0, r, 0.5);
@@ -85,7 +97,8 @@ impl Lane for f32 {
 
     #[inline(always)]
     fn ln_one_plus<I: Isa>(x: f32) -> f32 {
-        // x times a polynomial of degree 7 fitted to ln(1 + x)/x on [0, 1] for the least largest relative error.
+        // x times a polynomial of degree 7 fitted to ln(1 + x)/x on [0, 1] for the least largest
+        // relative error.
         let q = x * x;
         let a = madd::<I>(-0.499_974_05, x, 0.999_999_8);
         let b = madd::<I>(-0.244_954_65, x, 0.332_754_8);
@@ -98,7 +111,8 @@ impl Lane for f32 {
 
     #[inline(always)]
     fn sin_cos_moderate<I: Isa>(x: f32) -> (f32, f32) {
-        // x = n π/2 + r with |r| ≤ π/4; π/2 in three parts whose products with n are exact for n below 2¹¹ or so.
+        // x = n π/2 + r with |r| ≤ π/4; π/2 in three parts whose products with n are exact for n
+        // below 2¹¹ or so.
         let shifted = madd::<I>(x, std::f32::consts::FRAC_2_PI, ROUND);
         let n = shifted - ROUND;
         let quadrant = shifted.to_bits();
@@ -124,8 +138,13 @@ impl Lane for f64 {
         let shifted = fma::<f64, I>(x, std::f64::consts::LOG2_E, ROUND_DOUBLE);
         let n = shifted - ROUND_DOUBLE;
         // ln 2 in two parts, the first with 20 zeros at its end.
-        let r = fma::<f64, I>(n, -1.908_214_929_270_587_7e-10, fma::<f64, I>(n, -0.693_147_180_369_123_8, x));
-        let exponent = shifted.to_bits().wrapping_sub(ROUND_DOUBLE.to_bits()).wrapping_add(1023) << 52;
+        let r = fma::<f64, I>(
+            n,
+            -1.908_214_929_270_587_7e-10,
+            fma::<f64, I>(n, -0.693_147_180_369_123_8, x),
+        );
+        let exponent =
+            shifted.to_bits().wrapping_sub(ROUND_DOUBLE.to_bits()).wrapping_add(1023) << 52;
         polynomial::<I>(&EXPONENTIAL, r) * f64::from_bits(exponent)
     }
     #[inline(always)]
@@ -139,7 +158,11 @@ impl Lane for f64 {
         let n = shifted - ROUND_DOUBLE;
         let quadrant = shifted.to_bits();
         // π/2 in three parts of 33 bits, whose products with n are exact for n below 2²⁰.
-        let r = fma::<f64, I>(n, -6.077_100_506_303_966e-11, fma::<f64, I>(n, -1.570_796_326_734_125_6, x));
+        let r = fma::<f64, I>(
+            n,
+            -6.077_100_506_303_966e-11,
+            fma::<f64, I>(n, -1.570_796_326_734_125_6, x),
+        );
         let r = fma::<f64, I>(n, -2.022_266_248_795_950_6e-21, r);
         let q = r * r;
         let sine = fma::<f64, I>(r * q, polynomial::<I>(&SINE, q), r);
@@ -170,7 +193,8 @@ const LOGARITHM: [f64; 11] = [
     0.170_441_635_627_813_98,
 ];
 
-/// Reciprocals of the factorials of 2, 4, … 16, and of 3, 5, … 15, with the signs of cosine and sine.
+/// Reciprocals of the factorials of 2, 4, … 16, and of 3, 5, … 15, with the signs of cosine and
+/// sine.
 const COSINE: [f64; 8] = [
     -1.0 / 2.0,
     1.0 / 24.0,
@@ -220,15 +244,21 @@ mod tests {
     use super::*;
     use crate::simd::{Pass, Portable, dispatch_all};
 
-    /// The largest error over a dense set of arguments, in units in the last place of what is wanted, or of `least` if that is more.
-    /// `pair` gives what came and what was wanted.
-    fn worst<R: Real>(range: std::ops::Range<f64>, least: f64, pair: impl Fn(R) -> (R, f64)) -> f64 {
+    /// The largest error over a dense set of arguments, in units in the last place of what is
+    /// wanted, or of `least` if that is more. `pair` gives what came and what was wanted.
+    fn worst<R: Real>(
+        range: std::ops::Range<f64>,
+        least: f64,
+        pair: impl Fn(R) -> (R, f64),
+    ) -> f64 {
         let ulps = |(got, want): (R, f64)| {
             let binade = want.abs().max(least).log2().floor().exp2();
             (got.to_double() - want).abs() / (binade * R::epsilon().to_double())
         };
         (0..200_000)
-            .map(|i| ulps(pair(R::of(range.start + (range.end - range.start) * f64::from(i) / 2e5))))
+            .map(|i| {
+                ulps(pair(R::of(range.start + (range.end - range.start) * f64::from(i) / 2e5)))
+            })
             .fold(0.0, f64::max)
     }
 
@@ -238,12 +268,17 @@ mod tests {
         let exp = worst::<R>(0.0..reach, 0.0, |x| (R::exp_negative::<I>(x), (-double(x)).exp()));
         let ln = worst::<R>(1e-6..1.0, 0.0, |x| (R::ln_one_plus::<I>(x), double(x).ln_1p()));
         // The wave's scale is 1: just below, an ulp is half of that above.
-        let sine = worst::<R>(-wave..wave, 1.0, |x| (R::sin_cos_moderate::<I>(x).0, double(x).sin()));
-        let cosine = worst::<R>(-wave..wave, 1.0, |x| (R::sin_cos_moderate::<I>(x).1, double(x).cos()));
+        let sine =
+            worst::<R>(-wave..wave, 1.0, |x| (R::sin_cos_moderate::<I>(x).0, double(x).sin()));
+        let cosine =
+            worst::<R>(-wave..wave, 1.0, |x| (R::sin_cos_moderate::<I>(x).1, double(x).cos()));
         println!("ulp: exp {exp:.2}, ln {ln:.2}, sine {sine:.2}, cosine {cosine:.2}");
         assert!(exp <= exp_most, "exp: {exp} ulp, at most {exp_most}");
         assert!(ln <= ln_most, "ln: {ln} ulp, at most {ln_most}");
-        assert!(sine.max(cosine) <= wave_most, "sine {sine}, cosine {cosine} ulp, at most {wave_most}");
+        assert!(
+            sine.max(cosine) <= wave_most,
+            "sine {sine}, cosine {cosine} ulp, at most {wave_most}"
+        );
     }
 
     struct Check;

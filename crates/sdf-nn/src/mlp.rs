@@ -1,4 +1,5 @@
-//! A multilayer perceptron on blocks of points: parameters, packing, and the forward and backward sweeps.
+//! A multilayer perceptron on blocks of points: parameters, packing, and the forward and backward
+//! sweeps.
 
 use field::Real;
 
@@ -117,7 +118,8 @@ impl<R: Lane> Mlp<R> {
         }
     }
 
-    /// The factor that the packed weights carry in a column: the window, and 1/√2 where a skip comes in.
+    /// The factor that the packed weights carry in a column: the window, and 1/√2 where a skip
+    /// comes in.
     fn column_factor(&self, l: usize, column: usize) -> R {
         let window = self.window_factor(l, column);
         if self.layers[l].skip { window * R::of(std::f64::consts::FRAC_1_SQRT_2) } else { window }
@@ -136,7 +138,9 @@ impl<R: Lane> Mlp<R> {
         let mut packed = std::mem::take(&mut self.packed);
         for (l, (layer, packed)) in self.layers.iter().zip(&mut packed).enumerate() {
             let factors: Vec<R> = (0..layer.inputs).map(|c| self.column_factor(l, c)).collect();
-            let weight = |r: usize, c: usize| self.parameters[layer.start + r * layer.inputs + c] * factors[c];
+            let weight = |r: usize, c: usize| {
+                self.parameters[layer.start + r * layer.inputs + c] * factors[c]
+            };
             pack(layer.outputs, layer.inputs, weight, &mut packed.forward);
             pack(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.backward);
         }
@@ -170,11 +174,15 @@ impl<R: Lane> Mlp<R> {
         }
     }
 
-    /// Forward sweep from the scratch's features to its outputs; with `TANGENT`, their tangents too.
+    /// Forward sweep from the scratch's features to its outputs; with `TANGENT`, their tangents
+    /// too.
     ///
     /// The first `N` lanes only. With `STORE` the slopes that the backward sweep needs are kept.
     #[inline(always)]
-    pub(crate) fn forward<I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(&self, s: &mut Scratch<R>) {
+    pub(crate) fn forward<I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
+        &self,
+        s: &mut Scratch<R>,
+    ) {
         let last = self.layers.len() - 1;
         for side in 0..1 + usize::from(TANGENT) {
             s.layers[0].input[side].copy_from_slice(&s.features[side]);
@@ -188,10 +196,20 @@ impl<R: Lane> Mlp<R> {
                 Some(next) => &mut next.input,
                 None => &mut s.output,
             };
-            // A skip's features follow the activations directly, so whole tiles are written to the side first.
-            let target =
-                if l < last { &mut s.between[0][..layer.outputs.div_ceil(TILE) * TILE] } else { &mut value[..] };
-            R::multiply::<I, N>(&packed.forward, bias, layer.outputs, &current.input[0][..layer.inputs], target);
+            // A skip's features follow the activations directly, so whole tiles are written to the
+            // side first.
+            let target = if l < last {
+                &mut s.between[0][..layer.outputs.div_ceil(TILE) * TILE]
+            } else {
+                &mut value[..]
+            };
+            R::multiply::<I, N>(
+                &packed.forward,
+                bias,
+                layer.outputs,
+                &current.input[0][..layer.inputs],
+                target,
+            );
             if TANGENT {
                 let input = &current.input[1][..layer.inputs];
                 R::multiply::<I, N>(&packed.forward, &[], layer.outputs, input, &mut current.z_dot);
@@ -207,7 +225,13 @@ impl<R: Lane> Mlp<R> {
                 let [slope, curve] = &mut unused;
                 let slope = if STORE { &mut current.slope[row] } else { slope };
                 let curve = if TANGENT { &mut current.curve[row] } else { curve };
-                activate::<R, I, N, STORE, TANGENT>(self.activation, &s.between[0][row], &mut value[row], slope, curve);
+                activate::<R, I, N, STORE, TANGENT>(
+                    self.activation,
+                    &s.between[0][row],
+                    &mut value[row],
+                    slope,
+                    curve,
+                );
                 if TANGENT {
                     for i in 0..N {
                         tangent[row].0[i] = current.slope[row].0[i] * current.z_dot[row].0[i];
@@ -215,7 +239,8 @@ impl<R: Lane> Mlp<R> {
                 }
             }
             if self.layers[l + 1].skip {
-                value[layer.outputs..layer.outputs + self.features].copy_from_slice(&s.features[0][..self.features]);
+                value[layer.outputs..layer.outputs + self.features]
+                    .copy_from_slice(&s.features[0][..self.features]);
                 if TANGENT {
                     tangent[layer.outputs..layer.outputs + self.features]
                         .copy_from_slice(&s.features[1][..self.features]);
@@ -226,8 +251,9 @@ impl<R: Lane> Mlp<R> {
 
     /// Backward sweep from the adjoints in the scratch's outputs to those of its features.
     ///
-    /// With `TANGENT` both the outputs and their tangents have adjoints: side 1 then carries the plain gradient, side 0
-    /// its change along the tangent. With `WEIGHTS` the parameters' gradient is added to the scratch's.
+    /// With `TANGENT` both the outputs and their tangents have adjoints: side 1 then carries the
+    /// plain gradient, side 0 its change along the tangent. With `WEIGHTS` the parameters' gradient
+    /// is added to the scratch's.
     #[inline(always)]
     pub(crate) fn backward<I: Isa, const N: usize, const TANGENT: bool, const WEIGHTS: bool>(
         &self,
@@ -251,13 +277,20 @@ impl<R: Lane> Mlp<R> {
                     let to = &mut s.transposed[side * size..(side + 1) * size];
                     R::transpose::<I>(&s.layers[l].input[side][..layer.inputs], to);
                 }
-                let both = [0, usize::from(TANGENT)].map(|side| (&s.delta[side][..rows], &s.transposed[side * size..]));
+                let both = [0, usize::from(TANGENT)]
+                    .map(|side| (&s.delta[side][..rows], &s.transposed[side * size..]));
                 R::outer::<I>(&both[..sides], layer.outputs, layer.inputs, &mut s.gradient[l]);
             }
             let tiles = layer.inputs.div_ceil(TILE) * TILE;
             for side in 0..sides {
                 let z = &s.delta[side][..layer.outputs];
-                R::multiply::<I, N>(&packed.backward, &[], layer.inputs, z, &mut s.between[side][..tiles]);
+                R::multiply::<I, N>(
+                    &packed.backward,
+                    &[],
+                    layer.inputs,
+                    z,
+                    &mut s.between[side][..tiles],
+                );
             }
             let own = self.own_columns(l);
             for side in 0..sides {
@@ -284,7 +317,8 @@ impl<R: Lane> Mlp<R> {
                     for i in 0..N {
                         let tangent = s.between[1][row].0[i];
                         s.delta[1][row].0[i] = tangent * slope[i];
-                        s.delta[0][row].0[i] = fma::<R, I>(tangent * curve[i], z_dot[i], s.delta[0][row].0[i]);
+                        s.delta[0][row].0[i] =
+                            fma::<R, I>(tangent * curve[i], z_dot[i], s.delta[0][row].0[i]);
                     }
                 }
             }
@@ -305,7 +339,9 @@ impl<R: Lane> Mlp<R> {
             for r in 0..layer.outputs {
                 let start = layer.start + r * layer.inputs;
                 let row = &s.gradient[l][r * stride..];
-                for ((out, g), factor) in adjoint[start..start + layer.inputs].iter_mut().zip(row).zip(&factors) {
+                for ((out, g), factor) in
+                    adjoint[start..start + layer.inputs].iter_mut().zip(row).zip(&factors)
+                {
                     *out += *g * *factor;
                 }
                 adjoint[layer.bias() + r] += s.bias[l][r];

@@ -1,4 +1,5 @@
-//! Model files: safetensors with `layers.{i}.weight`, `layers.{i}.bias` and the architecture in the metadata.
+//! Model files: safetensors with `layers.{i}.weight`, `layers.{i}.bias` and the architecture in the
+//! metadata.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -56,11 +57,17 @@ impl Metadata {
     /// A positive number; `default` where the key is absent.
     fn positive(&self, key: &'static str, default: Option<f64>) -> Result<f64> {
         let number = self.get(key).map_or(default, |text| text.parse().ok());
-        number.filter(|v| *v > 0.0 && v.is_finite()).ok_or_else(|| self.error(key, "a number above 0"))
+        number
+            .filter(|v| *v > 0.0 && v.is_finite())
+            .ok_or_else(|| self.error(key, "a number above 0"))
     }
 
     /// Numbers separated by commas, in brackets or not; none where the key is absent.
-    fn list<T: std::str::FromStr>(&self, key: &'static str, expected: &'static str) -> Result<Vec<T>> {
+    fn list<T: std::str::FromStr>(
+        &self,
+        key: &'static str,
+        expected: &'static str,
+    ) -> Result<Vec<T>> {
         let text = self.get(key).unwrap_or("").trim_start_matches('[').trim_end_matches(']').trim();
         if text.is_empty() {
             return Ok(Vec::new());
@@ -72,8 +79,10 @@ impl Metadata {
         match self.get("encoding") {
             None | Some("none" | "") => Ok(Encoding::None),
             Some("frequency") => {
-                let bands = self.get("bands").and_then(|b| b.parse().ok()).filter(|b| (1..=16).contains(b));
-                let bands = bands.ok_or_else(|| self.error("bands", "a whole number from 1 to 16"))?;
+                let bands =
+                    self.get("bands").and_then(|b| b.parse().ok()).filter(|b| (1..=16).contains(b));
+                let bands =
+                    bands.ok_or_else(|| self.error("bands", "a whole number from 1 to 16"))?;
                 Ok(Encoding::Frequency { bands })
             }
             Some(_) => Err(self.error("encoding", "none or frequency")),
@@ -99,7 +108,12 @@ impl Metadata {
         Ok(Transform { center, radius: self.positive("radius", Some(1.0))? })
     }
 
-    fn from_parts(encoding: Encoding, activation: Activation, transform: &Transform, skip: &[usize]) -> Self {
+    fn from_parts(
+        encoding: Encoding,
+        activation: Activation,
+        transform: &Transform,
+        skip: &[usize],
+    ) -> Self {
         let mut map = HashMap::new();
         let mut put = |key: &str, value: String| map.insert(key.to_owned(), value);
         put("dsdf.version", env!("CARGO_PKG_VERSION").to_owned());
@@ -153,12 +167,16 @@ impl<'a> Model<'a> {
         };
         let view = self.tensors.tensor(name).map_err(|_| error("missing".to_owned(), "there"))?;
         if view.shape().len() != rank {
-            return Err(error(format!("of shape {:?}", view.shape()), &format!("of {rank} dimensions")));
+            return Err(error(
+                format!("of shape {:?}", view.shape()),
+                &format!("of {rank} dimensions"),
+            ));
         }
         let numbers: Vec<f64> = match view.dtype() {
-            Dtype::F32 => {
-                bytemuck::allocation::pod_collect_to_vec::<u8, f32>(view.data()).into_iter().map(f64::from).collect()
-            }
+            Dtype::F32 => bytemuck::allocation::pod_collect_to_vec::<u8, f32>(view.data())
+                .into_iter()
+                .map(f64::from)
+                .collect(),
             Dtype::F64 => bytemuck::allocation::pod_collect_to_vec(view.data()),
             other => return Err(error(format!("{other:?}"), "F32 or F64")),
         };
@@ -198,7 +216,8 @@ impl<'a> Model<'a> {
             for (name, expected, start) in parts {
                 let (shape, numbers) = self.tensor(&name, expected.len())?;
                 if shape != expected {
-                    let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
+                    let (found, expected) =
+                        (format!("of shape {shape:?}"), format!("{expected:?}"));
                     return Err(ModelError::Tensor { name, found, expected });
                 }
                 for (p, v) in mlp.parameters[start..].iter_mut().zip(numbers) {
@@ -222,20 +241,26 @@ fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
     let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
     for (l, layer) in mlp.layers.iter().enumerate() {
         let (n, window) = (layer.inputs, |c: usize| mlp.window_factor(l, c));
-        let weights = (0..layer.outputs * n).flat_map(|i| encode(mlp.parameters[layer.start + i] * window(i % n)));
+        let weights = (0..layer.outputs * n)
+            .flat_map(|i| encode(mlp.parameters[layer.start + i] * window(i % n)));
         tensors.push((format!("layers.{l}.weight"), vec![layer.outputs, n], weights.collect()));
-        let bias = mlp.parameters[layer.bias()..layer.bias() + layer.outputs].iter().flat_map(|b| encode(*b));
+        let bias = mlp.parameters[layer.bias()..layer.bias() + layer.outputs]
+            .iter()
+            .flat_map(|b| encode(*b));
         tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias.collect()));
     }
     let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
-    let views: std::result::Result<Vec<_>, _> =
-        tensors.iter().map(|(name, shape, data)| Ok((name, TensorView::new(dtype, shape.clone(), data)?))).collect();
-    let bytes = safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)?;
+    let views: std::result::Result<Vec<_>, _> = tensors
+        .iter()
+        .map(|(name, shape, data)| Ok((name, TensorView::new(dtype, shape.clone(), data)?)))
+        .collect();
+    let bytes =
+        safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)?;
     sorted(&bytes).map_err(|e| ModelError::Container(e.to_string()))
 }
 
-/// The same file with its header's entries in the order of their names: the container's own order is that of a hash map
-/// with a random seed, and equal models are to be equal files.
+/// The same file with its header's entries in the order of their names: the container's own order
+/// is that of a hash map with a random seed, and equal models are to be equal files.
 fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
     const ALIGNMENT: usize = 8;
     let (length, rest) = bytes.split_at(size_of::<u64>());
@@ -250,7 +275,8 @@ impl<R: Lane> Network<R> {
     /// Reads a model file.
     ///
     /// # Errors
-    /// If it is no safetensors file, or its metadata and tensors do not describe a signed distance network.
+    /// If it is no safetensors file, or its metadata and tensors do not describe a signed distance
+    /// network.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
         let model = Model::open(bytes)?;
         let metadata = &model.metadata;
@@ -301,7 +327,12 @@ impl<R: Lane> RadianceHead<R> {
             return Err(metadata.error("output", HEAD_OUTPUT));
         }
         let hidden = model.hidden()?;
-        let mut head = RadianceHead::zero(metadata.encoding()?, &hidden, metadata.activation()?, metadata.transform()?);
+        let mut head = RadianceHead::zero(
+            metadata.encoding()?,
+            &hidden,
+            metadata.activation()?,
+            metadata.transform()?,
+        );
         model.fill(&mut head.mlp)?;
         Ok(head)
     }
@@ -311,7 +342,8 @@ impl<R: Lane> RadianceHead<R> {
     /// # Errors
     /// If the container cannot be made.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
-        let mut metadata = Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);
+        let mut metadata =
+            Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);
         metadata.0.insert("inputs".to_owned(), HEAD_INPUTS.to_owned());
         metadata.0.insert("output".to_owned(), HEAD_OUTPUT.to_owned());
         debug_assert_eq!(self.mlp.features, self.encoding.features() + DIRECTIONS);

@@ -9,9 +9,11 @@ use crate::math::Lane;
 use crate::mlp::{Mlp, Scratch};
 use crate::simd::{Isa, Pass, Portable, dispatch};
 
-/// A multilayer perceptron that is read as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
+/// A multilayer perceptron that is read as a signed distance: f(x) = r · net((x − c)/r)/scale, in
+/// world units.
 ///
-/// It is defined inside the ball of its [`Transform`]; evaluation outside gives whatever the network gives there.
+/// It is defined inside the ball of its [`Transform`]; evaluation outside gives whatever the
+/// network gives there.
 #[derive(Clone, Debug)]
 pub struct Network<R: Real> {
     pub(crate) architecture: Architecture,
@@ -26,7 +28,13 @@ impl<R: Lane> Network<R> {
     /// A network whose weights are all zero.
     pub(crate) fn zero(architecture: Architecture, transform: Transform, scale: f64) -> Self {
         let features = architecture.encoding.features();
-        let mlp = Mlp::new(features, &architecture.hidden, 1, &architecture.skip, architecture.activation);
+        let mlp = Mlp::new(
+            features,
+            &architecture.hidden,
+            1,
+            &architecture.skip,
+            architecture.activation,
+        );
         let encoder = Encoder::new(architecture.encoding, &transform);
         Network { architecture, transform, scale, mlp, encoder }
     }
@@ -55,7 +63,8 @@ impl<R: Lane> Network<R> {
         self.mlp.repack();
     }
 
-    /// Sets a weight in [0, 1] on every octave of the encoding, for training from coarse to fine; 1 at first.
+    /// Sets a weight in [0, 1] on every octave of the encoding, for training from coarse to fine; 1
+    /// at first.
     ///
     /// The weights are part of the function: a saved file has them folded into its tensors.
     ///
@@ -142,7 +151,13 @@ impl<R: Lane> Field<R> for Network<R> {
         dispatch(ValueGradient { network: self, x, f, gradient });
     }
 
-    fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], gradient: &mut [R::Vec3], product: &mut [R::Vec3]) {
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    ) {
         dispatch(HessianVector { network: self, x, p, gradient, product });
     }
 
@@ -213,7 +228,9 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
         let encoder = &self.network.encoder;
         let mut s = self.network.mlp.scratch(true, true, false);
         let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
-        for ((x, p), (gradient, product)) in self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs) {
+        for ((x, p), (gradient, product)) in
+            self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs)
+        {
             if x.len() <= HALF {
                 self.network.block_tangent::<I, HALF, false>(x, p, &[], &mut s);
             } else {
@@ -272,7 +289,8 @@ mod tests {
         #[inline(always)]
         fn run<I: Isa>(self) {
             let All { network, x, results } = self;
-            let (mut f, mut g, mut h) = (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
+            let (mut f, mut g, mut h) =
+                (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
             let mut theta = vec![0.0; network.parameter_count()];
             Value { network, x, f: &mut f }.run::<I>();
             let alpha = f.clone();
@@ -286,7 +304,8 @@ mod tests {
         }
     }
 
-    /// The order of sums is the same with all vectors: those with fused multiply–adds agree to the bit.
+    /// The order of sums is the same with all vectors: those with fused multiply–adds agree to the
+    /// bit.
     #[test]
     fn instruction_sets_agree() {
         for (width, skip, encoding) in [
@@ -297,7 +316,8 @@ mod tests {
             let activation = Activation::Softplus { beta: 100.0 };
             let architecture = Architecture { encoding, hidden: vec![width; 3], skip, activation };
             let network = Network::<f32>::geometric(architecture, Transform::default(), 0.5, 3);
-            let x: Vec<Vec3> = (0..75).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
+            let x: Vec<Vec3> =
+                (0..75).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
             let results = RefCell::new(Vec::new());
             let mut names = Vec::new();
             dispatch_all(|name| {
@@ -313,7 +333,10 @@ mod tests {
                 }
             }
             if let ["AVX-512", "AVX2", ..] = names[..] {
-                assert!(results[0].iter().zip(&results[1]).all(|(a, b)| a.to_bits() == b.to_bits()), "bits differ");
+                assert!(
+                    results[0].iter().zip(&results[1]).all(|(a, b)| a.to_bits() == b.to_bits()),
+                    "bits differ"
+                );
             }
         }
     }

@@ -8,7 +8,8 @@ use crate::kernel::{HALF, LANES, Row, TILE, multiply_rows, outer_rows, transpose
 
 /// An instruction set that kernels are compiled for.
 pub trait Isa: Copy {
-    /// Whether a fused multiply–add is an instruction. Where it is not, it would be a slow library call.
+    /// Whether a fused multiply–add is an instruction. Where it is not, it would be a slow library
+    /// call.
     const FMA: bool;
 
     /// As [`crate::kernel::multiply_rows`].
@@ -54,7 +55,8 @@ impl Isa for Portable {
 
 /// A computation over a batch, generic over the instruction set.
 ///
-/// Implementations mark `run` `#[inline(always)]`, so that all of it is compiled for the instruction set.
+/// Implementations mark `run` `#[inline(always)]`, so that all of it is compiled for the
+/// instruction set.
 pub(crate) trait Pass {
     /// Does it.
     fn run<I: Isa>(self);
@@ -155,7 +157,12 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+        fn outer(
+            sides: &[(&[Row<f32>], &[f32])],
+            rows: usize,
+            columns: usize,
+            gradient: &mut [f32],
+        ) {
             outer::<__m512, 8, 2>(sides, rows, columns, gradient);
         }
         #[inline(always)]
@@ -179,7 +186,12 @@ mod x86 {
             multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
         }
         #[inline(always)]
-        fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+        fn outer(
+            sides: &[(&[Row<f32>], &[f32])],
+            rows: usize,
+            columns: usize,
+            gradient: &mut [f32],
+        ) {
             outer::<__m256, 4, 2>(sides, rows, columns, gradient);
         }
         #[inline(always)]
@@ -188,8 +200,9 @@ mod x86 {
         }
     }
 
-    /// A register of `N` numbers. Its functions may run only where its instructions are present: they are called from kernels that
-    /// [`Isa`] chooses, inside functions compiled for these instructions.
+    /// A register of `N` numbers. Its functions may run only where its instructions are present:
+    /// they are called from kernels that [`Isa`] chooses, inside functions compiled for these
+    /// instructions.
     trait Vector: Copy {
         const N: usize;
         fn splat(value: f32) -> Self;
@@ -204,7 +217,8 @@ mod x86 {
         fn transpose(rows: &mut [Self]);
     }
 
-    /// What both widths have alike, and the transposition of the squares of 4 × 4 along the diagonals of four rows.
+    /// What both widths have alike, and the transposition of the squares of 4 × 4 along the
+    /// diagonals of four rows.
     macro_rules! vector {
         ($type:ty, $n:literal, $splat:ident, $load:ident, $store:ident, $fma:ident, $add:ident,
          $low:ident, $high:ident, $shuffle:ident, $exchange:ident) => {
@@ -342,8 +356,9 @@ mod x86 {
         out: &mut [Row<f32>],
     ) {
         for lane in (0..N).step_by(REGS * V::N) {
-            let mut sums: [[V; REGS]; ROWS] =
-                std::array::from_fn(|r| [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS]);
+            let mut sums: [[V; REGS]; ROWS] = std::array::from_fn(|r| {
+                [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS]
+            });
             for (w, x) in weights.iter().zip(input) {
                 let x: [V; REGS] = std::array::from_fn(|v| V::load(&x.0[lane + v * V::N..]));
                 for r in 0..ROWS {
@@ -370,7 +385,9 @@ mod x86 {
         gradient: &mut [f32],
     ) {
         let stride = padded(columns);
-        for (tile, out) in gradient.chunks_exact_mut(ROWS * stride).enumerate().take(rows.div_ceil(ROWS)) {
+        for (tile, out) in
+            gradient.chunks_exact_mut(ROWS * stride).enumerate().take(rows.div_ceil(ROWS))
+        {
             let first = tile * ROWS;
             let mut column = 0;
             while column < stride {
@@ -386,7 +403,8 @@ mod x86 {
         }
     }
 
-    /// `ROWS` rows of a weight gradient from row `first`, and `REGS` registers of its columns from `column`.
+    /// `ROWS` rows of a weight gradient from row `first`, and `REGS` registers of its columns from
+    /// `column`.
     #[inline(always)]
     fn sums<V: Vector, const ROWS: usize, const REGS: usize>(
         sides: &[(&[Row<f32>], &[f32])],
@@ -422,8 +440,9 @@ mod x86 {
         let stride = padded(rows.len());
         for first in (0..rows.len()).step_by(N) {
             for lane in (0..LANES).step_by(N) {
-                let mut square: [V; N] =
-                    std::array::from_fn(|r| rows.get(first + r).map_or(V::splat(0.0), |row| V::load(&row.0[lane..])));
+                let mut square: [V; N] = std::array::from_fn(|r| {
+                    rows.get(first + r).map_or(V::splat(0.0), |row| V::load(&row.0[lane..]))
+                });
                 V::transpose(&mut square);
                 for (l, column) in square.into_iter().enumerate() {
                     column.store(&mut out[(lane + l) * stride + first..]);

@@ -1,4 +1,5 @@
-//! The hand-written sweeps against a plain perceptron on nested dual numbers, and against differences.
+//! The hand-written sweeps against a plain perceptron on nested dual numbers, and against
+//! differences.
 
 use approx::assert_relative_eq;
 use field::{Dual, Field, Scalar};
@@ -20,9 +21,15 @@ fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
 }
 
 /// The perceptron written straight from the model file's definition.
-fn reference<S: Scalar<Real = f64>>(a: &Architecture, t: &Transform, parameters: &[S], x: [S; 3]) -> S {
+fn reference<S: Scalar<Real = f64>>(
+    a: &Architecture,
+    t: &Transform,
+    parameters: &[S],
+    x: [S; 3],
+) -> S {
     let center = t.center.to_array();
-    let y: [S; 3] = std::array::from_fn(|c| (x[c] - S::constant(center[c])) * S::constant(1.0 / t.radius));
+    let y: [S; 3] =
+        std::array::from_fn(|c| (x[c] - S::constant(center[c])) * S::constant(1.0 / t.radius));
     let mut features = y.to_vec();
     for band in 0..a.encoding.bands() {
         let wave = y.map(|c| c * S::constant(f64::powi(2.0, band as i32)));
@@ -39,13 +46,17 @@ fn reference<S: Scalar<Real = f64>>(a: &Architecture, t: &Transform, parameters:
         let bias = at + outputs * h.len();
         let z: Vec<S> = (0..outputs)
             .map(|r| {
-                h.iter()
-                    .enumerate()
-                    .fold(parameters[bias + r], |sum, (c, v)| sum + parameters[at + r * h.len() + c] * *v)
+                h.iter().enumerate().fold(parameters[bias + r], |sum, (c, v)| {
+                    sum + parameters[at + r * h.len() + c] * *v
+                })
             })
             .collect();
         at = bias + outputs;
-        h = if l < a.hidden.len() { z.into_iter().map(|z| activate(a.activation, z)).collect() } else { z };
+        h = if l < a.hidden.len() {
+            z.into_iter().map(|z| activate(a.activation, z)).collect()
+        } else {
+            z
+        };
     }
     h[0] * S::constant(t.radius)
 }
@@ -57,11 +68,13 @@ fn architecture() -> impl Strategy<Value = Architecture> {
         Just(Activation::Relu),
     ];
     let hidden = prop::collection::vec(1usize..21, 1..4);
-    (hidden, activation, 0usize..4, any::<bool>()).prop_map(|(hidden, activation, bands, skip)| Architecture {
-        encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
-        skip: if skip && hidden.len() > 1 { vec![hidden.len() - 1] } else { vec![] },
-        hidden,
-        activation,
+    (hidden, activation, 0usize..4, any::<bool>()).prop_map(|(hidden, activation, bands, skip)| {
+        Architecture {
+            encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
+            skip: if skip && hidden.len() > 1 { vec![hidden.len() - 1] } else { vec![] },
+            hidden,
+            activation,
+        }
     })
 }
 
@@ -81,7 +94,11 @@ fn network(a: &Architecture, seed: u64) -> Network<f64> {
 }
 
 fn points(n: usize) -> Vec<DVec3> {
-    (0..n).map(|i| DVec3::new((i as f64).sin(), (2.3 * i as f64).cos(), (0.7 * i as f64 + 1.0).sin()) * 0.9).collect()
+    (0..n)
+        .map(|i| {
+            DVec3::new((i as f64).sin(), (2.3 * i as f64).cos(), (0.7 * i as f64 + 1.0).sin()) * 0.9
+        })
+        .collect()
 }
 
 proptest! {
@@ -214,17 +231,23 @@ fn the_initial_network_is_a_sphere() {
             skip: vec![],
             activation: Activation::Softplus { beta },
         };
-        let network = Network::<f64>::geometric(a, Transform { center: DVec3::ONE, radius: 2.0 }, 0.5, 11);
-        let x: Vec<DVec3> = points(200).into_iter().filter(|p| p.length() < 1.0 && p.length() > 0.2).collect();
+        let network =
+            Network::<f64>::geometric(a, Transform { center: DVec3::ONE, radius: 2.0 }, 0.5, 11);
+        let x: Vec<DVec3> =
+            points(200).into_iter().filter(|p| p.length() < 1.0 && p.length() > 0.2).collect();
         let world: Vec<DVec3> = x.iter().map(|p| *p * 2.0 + DVec3::ONE).collect();
         let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
         network.value_gradient(&world, &mut f, &mut g);
         let error = |i: usize| (f[i] - 2.0 * (x[i].length() - 0.5)).abs() / 2.0;
         let average = (0..x.len()).map(error).sum::<f64>() / x.len() as f64;
         assert!(average < 0.05, "width {width}: f is off by {average} of the radius on average");
-        // Few random features leave a direction or two badly covered; the widths that fits use do not.
+        // Few random features leave a direction or two badly covered; the widths that fits use do
+        // not.
         let worst = (0..x.len()).map(error).fold(0.0, f64::max);
-        assert!(worst < if width < 64 { 0.2 } else { 0.1 }, "width {width}: f is off by {worst} of the radius");
+        assert!(
+            worst < if width < 64 { 0.2 } else { 0.1 },
+            "width {width}: f is off by {worst} of the radius"
+        );
         let mean = g.iter().map(|g| (g.length() - 1.0).abs()).sum::<f64>() / g.len() as f64;
         assert!(mean < 0.1, "width {width}: |∇f| strays by {mean} on average");
     }
@@ -249,7 +272,12 @@ fn single_precision_follows_double() {
     single.value_gradient(&y, &mut f32s, &mut g32s);
     for i in 0..50 {
         assert_relative_eq!(f64::from(f32s[i]), f[i], epsilon = 2e-4, max_relative = 2e-4);
-        assert!((g32s[i].as_dvec3() - g[i]).length() < 5e-3 * (1.0 + g[i].length()), "{} against {}", g32s[i], g[i]);
+        assert!(
+            (g32s[i].as_dvec3() - g[i]).length() < 5e-3 * (1.0 + g[i].length()),
+            "{} against {}",
+            g32s[i],
+            g[i]
+        );
     }
 }
 
@@ -259,7 +287,8 @@ fn the_heads_adjoints_match_differences() {
     for activation in [Activation::Softplus { beta: 5.0 }, Activation::Relu] {
         let head = RadianceHead::<f64>::new(encoding, vec![13, 9], activation, TRANSFORM, 3);
         let mut head = head;
-        let shaken: Vec<f64> = head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
+        let shaken: Vec<f64> =
+            head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
         head.set_parameters(&shaken);
         let n = 18;
         let (x, normal, d) = (points(n), points(n + 1)[1..].to_vec(), points(n + 2)[2..].to_vec());
@@ -282,7 +311,12 @@ fn the_heads_adjoints_match_differences() {
                     inputs[input][7][c] += h;
                     total(&head, &inputs[0], &inputs[1], &inputs[2])
                 };
-                assert_relative_eq!(bar[7][c], (moved(h) - moved(-h)) / (2.0 * h), epsilon = 1e-7, max_relative = 1e-5);
+                assert_relative_eq!(
+                    bar[7][c],
+                    (moved(h) - moved(-h)) / (2.0 * h),
+                    epsilon = 1e-7,
+                    max_relative = 1e-5
+                );
             }
         }
         for j in (0..theta.len()).step_by(7) {
@@ -292,7 +326,12 @@ fn the_heads_adjoints_match_differences() {
                 head.set_parameters(&p);
                 total(&head, &x, &normal, &d)
             };
-            assert_relative_eq!(theta[j], (moved(h) - moved(-h)) / (2.0 * h), epsilon = 1e-7, max_relative = 1e-5);
+            assert_relative_eq!(
+                theta[j],
+                (moved(h) - moved(-h)) / (2.0 * h),
+                epsilon = 1e-7,
+                max_relative = 1e-5
+            );
         }
         let again = RadianceHead::<f64>::from_safetensors(&head.to_safetensors().unwrap()).unwrap();
         assert_eq!(again.parameters(), head.parameters());

@@ -1,4 +1,5 @@
-//! Rays a second of the tracer, one core, single precision: a view of a ball, of rays that graze it, and the published recursion.
+//! Rays a second of the tracer, one core, single precision: a view of a ball, of rays that graze
+//! it, and the published recursion.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;
@@ -8,11 +9,13 @@ use field::{Shape, Sphere};
 use glam::Vec3;
 use trace::{Options, Ray, intersect, visit};
 
-/// Rays down −z through a square grid of this side, over a square of half a side `half` about `center`.
+/// Rays down −z through a square grid of this side, over a square of half a side `half` about
+/// `center`.
 fn rays(side: usize, center: f32, half: f32) -> Vec<Ray<f32>> {
     let bounds = Sphere { center: Vec3::ZERO, radius: 1.2 };
     let at = |i: usize| (i as f32 + 0.5) / side as f32 * 2.0 - 1.0;
-    let grid = (0..side * side).map(|i| Vec3::new(center + half * at(i % side), half * at(i / side), 4.0));
+    let grid =
+        (0..side * side).map(|i| Vec3::new(center + half * at(i % side), half * at(i / side), 4.0));
     grid.filter_map(|origin| Ray::enter(origin, -Vec3::Z, &bounds)).collect()
 }
 
@@ -23,10 +26,14 @@ fn tracing(c: &mut Criterion) {
     group.sample_size(10);
     for (name, rays) in [("a view", &view), ("grazing", &grazing)] {
         group.throughput(Throughput::Elements(rays.len() as u64));
-        group.bench_function(name, |b| b.iter(|| intersect(&ball, black_box(rays), &Options::default(), &mut found)));
+        group.bench_function(name, |b| {
+            b.iter(|| intersect(&ball, black_box(rays), &Options::default(), &mut found))
+        });
     }
     group.throughput(Throughput::Elements(view.len() as u64));
-    group.bench_function("22 points of the recursion", |b| b.iter(|| visit(&ball, black_box(&view), 22, 1.0)));
+    group.bench_function("22 points of the recursion", |b| {
+        b.iter(|| visit(&ball, black_box(&view), 22, 1.0))
+    });
     group.finish();
 }
 

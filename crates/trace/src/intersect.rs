@@ -25,11 +25,12 @@ pub struct Intersection<R> {
     pub outcome: Outcome,
     /// The distance of the hit; for a miss, of the closest approach.
     pub t: R,
-    /// f there; for a miss that stayed clear of the surface, as a parabola through the nearest points has it.
+    /// f there; for a miss that stayed clear of the surface, as a parabola through the nearest
+    /// points has it.
     pub f: R,
-    /// The smallest f/(L t) at a closest approach of f that the ray passed by, L the steepest slope met along it and at least 1:
-    /// the tangent of the angle by which the ray clears the solid. For a hit, only approaches before it count; infinite if
-    /// there was none.
+    /// The smallest f/(L t) at a closest approach of f that the ray passed by, L the steepest slope
+    /// met along it and at least 1: the tangent of the angle by which the ray clears the solid. For
+    /// a hit, only approaches before it count; infinite if there was none.
     pub clearance: R,
     /// The distance of that closest approach; 0 if there was none.
     pub nearest: R,
@@ -63,12 +64,14 @@ struct State<R> {
     phase: Phase<R>,
     /// The last points on the way, newest first, all outside.
     last: [Option<Point<R>>; 2],
-    /// The steepest |Δf/Δt| met so far, at least 1, and at least what a relaxation below 1 says of the field.
+    /// The steepest |Δf/Δt| met so far, at least 1, and at least what a relaxation below 1 says of
+    /// the field.
     slope: R,
 }
 
-/// The first step is no longer than this fraction of the scale: a field steeper than a distance shows its slope before
-/// it can step over the whole solid. Without it, a ball whose f is five times the distance is not seen at all.
+/// The first step is no longer than this fraction of the scale: a field steeper than a distance
+/// shows its slope before it can step over the whole solid. Without it, a ball whose f is five
+/// times the distance is not seen at all.
 const FIRST_STEP: f64 = 0.5;
 
 /// Nor than this fraction of the interval, which may hug the solid.
@@ -77,15 +80,16 @@ const FIRST_PART: f64 = 0.25;
 /// Steps of up to this many `min_step` may go beyond the ball that f says is empty.
 const RESOLUTION: f64 = 2.0;
 
-/// A step aims this far beyond where the root is expected, in parts of the way to it: the root gets bracketed, tightly.
+/// A step aims this far beyond where the root is expected, in parts of the way to it: the root gets
+/// bracketed, tightly.
 const BEYOND: f64 = 1.02;
 
-/// How much further than f a step may go to an expected root that is not close: where the ray meets the surface within
-/// 24° of its normal.
+/// How much further than f a step may go to an expected root that is not close: where the ray meets
+/// the surface within 24° of its normal.
 const HEAD_ON: f64 = 1.1;
 
-/// The part of the step at which the balls of two points should just touch that is taken: less is walked twice, more has to be
-/// taken back where f bends downwards.
+/// The part of the step at which the balls of two points should just touch that is taken: less is
+/// walked twice, more has to be taken back where f bends downwards.
 const CAUTION: f64 = 0.95;
 
 /// How many times f a step may go, with both ends' balls touching.
@@ -94,9 +98,11 @@ const MOST: f64 = 8.0;
 /// Parts of L Δt by which the balls of two points may fail to touch, for rounding.
 const SLACK: f64 = 1e-3;
 
-/// Finds the first crossing from f > 0 to f ≤ 0 of every ray, one batch of values for all unfinished rays at a time.
+/// Finds the first crossing from f > 0 to f ≤ 0 of every ray, one batch of values for all
+/// unfinished rays at a time.
 ///
-/// `out` is cleared and gets one element a ray. Settings are taken as they are; see [`Options::validate`].
+/// `out` is cleared and gets one element a ray. Settings are taken as they are; see
+/// [`Options::validate`].
 pub fn intersect<R: Real>(
     field: &(impl Field<R> + ?Sized),
     rays: &[Ray<R>],
@@ -198,7 +204,10 @@ impl<R: Real> Tracer<'_, R> {
         // Nothing negative fits between two points whose balls touch.
         let touch = last.f + here.f.abs() >= s.slope * width * R::of(1.0 - SLACK);
         // Far from the origin a shorter step may be none: the limit ends that too.
-        if !touch && width > self.smallest * R::of(RESOLUTION) && self.out.steps < self.options.step_limit {
+        if !touch
+            && width > self.smallest * R::of(RESOLUTION)
+            && self.out.steps < self.options.step_limit
+        {
             return self.step_back(s, last, here);
         }
         if here.f <= R::zero() {
@@ -220,7 +229,12 @@ impl<R: Real> Tracer<'_, R> {
             && last.f <= before.f
             && last.f < here.f
         {
-            self.pass(vertex(before, last, here).filter(|v| v.f < last.f && v.f > R::zero()).unwrap_or(last), s.slope);
+            self.pass(
+                vertex(before, last, here)
+                    .filter(|v| v.f < last.f && v.f > R::zero())
+                    .unwrap_or(last),
+                s.slope,
+            );
         }
         self.walk(s, here)
     }
@@ -242,14 +256,16 @@ impl<R: Real> Tracer<'_, R> {
         let room = self.ray.far - self.ray.near;
         let first = (self.ray.scale * R::of(FIRST_STEP)).min(room * R::of(FIRST_PART));
         let mut step = last.map_or(clear.min(first), |last| {
-            // If f goes on as it did, the ball there reaches back to the one here (Bálint and Valasek 2018; Bán and Valasek 2023).
+            // If f goes on as it did, the ball there reaches back to the one here (Bálint and
+            // Valasek 2018; Bán and Valasek 2023).
             let rate = (here.f - last.f) / (here.t - last.t);
             (clear * R::of(2.0 * CAUTION) * s.slope / (s.slope - rate).max(R::min_positive_value()))
                 .max(clear)
                 .min(clear * R::of(MOST))
         });
         if here.t >= self.ray.far || (last.is_some() && clear >= self.ray.far - here.t) {
-            // The rest of the interval is inside the ball that f says is empty. A miss still passes its closest approach.
+            // The rest of the interval is inside the ball that f says is empty. A miss still passes
+            // its closest approach.
             let closest = Point { t: self.out.t, f: self.out.f };
             self.pass(closest, s.slope);
             return false;
@@ -308,8 +324,8 @@ impl<R: Real> Tracer<'_, R> {
     }
 }
 
-/// The distance from `here` to where f is expected to be zero, if f falls: by the parabola through three points, by the
-/// secant of the last two if there are no more.
+/// The distance from `here` to where f is expected to be zero, if f falls: by the parabola through
+/// three points, by the secant of the last two if there are no more.
 fn expected_root<R: Real>(before: Option<Point<R>>, last: Point<R>, here: Point<R>) -> Option<R> {
     if here.f >= last.f {
         return None;

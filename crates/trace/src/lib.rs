@@ -1,9 +1,10 @@
 //! Batched sphere tracing of signed distance fields.
 //!
-//! A *ray* is o + t d with |d| = 1, followed over an interval [near, far] of t. The field is read as a distance: positive
-//! outside, negative inside. [`intersect`] finds the first crossing from positive to not positive; [`visit`] records the
-//! points T(u) of the plain recursion t ← t + ρ f, which warp fields are built on; the functions in this crate's root
-//! give the derivative of a hit and of a ray's entry, forward and in reverse.
+//! A *ray* is o + t d with |d| = 1, followed over an interval [near, far] of t. The field is read
+//! as a distance: positive outside, negative inside. [`intersect`] finds the first crossing from
+//! positive to not positive; [`visit`] records the points T(u) of the plain recursion t ← t + ρ f,
+//! which warp fields are built on; the functions in this crate's root give the derivative of a hit
+//! and of a ray's entry, forward and in reverse.
 //!
 //! ```
 //! use field::{Field, Shape, Sphere};
@@ -40,14 +41,15 @@
 //! ```
 //!
 //! # What is guaranteed
-//! Every ray ends, after at most [`Options::step_limit`] evaluations. A hit's f is zero to the tolerance. A grazing ray is
-//! decided by the sign of f at its closest approach, not by running out of steps. A NaN ends its ray as
-//! [`Outcome::Invalid`].
+//! Every ray ends, after at most [`Options::step_limit`] evaluations. A hit's f is zero to the
+//! tolerance. A grazing ray is decided by the sign of f at its closest approach, not by running out
+//! of steps. A NaN ends its ray as [`Outcome::Invalid`].
 //!
 //! # What is not
-//! Where the field is not 1-Lipschitz a step may jump over a thin part. Close to a surface a step follows the slope of the
-//! last two values, up to a few times f: a part thinner than that, seen behind a slope that was about to cross, is
-//! missed. Parts thinner than [`Options::min_step`] may be missed by rays that graze something else there.
+//! Where the field is not 1-Lipschitz a step may jump over a thin part. Close to a surface a step
+//! follows the slope of the last two values, up to a few times f: a part thinner than that, seen
+//! behind a slope that was about to cross, is missed. Parts thinner than [`Options::min_step`] may
+//! be missed by rays that graze something else there.
 
 mod derivative;
 mod intersect;

@@ -2,24 +2,33 @@
 
 use field::Real;
 
-/// Settings of [`crate::intersect`]; lengths are fractions of the ray's scale, the bounding radius unless a caller knows better.
+/// Settings of [`crate::intersect`]; lengths are fractions of the ray's scale, the bounding radius
+/// unless a caller knows better.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
-    /// Evaluations after which a ray is given up as a miss. At `min_step` 0.005 a ray through the whole ball takes 400.
+    /// Evaluations after which a ray is given up as a miss. At `min_step` 0.005 a ray through the
+    /// whole ball takes 400.
     pub step_limit: u32,
-    /// ρ in (0, 1]: the fraction of f that a step far from surfaces takes. Below 1 for fields steeper than a distance.
+    /// ρ in (0, 1]: the fraction of f that a step far from surfaces takes. Below 1 for fields
+    /// steeper than a distance.
     pub relaxation: R,
     /// |f| at which a root is good enough.
     pub tolerance: R,
-    /// The shortest step outside. Steps shrink quadratically along a grazing ray (a ray 1e-3 inside a silhouette of radius 1
-    /// would need hundreds); this bounds them, and what is stepped over is found again by its sign or by the closest
-    /// approach. Halving it from 0.005 changed no decision on the test scenes and cost 4 % more evaluations.
+    /// The shortest step outside. Steps shrink quadratically along a grazing ray (a ray 1e-3 inside
+    /// a silhouette of radius 1 would need hundreds); this bounds them, and what is stepped over is
+    /// found again by its sign or by the closest approach. Halving it from 0.005 changed no
+    /// decision on the test scenes and cost 4 % more evaluations.
     pub min_step: R,
 }
 
 impl<R: Real> Default for Options<R> {
     fn default() -> Self {
-        Options { step_limit: 512, relaxation: R::one(), tolerance: R::epsilon() * R::of(16.0), min_step: R::of(0.005) }
+        Options {
+            step_limit: 512,
+            relaxation: R::one(),
+            tolerance: R::epsilon() * R::of(16.0),
+            min_step: R::of(0.005),
+        }
     }
 }
 

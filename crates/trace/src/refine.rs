@@ -18,8 +18,9 @@ pub(crate) fn vertex<R: Real>(a: Point<R>, b: Point<R>, c: Point<R>) -> Option<P
 
 /// Where two lines meet: one falling from `a` with `slope_a`, one rising to `b` with `slope_b`.
 ///
-/// A convex f with these slopes outside [a, b] lies above both, so this is its lower bound. Where the lines do not meet
-/// between a and b, f is not convex or has its minimum elsewhere, and the lower end is returned.
+/// A convex f with these slopes outside [a, b] lies above both, so this is its lower bound. Where
+/// the lines do not meet between a and b, f is not convex or has its minimum elsewhere, and the
+/// lower end is returned.
 pub(crate) fn line_bound<R: Real>(a: Point<R>, b: Point<R>, slope_a: R, slope_b: R) -> Point<R> {
     let width = b.t - a.t;
     let along = (b.f - a.f - slope_b * width) / (slope_a - slope_b);
@@ -43,8 +44,9 @@ pub(crate) enum Next<R> {
 
 /// A search for a negative value between two positive ones.
 ///
-/// A smooth dip is found by parabolas, a kinked one (an edge of a solid, seen from the side) by the lines on both sides.
-/// The search stops when those lines meet above zero: then a convex f has no negative value here.
+/// A smooth dip is found by parabolas, a kinked one (an edge of a solid, seen from the side) by the
+/// lines on both sides. The search stops when those lines meet above zero: then a convex f has no
+/// negative value here.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach<R> {
     /// Where marching goes on.
@@ -60,10 +62,12 @@ pub(crate) struct Approach<R> {
     left: u32,
 }
 
-/// Evaluations of one search. Parabolas need two to four; rays within 1e-12 of a silhouette up to ten.
+/// Evaluations of one search. Parabolas need two to four; rays within 1e-12 of a silhouette up to
+/// ten.
 const APPROACH_LIMIT: u32 = 16;
 
-/// A minimum of a parabola that predicted its last point to this part of its value is taken for a minimum of f.
+/// A minimum of a parabola that predicted its last point to this part of its value is taken for a
+/// minimum of f.
 const AGREEMENT: f64 = 0.1;
 
 /// A vertex is tried if it is this part of the interval away from the lowest point.
@@ -86,7 +90,11 @@ impl<R: Real> Approach<R> {
         let along = -self.slopes[0] * width / (bend + bend);
         let margin = width * R::of(MARGIN);
         // A NaN or a parabola that opens downwards: the middle.
-        let along = if bend > R::zero() { along.max(margin).min(width - margin) } else { width * R::of(0.5) };
+        let along = if bend > R::zero() {
+            along.max(margin).min(width - margin)
+        } else {
+            width * R::of(0.5)
+        };
         self.a.t + along
     }
 
@@ -160,7 +168,8 @@ impl<R: Real> Approach<R> {
         }
     }
 
-    /// Makes `p` the right end; f has the slope from p to the old end after it. `inside` is the neighbour on p's left.
+    /// Makes `p` the right end; f has the slope from p to the old end after it. `inside` is the
+    /// neighbour on p's left.
     fn cut_after(&mut self, inside: Point<R>, p: Point<R>) {
         debug_assert!(inside.t < p.t);
         self.slopes[1] = (self.b.f - p.f) / (self.b.t - p.t);
@@ -174,7 +183,8 @@ impl<R: Real> Approach<R> {
         self.a = p;
     }
 
-    /// Where to look next, with what a parabola says f is there; none if no convex f can be negative.
+    /// Where to look next, with what a parabola says f is there; none if no convex f can be
+    /// negative.
     fn next(&self) -> Option<(R, Option<R>)> {
         let Some(low) = self.low else {
             let bound = line_bound(self.a, self.b, self.slopes[0], self.slopes[1]);
@@ -188,27 +198,29 @@ impl<R: Real> Approach<R> {
         if bound.f > R::zero() {
             return None;
         }
-        // Parabolas and lines take turns: whichever fits f converges. A vertex next to the lowest point would agree with
-        // it in value whatever f does, and tell nothing.
+        // Parabolas and lines take turns: whichever fits f converges. A vertex next to the lowest
+        // point would agree with it in value whatever f does, and tell nothing.
         let apart = R::of(APART) * (self.b.t - self.a.t);
-        let parabola =
-            vertex(self.a, low, self.b).filter(|v| !self.left.is_multiple_of(3) && (v.t - low.t).abs() > apart);
+        let parabola = vertex(self.a, low, self.b)
+            .filter(|v| !self.left.is_multiple_of(3) && (v.t - low.t).abs() > apart);
         Some(parabola.map_or((bound.t, None), |v| (v.t, Some(v.f).filter(|_| self.rounded(low)))))
     }
 
-    /// Whether the parabola through both ends and `low` bends no further than a convex f can with its slopes outside them.
-    /// Through the points of a kink it does, and may agree with one more of them by chance.
+    /// Whether the parabola through both ends and `low` bends no further than a convex f can with
+    /// its slopes outside them. Through the points of a kink it does, and may agree with one more
+    /// of them by chance.
     fn rounded(&self, low: Point<R>) -> bool {
         let (left, right) = (low.t - self.a.t, self.b.t - low.t);
         let (down, up) = ((low.f - self.a.f) / left, (self.b.f - low.f) / right);
         let curvature = (up - down) / (left + right);
         let slack = R::of(AGREEMENT) * curvature * (left + right);
-        down - curvature * left >= self.slopes[0] - slack && up + curvature * right <= self.slopes[1] + slack
+        down - curvature * left >= self.slopes[0] - slack
+            && up + curvature * right <= self.slopes[1] + slack
     }
 }
 
-/// A root between f > 0 at `outside` and f ≤ 0 at `inside`, narrowed by the secants of Illinois' method, which keep both
-/// ends moving, and by bisection where those are slow.
+/// A root between f > 0 at `outside` and f ≤ 0 at `inside`, narrowed by the secants of Illinois'
+/// method, which keep both ends moving, and by bisection where those are slow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bracket<R> {
     outside: Point<R>,
@@ -223,8 +235,8 @@ pub(crate) struct Bracket<R> {
     left: u32,
 }
 
-/// Evaluations of one root. Illinois' method takes three to six from a bracket of `min_step` in double precision; with a
-/// bisection for every three, 200 close any bracket.
+/// Evaluations of one root. Illinois' method takes three to six from a bracket of `min_step` in
+/// double precision; with a bisection for every three, 200 close any bracket.
 const ROOT_LIMIT: u32 = 200;
 
 /// Evaluations in which a bracket has to become half as wide.
@@ -242,7 +254,8 @@ impl<R: Real> Bracket<R> {
         if self.outside.f < -self.inside.f { self.outside } else { self.inside }
     }
 
-    /// Where to look next; none if f is zero to the tolerance, or nothing representable is left between the ends.
+    /// Where to look next; none if f is zero to the tolerance, or nothing representable is left
+    /// between the ends.
     pub(crate) fn trial(&mut self, tolerance: R) -> Option<R> {
         let (from, to) = (self.outside.t, self.inside.t);
         let middle = from + (to - from) * R::of(0.5);
@@ -263,8 +276,8 @@ impl<R: Real> Bracket<R> {
         Some(if t > from && t < to { t } else { middle })
     }
 
-    /// The bracket with `here` as one of its ends. Illinois: an end that stays for a second time counts half, so that it
-    /// too will move.
+    /// The bracket with `here` as one of its ends. Illinois: an end that stays for a second time
+    /// counts half, so that it too will move.
     pub(crate) fn narrowed(mut self, here: Point<R>) -> Self {
         let side = usize::from(here.f <= R::zero());
         if self.last == Some(side) {

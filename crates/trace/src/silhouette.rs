@@ -2,8 +2,8 @@
 
 use field::{Field, Real, Vector3};
 
-/// A ray that turns about its origin: its direction at the angle parameter s, of length 1, and the direction's derivative
-/// by s. Estimators let s be a film coordinate in pixels.
+/// A ray that turns about its origin: its direction at the angle parameter s, of length 1, and the
+/// direction's derivative by s. Estimators let s be a film coordinate in pixels.
 pub trait Turn<R: Real> {
     /// The origin that the rays of search `index` share.
     fn origin(&self, index: usize) -> R::Vec3;
@@ -20,17 +20,19 @@ pub struct Start<R> {
     pub t: R,
     /// The values of s between which a silhouette is looked for.
     pub range: [R; 2],
-    /// How far along the ray f is to be followed for a minimum, at first: about its width, in world units.
+    /// How far along the ray f is to be followed for a minimum, at first: about its width, in world
+    /// units.
     pub reach: R,
-    /// A ray that falls towards the surface at the start by more than this, as a cosine to its normal, has no silhouette near, and
-    /// its search ends at once. 1 for all rays.
+    /// A ray that falls towards the surface at the start by more than this, as a cosine to its
+    /// normal, has no silhouette near, and its search ends at once. 1 for all rays.
     pub steepest: R,
 }
 
 /// A ray that touches a surface: f = 0 and f has a minimum along it.
 ///
-/// The minimum lies between two points, and the gradient there is their weighted mean: at an edge of a solid, where f is
-/// kinked, the mean of both faces that is orthogonal to the ray; where f is smooth, the interpolated gradient.
+/// The minimum lies between two points, and the gradient there is their weighted mean: at an edge
+/// of a solid, where f is kinked, the mean of both faces that is orthogonal to the ray; where f is
+/// smooth, the interpolated gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tangency<R: Real> {
     /// The parameter of the ray.
@@ -60,7 +62,8 @@ struct Point<R: Real> {
     gradient: R::Vec3,
 }
 
-/// Evaluations along one ray before a search gives up: a kink takes about ten, a smooth minimum three.
+/// Evaluations along one ray before a search gives up: a kink takes about ten, a smooth minimum
+/// three.
 const INNER_LIMIT: u32 = 40;
 
 /// Rays of one search. Newton's method takes three or four where m is smooth.
@@ -69,18 +72,20 @@ const OUTER_LIMIT: u32 = 24;
 /// A minimum is known well enough for a Newton step when it is known to this part of its value.
 const ROUGH: f64 = 0.05;
 
-/// A point is at the bottom if its height above the tangents' meeting is this part of the other's. Of a parabola it is then
-/// within a fifth of the interval.
+/// A point is at the bottom if its height above the tangents' meeting is this part of the other's.
+/// Of a parabola it is then within a fifth of the interval.
 const KINKED: f64 = 0.25;
 
-/// Gradients that differ by this part are of two faces; one of these may lie behind a smooth minimum that is not its own.
+/// Gradients that differ by this part are of two faces; one of these may lie behind a smooth
+/// minimum that is not its own.
 const FACES: f64 = 0.1;
 
 /// How closely two faces enclose a minimum at an edge, in tolerances.
 const TIGHT: f64 = 10.0;
 
-/// Where the gradients on both sides of a minimum cancel to this part of them, there may be no inside at all (a solid without its
-/// own points has a surface and a kink everywhere): it is looked for.
+/// Where the gradients on both sides of a minimum cancel to this part of them, there may be no
+/// inside at all (a solid without its own points has a surface and a kink everywhere): it is looked
+/// for.
 const CANCELLED: f64 = 0.1;
 
 /// How far inside, in tolerances.
@@ -117,12 +122,13 @@ enum Step<R: Real> {
     Failed,
 }
 
-/// Finds the silhouette near every start: s to `tolerance`, in the units of s. One element a start; `None` where the
-/// search leaves its range, or finds no minimum.
+/// Finds the silhouette near every start: s to `tolerance`, in the units of s. One element a start;
+/// `None` where the search leaves its range, or finds no minimum.
 ///
-/// By Newton's method on m(s) = min_t f, whose derivative is that of f at the minimum (the envelope theorem), safeguarded by
-/// the signs of m. Costs values with gradients only, in batches over all searches. Guarantees f = 0 at the minimum to
-/// `tolerance` times its slope; does not guarantee that nothing hides the point.
+/// By Newton's method on m(s) = min_t f, whose derivative is that of f at the minimum (the envelope
+/// theorem), safeguarded by the signs of m. Costs values with gradients only, in batches over all
+/// searches. Guarantees f = 0 at the minimum to `tolerance` times its slope; does not guarantee
+/// that nothing hides the point.
 pub fn tangencies<R: Real>(
     field: &(impl Field<R> + ?Sized),
     turn: &(impl Turn<R> + ?Sized),
@@ -132,7 +138,8 @@ pub fn tangencies<R: Real>(
     let mut out = vec![None; starts.len()];
     let mut active: Vec<Search<R>> =
         starts.iter().enumerate().map(|(index, start)| Search::new(turn, index, *start)).collect();
-    let (mut x, mut f, mut gradient) = (Vec::new(), vec![R::zero(); starts.len()], vec![R::Vec3::zero(); starts.len()]);
+    let (mut x, mut f, mut gradient) =
+        (Vec::new(), vec![R::zero(); starts.len()], vec![R::Vec3::zero(); starts.len()]);
     while !active.is_empty() {
         x.clear();
         x.extend(active.iter().map(|s| turn.origin(s.index) + s.direction * s.t));
@@ -195,11 +202,14 @@ impl<R: Real> Search<R> {
             return if self.t > R::zero() { Step::Evaluate } else { Step::Failed };
         };
         let minimum = Minimum::of(a, b, self.turn);
-        let known = (tolerance * minimum.rate.abs() * R::of(0.5)).max(R::of(ROUGH) * minimum.f.abs());
+        let known =
+            (tolerance * minimum.rate.abs() * R::of(0.5)).max(R::of(ROUGH) * minimum.f.abs());
         // What rounding of the point makes of f.
-        let rounding = R::epsilon() * R::of(4.0) * b.t.abs() * a.gradient.length().max(b.gradient.length());
+        let rounding =
+            R::epsilon() * R::of(4.0) * b.t.abs() * a.gradient.length().max(b.gradient.length());
         let next = self.between(a, b, &minimum);
-        let known = minimum.gap <= known.max(rounding) && !(self.close && self.differ(a, b, tolerance));
+        let known =
+            minimum.gap <= known.max(rounding) && !(self.close && self.differ(a, b, tolerance));
         if known || next <= a.t || next >= b.t {
             return self.turn_on(turn, a, b, &minimum, tolerance);
         }
@@ -212,11 +222,16 @@ impl<R: Real> Search<R> {
         faces(a, b) && b.t - a.t > tolerance * R::of(TIGHT) * self.turn.length() * b.t
     }
 
-    /// The next place to look for the minimum: where the slope is expected to vanish, or where the tangents meet.
+    /// The next place to look for the minimum: where the slope is expected to vanish, or where the
+    /// tangents meet.
     fn between(&self, a: Point<R>, b: Point<R>, minimum: &Minimum<R>) -> R {
         let next = if self.inner % 3 == 2 { minimum.meeting } else { minimum.t };
         let margin = (b.t - a.t) * R::of(0.01);
-        if self.inner % 8 == 7 { (a.t + b.t) * R::of(0.5) } else { next.max(a.t + margin).min(b.t - margin) }
+        if self.inner % 8 == 7 {
+            (a.t + b.t) * R::of(0.5)
+        } else {
+            next.max(a.t + margin).min(b.t - margin)
+        }
     }
 
     /// Newton's step in s.
@@ -260,12 +275,18 @@ impl<R: Real> Search<R> {
                 return Step::Found(found);
             }
             self.doubted = Some(found);
-            self.look_from(turn, next - tolerance * R::of(INSIDE) * rate.signum(), minimum.t, b.t - a.t);
+            self.look_from(
+                turn,
+                next - tolerance * R::of(INSIDE) * rate.signum(),
+                minimum.t,
+                b.t - a.t,
+            );
             return Step::Evaluate;
         }
         let [from, to] = self.start.range;
         if next < from || next > to {
-            // One try at the end of the range; what still leaves it, or leaves it by far, is not here.
+            // One try at the end of the range; what still leaves it, or leaves it by far, is not
+            // here.
             let far = to - from;
             if self.clamped || next < from - far || next > to + far {
                 return Step::Failed;
@@ -282,7 +303,8 @@ impl<R: Real> Search<R> {
                 return Step::Failed;
             }
         }
-        let step = (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value()));
+        let step =
+            (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value()));
         self.look_from(turn, next, minimum.t, step);
         Step::Evaluate
     }
@@ -305,7 +327,8 @@ fn faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
 struct Minimum<R: Real> {
     t: R,
     f: R,
-    /// How far f may lie below the lower of both points: where the tangents meet, a convex f is above.
+    /// How far f may lie below the lower of both points: where the tangents meet, a convex f is
+    /// above.
     gap: R,
     meeting: R,
     /// The weight of the point behind.
@@ -320,13 +343,15 @@ impl<R: Real> Minimum<R> {
         let width = b.t - a.t;
         let share = -a.slope / (b.slope - a.slope).max(R::min_positive_value());
         let t = a.t + width * share;
-        let meeting = a.t + (b.f - a.f - b.slope * width) / (a.slope - b.slope).min(-R::min_positive_value());
+        let meeting =
+            a.t + (b.f - a.f - b.slope * width) / (a.slope - b.slope).min(-R::min_positive_value());
         let bound = a.f + a.slope * (meeting - a.t);
         let lower = a.f.min(b.f);
         // A parabola's minimum lies half-way down its tangent.
         let f = (a.f + a.slope * (t - a.t) * R::of(0.5)).max(bound).min(lower);
         let gradient = a.gradient * (R::one() - share) + b.gradient * share;
-        // At a kink one point gets to the bottom, and where the slopes' secant vanishes says nothing.
+        // At a kink one point gets to the bottom, and where the slopes' secant vanishes says
+        // nothing.
         let kinked = lower - bound < R::of(KINKED) * (a.f.max(b.f) - bound);
         let t = if !kinked {
             t

@@ -61,9 +61,14 @@ impl<R: Real> Visits<R> {
 
 /// Follows t ← t + ρ f(x(t)) from `near` for `points` points a ray, with f and ∇f at each.
 ///
-/// A record is shorter where the interval ends before, or where the recursion stands still (every further point would be
-/// the same one).
-pub fn visit<R: Real>(field: &(impl Field<R> + ?Sized), rays: &[Ray<R>], points: usize, relaxation: R) -> Visits<R> {
+/// A record is shorter where the interval ends before, or where the recursion stands still (every
+/// further point would be the same one).
+pub fn visit<R: Real>(
+    field: &(impl Field<R> + ?Sized),
+    rays: &[Ray<R>],
+    points: usize,
+    relaxation: R,
+) -> Visits<R> {
     let slots = rays.len() * points;
     let mut v = Visits {
         stride: points,
@@ -86,11 +91,13 @@ pub fn visit<R: Real>(field: &(impl Field<R> + ?Sized), rays: &[Ray<R>], points:
         let mut values = f.iter().zip(gradient.iter());
         active.retain_mut(|(ray, t)| {
             let Some((f, gradient)) = values.next() else { return false };
-            v.record(*ray, point, *t, *f, *gradient, rays[*ray].far, relaxation).is_some_and(|next| {
-                let moves = next != *t;
-                *t = next;
-                moves
-            })
+            v.record(*ray, point, *t, *f, *gradient, rays[*ray].far, relaxation).is_some_and(
+                |next| {
+                    let moves = next != *t;
+                    *t = next;
+                    moves
+                },
+            )
         });
         if active.is_empty() {
             break;
@@ -102,7 +109,16 @@ pub fn visit<R: Real>(field: &(impl Field<R> + ?Sized), rays: &[Ray<R>], points:
 impl<R: Real> Visits<R> {
     /// Stores a point; returns where the next one is, if there is one.
     #[allow(clippy::too_many_arguments, reason = "a point and its ray")]
-    fn record(&mut self, ray: usize, point: usize, t: R, f: R, gradient: R::Vec3, far: R, relaxation: R) -> Option<R> {
+    fn record(
+        &mut self,
+        ray: usize,
+        point: usize,
+        t: R,
+        f: R,
+        gradient: R::Vec3,
+        far: R,
+        relaxation: R,
+    ) -> Option<R> {
         if !f.is_finite() || !gradient.is_finite() {
             self.valid[ray] = false;
             return None;

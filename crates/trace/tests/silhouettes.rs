@@ -27,12 +27,21 @@ impl<R: Real> Turn<R> for Plane {
 
 fn plane(aside: DVec3) -> Plane {
     let ahead = -DVec3::Z;
-    Plane { origin: DVec3::new(0.0, 0.0, 4.0), ahead, aside: aside.reject_from_normalized(ahead).normalize() }
+    Plane {
+        origin: DVec3::new(0.0, 0.0, 4.0),
+        ahead,
+        aside: aside.reject_from_normalized(ahead).normalize(),
+    }
 }
 
 fn find<R: Real>(field: &dyn Field<R>, turn: &Plane, s: f64) -> Option<Tangency<R>> {
-    let start =
-        Start { s: R::of(s), t: R::of(4.0), range: [R::zero(), R::of(0.5)], reach: R::of(0.1), steepest: R::one() };
+    let start = Start {
+        s: R::of(s),
+        t: R::of(4.0),
+        range: [R::zero(), R::of(0.5)],
+        reach: R::of(0.1),
+        steepest: R::one(),
+    };
     tangencies(field, turn, &[start], R::of(1e-6).max(R::epsilon() * R::of(8.0)))[0]
 }
 
@@ -43,7 +52,8 @@ fn aside() -> impl Strategy<Value = DVec3> {
 /// min f along the ray at s, by brute force around distance 4.
 fn lowest(field: &dyn Field<f64>, turn: &Plane, s: f64) -> f64 {
     let (d, _) = Turn::<f64>::direction(turn, 0, s);
-    let x: Vec<DVec3> = (0..40_001).map(|i| turn.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
+    let x: Vec<DVec3> =
+        (0..40_001).map(|i| turn.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
     let mut f = vec![0.0; x.len()];
     field.value(&x, &mut f);
     f.into_iter().fold(f64::INFINITY, f64::min)
@@ -107,7 +117,8 @@ proptest! {
         let found = find(&column, &turn, exact + off).unwrap();
         prop_assert!((found.s - exact).abs() < 1e-6, "{} against {exact}", found.s);
         prop_assert!(found.edge);
-        // It moves as the corner does: the gradient by the column's half sizes says so, 1/|m'| of the corner's motion.
+        // It moves as the corner does: the gradient by the column's half sizes says so, 1/|m'| of
+        // the corner's motion.
         let f_dot: f64 = found.points.iter().zip(found.weights).map(|(x, w)| {
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
             column.parameter_jvp(&[*x], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &mut f, &mut g);
@@ -120,7 +131,8 @@ proptest! {
 
     #[test]
     fn a_smooth_silhouette_beside_a_rim_does_not_know_the_rim(aside in aside(), gap in 3e-4..3e-3f64, off in -0.05..0.05f64) {
-        // A ball with a bite that the tangent ray enters at a flat angle, `gap` behind the silhouette.
+        // A ball with a bite that the tangent ray enters at a flat angle, `gap` behind the
+        // silhouette.
         let turn = plane(aside);
         let exact = 0.2f64.asin();
         let (d, _) = Turn::<f64>::direction(&turn, 0, exact);

@@ -1,11 +1,13 @@
-//! Closed forms, grazing rays, fields that are no distances, poison, and derivatives against differences.
+//! Closed forms, grazing rays, fields that are no distances, poison, and derivatives against
+//! differences.
 
 use approx::assert_relative_eq;
 use field::{Counted, Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use trace::{
-    HitAdjoint, Intersection, Options, Outcome, Ray, entry_derivative, hit_film_derivative, hit_vjp, intersect, visit,
+    HitAdjoint, Intersection, Options, Outcome, Ray, entry_derivative, hit_film_derivative,
+    hit_vjp, intersect, visit,
 };
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 2.0 };
@@ -14,7 +16,12 @@ fn find(field: &dyn Field<f64>, origin: DVec3, direction: DVec3) -> Intersection
     find_relaxed(field, origin, direction, 1.0)
 }
 
-fn find_relaxed(field: &dyn Field<f64>, origin: DVec3, direction: DVec3, relaxation: f64) -> Intersection<f64> {
+fn find_relaxed(
+    field: &dyn Field<f64>,
+    origin: DVec3,
+    direction: DVec3,
+    relaxation: f64,
+) -> Intersection<f64> {
     let ray = Ray::enter(origin, direction, &BOUNDS).expect("the ray meets the ball");
     let mut out = Vec::new();
     intersect(field, &[ray], &Options { relaxation, ..Options::default() }, &mut out);
@@ -28,8 +35,10 @@ fn value(field: &dyn Field<f64>, x: DVec3) -> f64 {
 }
 
 fn solids() -> Vec<Box<dyn Field<f64>>> {
-    let torus = || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25]));
-    let capsule = || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2]));
+    let torus =
+        || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25]));
+    let capsule =
+        || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2]));
     let cube = || Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.4]));
     vec![
         Box::new(Shape::sphere([0.1, 0.0, -0.2], 0.7)),
@@ -79,7 +88,8 @@ fn edge() -> impl Strategy<Value = (f64, f64)> {
     (0.2..1.3f64, -0.8..0.8f64)
 }
 
-/// A ray that passes the edge (0.7, 0.5, along) of a box in the plane z = along, at a distance of 10^offset.
+/// A ray that passes the edge (0.7, 0.5, along) of a box in the plane z = along, at a distance of
+/// 10^offset.
 fn past_an_edge(
     (yaw, along): (f64, f64),
     offset: f64,
@@ -87,7 +97,8 @@ fn past_an_edge(
     factor: f64,
     relaxation: f64,
 ) -> Intersection<f64> {
-    let field = Scaled(Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.9])), factor);
+    let field =
+        Scaled(Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.9])), factor);
     let side = DVec3::new(yaw.cos(), yaw.sin(), 0.0);
     let past = f64::powf(10.0, offset) * if inside { -1.0 } else { 1.0 };
     let direction = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
@@ -126,7 +137,8 @@ proptest! {
 
     #[test]
     fn edges_of_an_unannounced_steep_field_are_seen(edge in edge(), offset in -4.0..-1.5f64, inside in any::<bool>()) {
-        // The slope beyond the edge is in no value before it: a chord of less than a fiftieth of min_step may be missed.
+        // The slope beyond the edge is in no value before it: a chord of less than a fiftieth of
+        // min_step may be missed.
         let found = past_an_edge(edge, offset, inside, 3.0, 1.0);
         prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
         prop_assert!(found.steps < 120, "{} steps", found.steps);
@@ -245,8 +257,11 @@ proptest! {
 #[test]
 fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
     let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
-    for (factor, outcome) in [(f64::NAN, Outcome::Invalid), (0.0, Outcome::Inside), (1e-9, Outcome::Hit)] {
-        let found = find(&Scaled(Box::new(ball.clone()), factor), DVec3::new(0.1, 0.2, 4.0), -DVec3::Z);
+    for (factor, outcome) in
+        [(f64::NAN, Outcome::Invalid), (0.0, Outcome::Inside), (1e-9, Outcome::Hit)]
+    {
+        let found =
+            find(&Scaled(Box::new(ball.clone()), factor), DVec3::new(0.1, 0.2, 4.0), -DVec3::Z);
         assert_eq!(found.outcome, outcome, "factor {factor}");
     }
     let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 1.0, 0.0, -1.0]);
@@ -257,7 +272,8 @@ fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
 
 #[test]
 fn single_precision_decides_like_double() {
-    let (single, double) = (Shape::<f32>::sphere([0.0; 3], 0.7), Shape::<f64>::sphere([0.0; 3], 0.7));
+    let (single, double) =
+        (Shape::<f32>::sphere([0.0; 3], 0.7), Shape::<f64>::sphere([0.0; 3], 0.7));
     let bounds = Sphere::<f32> { center: Vec3::ZERO, radius: 2.0 };
     let mut wrong = 0;
     for i in 0..1000 {
@@ -274,10 +290,13 @@ fn single_precision_decides_like_double() {
 #[test]
 fn rays_end_where_a_short_step_is_none() {
     // At this distance single precision has steps of a sixtieth.
-    let (eye, bounds) = (Vec3::new(0.0, 0.0, 1.5e5), Sphere::<f32> { center: Vec3::ZERO, radius: 1.02 });
+    let (eye, bounds) =
+        (Vec3::new(0.0, 0.0, 1.5e5), Sphere::<f32> { center: Vec3::ZERO, radius: 1.02 });
     let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
     let rays: Vec<Ray<f32>> = (0..200)
-        .filter_map(|i| Ray::enter(eye, Vec3::new(1e-7 * i as f32 - 1e-5, 0.0, -1.0).normalize(), &bounds))
+        .filter_map(|i| {
+            Ray::enter(eye, Vec3::new(1e-7 * i as f32 - 1e-5, 0.0, -1.0).normalize(), &bounds)
+        })
         .collect();
     let mut out = Vec::new();
     intersect(&ball, &rays, &Options::default(), &mut out);
@@ -292,7 +311,9 @@ fn a_view_costs_few_evaluations() {
         let mut rays = Vec::new();
         for i in 0..64 * 64 {
             let origin = DVec3::new(0.4, 0.3, 5.0);
-            let target = DVec3::new(f64::from(i % 64) / 32.0 - 1.0, f64::from(i / 64) / 32.0 - 1.0, 0.0) * 1.3;
+            let target =
+                DVec3::new(f64::from(i % 64) / 32.0 - 1.0, f64::from(i / 64) / 32.0 - 1.0, 0.0)
+                    * 1.3;
             rays.extend(Ray::enter(origin, (target - origin).normalize(), &BOUNDS));
         }
         let mut out = Vec::new();
@@ -306,8 +327,9 @@ fn a_view_costs_few_evaluations() {
 #[test]
 fn visits_follow_the_recursion_and_end_with_the_interval() {
     let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
-    let rays: Vec<_> =
-        [0.0, 0.69, 0.71, 1.5].map(|x| Ray::enter(DVec3::new(x, 0.0, 4.0), -DVec3::Z, &BOUNDS).unwrap()).to_vec();
+    let rays: Vec<_> = [0.0, 0.69, 0.71, 1.5]
+        .map(|x| Ray::enter(DVec3::new(x, 0.0, 4.0), -DVec3::Z, &BOUNDS).unwrap())
+        .to_vec();
     let visits = visit(&ball, &rays, 22, 1.0);
     for (i, ray) in rays.iter().enumerate() {
         let v = visits.ray(i);
@@ -320,7 +342,11 @@ fn visits_follow_the_recursion_and_end_with_the_interval() {
             }
         }
         if v.clamped {
-            assert_relative_eq!(v.t[v.t.len() - 1] + v.step[v.t.len() - 1], ray.far, epsilon = 1e-12);
+            assert_relative_eq!(
+                v.t[v.t.len() - 1] + v.step[v.t.len() - 1],
+                ray.far,
+                epsilon = 1e-12
+            );
         }
     }
     assert!(visits.ray(3).clamped && visits.ray(3).t.len() < 22);

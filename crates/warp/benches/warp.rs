@@ -1,4 +1,5 @@
-//! Rays a second of the warp field, one core, single precision, by the number of points that keep a weight.
+//! Rays a second of the warp field, one core, single precision, by the number of points that keep a
+//! weight.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;
@@ -20,7 +21,10 @@ impl Projection<f32> for Film {
         let depth = 4.0 - x.z;
         let turn = |x: f32, x_dot: f32| x_dot / depth + 2.0 * x * dx.z / (depth * depth);
         let slow = dx.z / (depth * depth);
-        [Vec3::new(slow, 0.0, turn(x.x, dx.x) / depth), Vec3::new(0.0, slow, turn(x.y, dx.y) / depth)]
+        [
+            Vec3::new(slow, 0.0, turn(x.x, dx.x) / depth),
+            Vec3::new(0.0, slow, turn(x.y, dx.y) / depth),
+        ]
     }
 }
 
@@ -30,8 +34,10 @@ const POINTS: usize = 22;
 fn warps(c: &mut Criterion) {
     let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
     let origin = Vec3::new(0.0, 0.0, 4.0);
-    let (mut t, mut f, mut g) = (vec![3.0; RAYS * POINTS], vec![0.0; RAYS * POINTS], vec![Vec3::ZERO; RAYS * POINTS]);
-    let direction = |r: usize| Vec3::new(0.26 + 0.02 * (r as f32 / RAYS as f32), 0.0, -1.0).normalize();
+    let (mut t, mut f, mut g) =
+        (vec![3.0; RAYS * POINTS], vec![0.0; RAYS * POINTS], vec![Vec3::ZERO; RAYS * POINTS]);
+    let direction =
+        |r: usize| Vec3::new(0.26 + 0.02 * (r as f32 / RAYS as f32), 0.0, -1.0).normalize();
     for r in 0..RAYS {
         for i in r * POINTS..(r + 1) * POINTS {
             ball.value_gradient(&[origin + t[i] * direction(r)], &mut f[i..=i], &mut g[i..=i]);
@@ -63,9 +69,13 @@ fn warps(c: &mut Criterion) {
     group.throughput(Throughput::Elements(RAYS as u64)).sample_size(10);
     for k in [4, 7, 14, 22] {
         let options = Options { k, ..Options::default() };
-        group.bench_with_input(BenchmarkId::new("V and its divergence, k", k), &options, |b, options| {
-            b.iter(|| evaluate(&ball, options, &films, black_box(&rays), true));
-        });
+        group.bench_with_input(
+            BenchmarkId::new("V and its divergence, k", k),
+            &options,
+            |b, options| {
+                b.iter(|| evaluate(&ball, options, &films, black_box(&rays), true));
+            },
+        );
     }
     group.finish();
 }

@@ -7,9 +7,10 @@ use crate::{Kept, Motion, Options, Projection, WarpedRay, Weighting};
 
 /// Evaluates the warp of a batch of rays; `projection` has one chart a ray, or one for all.
 ///
-/// With `divergence` the field is asked for two Hessian–vector products at every kept point and at the point by whose weight a
-/// ray's weights are shifted, in two batches over all rays; without, for nothing. A ray with a number that is not finite, or
-/// that leads to one, contributes nothing (see [`Kept::valid`]); the others do not notice.
+/// With `divergence` the field is asked for two Hessian–vector products at every kept point and at
+/// the point by whose weight a ray's weights are shifted, in two batches over all rays; without,
+/// for nothing. A ray with a number that is not finite, or that leads to one, contributes nothing
+/// (see [`Kept::valid`]); the others do not notice.
 ///
 /// # Panics
 /// If there are neither as many charts as rays nor one, or if the slices of a ray differ in length.
@@ -48,7 +49,9 @@ pub fn evaluate_with<R: Real, P: Projection<R> + ?Sized>(
     let mut rates: Vec<[R; 2]> = entries
         .iter()
         .zip(&motions)
-        .map(|(entry, motions)| motions.map(|motion| entry.rate(weighting, &rays[entry.ray], &motion)))
+        .map(|(entry, motions)| {
+            motions.map(|motion| entry.rate(weighting, &rays[entry.ray], &motion))
+        })
         .collect();
     let mut next = 0;
     for group in entries.chunk_by(|a, b| a.ray == b.ray) {
@@ -97,8 +100,8 @@ impl<R: Real> Place<R> {
     }
 }
 
-/// How every entry's point moves with the film. t_{i+1} = t_i + ρ f(x_i) moves with all points before, by their recorded
-/// gradients; only the entries need second derivatives.
+/// How every entry's point moves with the film. t_{i+1} = t_i + ρ f(x_i) moves with all points
+/// before, by their recorded gradients; only the entries need second derivatives.
 fn motions<R: Real>(
     field: &(impl Field<R> + ?Sized),
     options: &Options<R>,
@@ -110,7 +113,8 @@ fn motions<R: Real>(
         let (ray, mut next) = (&rays[group[0].ray], 0);
         let mut dt = ray.entry_du;
         for i in 0..=group[group.len() - 1].index {
-            let dx: [R::Vec3; 2] = std::array::from_fn(|e| ray.direction_du[e] * ray.t[i] + ray.direction * dt[e]);
+            let dx: [R::Vec3; 2] =
+                std::array::from_fn(|e| ray.direction_du[e] * ray.t[i] + ray.direction * dt[e]);
             if group[next].index == i {
                 next += 1;
                 motions.push(std::array::from_fn(|e| Motion {
@@ -132,7 +136,11 @@ fn motions<R: Real>(
 }
 
 /// ∂∇f = ∇²f ∂x, in one batch a film axis.
-fn turn_gradients<R: Real>(field: &(impl Field<R> + ?Sized), x: &[R::Vec3], motions: &mut [[Motion<R>; 2]]) {
+fn turn_gradients<R: Real>(
+    field: &(impl Field<R> + ?Sized),
+    x: &[R::Vec3],
+    motions: &mut [[Motion<R>; 2]],
+) {
     if x.is_empty() {
         return;
     }
@@ -141,7 +149,10 @@ fn turn_gradients<R: Real>(field: &(impl Field<R> + ?Sized), x: &[R::Vec3], moti
     for e in 0..2 {
         dx.iter_mut().zip(&*motions).for_each(|(dx, motion)| *dx = motion[e].x);
         field.hessian_vector(x, &dx, &mut gradient, &mut product);
-        motions.iter_mut().zip(&product).for_each(|(motion, product)| motion[e].gradient = *product);
+        motions
+            .iter_mut()
+            .zip(&product)
+            .for_each(|(motion, product)| motion[e].gradient = *product);
     }
 }
 
@@ -156,7 +167,8 @@ impl<R: Real> Kept<R> {
         self.a.push(place.jacobian.map(|row| row.dot(m) * entry.weight));
     }
 
-    /// Adds the divergence of the point just added, ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e m)], and its b.
+    /// Adds the divergence of the point just added, ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e
+    /// m)], and its b.
     fn push_derivatives<P: Projection<R> + ?Sized>(
         &mut self,
         entry: &Entry<R>,

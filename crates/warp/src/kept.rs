@@ -1,9 +1,10 @@
-//! The points that keep a weight, and what is made of them: V and ∇·V forward, coefficients in reverse.
+//! The points that keep a weight, and what is made of them: V and ∇·V forward, coefficients in
+//! reverse.
 
 use field::{Real, Vector3};
 
-/// The points of a batch that keep a weight, with what V and its divergence need of them. The points of a ray follow each
-/// other, in order along it; rays are in the batch's order.
+/// The points of a batch that keep a weight, with what V and its divergence need of them. The
+/// points of a ray follow each other, in order along it; rays are in the batch's order.
 #[derive(Clone, Debug, Default)]
 pub struct Kept<R: Real> {
     /// x_i.
@@ -18,11 +19,13 @@ pub struct Kept<R: Real> {
     pub a: Vec<[R; 2]>,
     /// ∇_u·a_i, per unit of f; empty if the divergence was not asked for.
     pub divergence_a: Vec<R>,
-    /// b_i = Σ_e a_i,e ∂x_i/∂u_e, in world units per unit of f; empty if the divergence was not asked for.
+    /// b_i = Σ_e a_i,e ∂x_i/∂u_e, in world units per unit of f; empty if the divergence was not
+    /// asked for.
     pub b: Vec<R::Vec3>,
     /// The number of rays in the batch.
     pub rays: usize,
-    /// For each ray, whether all was finite. A ray for which it was not contributes nothing: its V is 0.
+    /// For each ray, whether all was finite. A ray for which it was not contributes nothing: its V
+    /// is 0.
     pub valid: Vec<bool>,
     /// The number of rays that are not valid.
     pub invalid: usize,
@@ -46,7 +49,8 @@ impl<R: Real> Kept<R> {
         v
     }
 
-    /// ∇_u·V of every ray, per unit of the parameter; `f_dot` and `gradient_dot` are ∂_θ f and ∂_θ ∇f at every kept point.
+    /// ∇_u·V of every ray, per unit of the parameter; `f_dot` and `gradient_dot` are ∂_θ f and ∂_θ
+    /// ∇f at every kept point.
     ///
     /// # Panics
     /// If the divergence was not asked for.
@@ -58,8 +62,9 @@ impl<R: Real> Kept<R> {
         out
     }
 
-    /// VJP of θ ↦ V and ∇·V: the coefficients (α_i, c_i) at the kept points for `Field::parameter_vjp`, given a ray's adjoints
-    /// of its divergence, `scalar` = δ·(L − c), and of its velocity, `film` = δ·∇_u L.
+    /// VJP of θ ↦ V and ∇·V: the coefficients (α_i, c_i) at the kept points for
+    /// `Field::parameter_vjp`, given a ray's adjoints of its divergence, `scalar` = δ·(L − c), and
+    /// of its velocity, `film` = δ·∇_u L.
     ///
     /// # Panics
     /// If the divergence was not asked for.
@@ -73,8 +78,9 @@ impl<R: Real> Kept<R> {
             .unzip()
     }
 
-    /// VJP of θ ↦ −flux: the coefficients α_i at the kept points for boundary samples with adjoints `flux` and edge normals
-    /// along film axis `axis`. The boundary term enters a pixel as −(L − c) V·n, and V = −Σ a_i ∂_θ f: hence the plus.
+    /// VJP of θ ↦ −flux: the coefficients α_i at the kept points for boundary samples with adjoints
+    /// `flux` and edge normals along film axis `axis`. The boundary term enters a pixel as −(L − c)
+    /// V·n, and V = −Σ a_i ∂_θ f: hence the plus.
     pub fn flux_vjp(&self, flux: &[R], axis: &[usize]) -> Vec<R> {
         self.ray.iter().zip(&self.a).map(|(&ray, a)| flux[ray] * a[axis[ray]]).collect()
     }

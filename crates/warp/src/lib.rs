@@ -1,16 +1,21 @@
 //! The warp field of reparameterised silhouette gradients.
 //!
-//! A pixel's derivative has a part that comes from silhouettes moving across the film. The *warp field* V(u; θ), two
-//! numbers in pixels per unit of θ, carries that part as an area integral: it is continuous in the film position u off
-//! silhouettes, and at a silhouette it tends to the silhouette's velocity. This crate computes
+//! A pixel's derivative has a part that comes from silhouettes moving across the film. The *warp
+//! field* V(u; θ), two numbers in pixels per unit of θ, carries that part as an area integral: it
+//! is continuous in the film position u off silhouettes, and at a silhouette it tends to the
+//! silhouette's velocity. This crate computes
 //!
-//! - V = −Σ_i a_i ∂_θ f(x_i), a_i = ŵ_i J(x_i) ∇f/|∇f|², over the points x_i that a sphere tracer visited along the ray;
-//! - the weights ŵ_i ∝ S_i^−γ Δ_i, S = |f| + λ_d |∇f·d| + ε, of which the largest k are kept, less the smallest kept one;
+//! - V = −Σ_i a_i ∂_θ f(x_i), a_i = ŵ_i J(x_i) ∇f/|∇f|², over the points x_i that a sphere tracer
+//!   visited along the ray;
+//! - the weights ŵ_i ∝ S_i^−γ Δ_i, S = |f| + λ_d |∇f·d| + ε, of which the largest k are kept, less
+//!   the smallest kept one;
 //! - the exact divergence ∇_u·V, in which the points move with u;
-//! - the reverse mode: coefficients α_i, c_i such that the parameter gradient is that of Σ α_i f(x_i) + c_i·∇f(x_i).
+//! - the reverse mode: coefficients α_i, c_i such that the parameter gradient is that of Σ α_i
+//!   f(x_i) + c_i·∇f(x_i).
 //!
-//! Source: Bangaru, Gharbi, Li, Luan, Sunkavalli, Hašan, Bi, Xu, Bernstein and Durand, "Differentiable Rendering of Neural
-//! SDFs through Reparameterization" (2022) and its supplement, sections 1, 3 and 4; the reverse mode is ours.
+//! Source: Bangaru, Gharbi, Li, Luan, Sunkavalli, Hašan, Bi, Xu, Bernstein and Durand,
+//! "Differentiable Rendering of Neural SDFs through Reparameterization" (2022) and its supplement,
+//! sections 1, 3 and 4; the reverse mode is ours.
 //!
 //! ```
 //! use field::{Field, Shape};
@@ -56,28 +61,33 @@
 //! ```
 //!
 //! # What is guaranteed
-//! - **V is continuous in u** for k ≥ 3, also where points enter and leave the largest k, and where a ray gains or loses a
-//!   point at the end of its interval. The latter needs a rule that the paper, whose rays all have N points, does not give: a
-//!   ray with fewer than k points counts as filled up with points of weight zero, so its shift is by zero; one with k or
-//!   more is shifted by the k-th. (No shift at k = N exactly, the other reading, makes V jump where a ray grows from k
-//!   points to k + 1.) For weights of all points without a shift choose k above N.
-//! - **∇_u·V is that of the computed V**, at finite N, points moving with u: differences agree to 2e-6.
-//! - **No γ overflows.** Weights are ratios of exponentials of log-weights. Finite input gives finite output, or a ray flagged
-//!   in [`Kept::valid`], which then contributes nothing; so does one with a NaN. Points whose weights tie exactly share
-//!   their weight, with derivative zero.
+//! - **V is continuous in u** for k ≥ 3, also where points enter and leave the largest k, and where
+//!   a ray gains or loses a point at the end of its interval. The latter needs a rule that the
+//!   paper, whose rays all have N points, does not give: a ray with fewer than k points counts as
+//!   filled up with points of weight zero, so its shift is by zero; one with k or more is shifted
+//!   by the k-th. (No shift at k = N exactly, the other reading, makes V jump where a ray grows
+//!   from k points to k + 1.) For weights of all points without a shift choose k above N.
+//! - **∇_u·V is that of the computed V**, at finite N, points moving with u: differences agree to
+//!   2e-6.
+//! - **No γ overflows.** Weights are ratios of exponentials of log-weights. Finite input gives
+//!   finite output, or a ray flagged in [`Kept::valid`], which then contributes nothing; so does
+//!   one with a NaN. Points whose weights tie exactly share their weight, with derivative zero.
 //! - The same bits for a ray whatever else is in its batch, if the field's are.
 //!
 //! # What is not
-//! - With N points the delta sits about 2r/N short of the silhouette. This is a bias that falls as 1/N: for a ball moving along
-//!   the view, |V| at the silhouette is off by 78 % at N = 22, 31 % at 64, 11 % at 200, 4 % at 600; for motion
-//!   across the view by 3 % at 22.
+//! - With N points the delta sits about 2r/N short of the silhouette. This is a bias that falls as
+//!   1/N: for a ball moving along the view, |V| at the silhouette is off by 78 % at N = 22, 31 % at
+//!   64, 11 % at 200, 4 % at 600; for motion across the view by 3 % at 22.
 //! - At γ ≤ 2 there is no delta: 99 % off at γ = 1 and N = 600.
-//! - k = 2 leaves one point all the weight, and V jumps where the two largest swap places; k = 3 does so only where three
-//!   tie.
+//! - k = 2 leaves one point all the weight, and V jumps where the two largest swap places; k = 3
+//!   does so only where three tie.
 //! - V is not smooth: ∇·V jumps where points change places, and where f or ∇f·d changes sign.
 //! - Where a point's |∇f| tends to 0 its level set moves without bound, and V with it.
 
-#![allow(clippy::needless_range_loop, reason = "points, weights and directions go in step: an index says so")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "points, weights and directions go in step: an index says so"
+)]
 
 mod evaluate;
 mod kept;

@@ -2,12 +2,14 @@
 
 use field::Real;
 
-/// Settings of the weights; METHOD's symbols. The published ones are γ = 3 and k between 2 and all of N = 22.
+/// Settings of the weights; METHOD's symbols. The published ones are γ = 3 and k between 2 and all
+/// of N = 22.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
-    /// k: the points that are weighed, 2 or more; the smallest of them is what the others are shifted by, so k − 1 keep a
-    /// weight. A ray of fewer than k points keeps all, unshifted: k above N turns the selection off. 3 is the least that
-    /// gives a continuous V (see the crate's page).
+    /// k: the points that are weighed, 2 or more; the smallest of them is what the others are
+    /// shifted by, so k − 1 keep a weight. A ray of fewer than k points keeps all, unshifted: k
+    /// above N turns the selection off. 3 is the least that gives a continuous V (see the crate's
+    /// page).
     pub k: usize,
     /// γ: the exponent. Above 2 the weights tend to a delta at a silhouette.
     pub gamma: R,
@@ -21,7 +23,13 @@ pub struct Options<R> {
 
 impl<R: Real> Default for Options<R> {
     fn default() -> Self {
-        Options { k: 14, gamma: R::of(3.0), lambda_d: R::one(), epsilon: R::of(1e-6), relaxation: R::one() }
+        Options {
+            k: 14,
+            gamma: R::of(3.0),
+            lambda_d: R::one(),
+            epsilon: R::of(1e-6),
+            relaxation: R::one(),
+        }
     }
 }
 
@@ -52,9 +60,24 @@ impl<R: Real> Options<R> {
                 self.k >= 2,
                 "2 or more: the shift by the smallest weight leaves one point none",
             ),
-            ("gamma", self.gamma.to_string(), self.gamma > zero && finite(self.gamma), "a number above 0"),
-            ("lambda_d", self.lambda_d.to_string(), self.lambda_d >= zero && finite(self.lambda_d), "0 or more"),
-            ("epsilon", self.epsilon.to_string(), self.epsilon >= zero && finite(self.epsilon), "0 or more"),
+            (
+                "gamma",
+                self.gamma.to_string(),
+                self.gamma > zero && finite(self.gamma),
+                "a number above 0",
+            ),
+            (
+                "lambda_d",
+                self.lambda_d.to_string(),
+                self.lambda_d >= zero && finite(self.lambda_d),
+                "0 or more",
+            ),
+            (
+                "epsilon",
+                self.epsilon.to_string(),
+                self.epsilon >= zero && finite(self.epsilon),
+                "0 or more",
+            ),
             (
                 "relaxation",
                 self.relaxation.to_string(),

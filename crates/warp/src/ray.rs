@@ -10,7 +10,8 @@ pub trait Projection<R: Real> {
     fn jacobian_derivative(&self, x: R::Vec3, dx: R::Vec3) -> [R::Vec3; 2];
 }
 
-/// A ray with the points that the tracer's recursion visited, and how it moves with the film position.
+/// A ray with the points that the tracer's recursion visited, and how it moves with the film
+/// position.
 ///
 /// The slices have one length, and one element a point: t_{i+1} = t_i + ρ f_i.
 #[derive(Clone, Copy, Debug)]

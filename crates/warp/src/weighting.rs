@@ -19,13 +19,14 @@ pub struct Motion<R: Real> {
     pub gradient: R::Vec3,
 }
 
-/// The density ρ of a warp's weights along a ray: w = ρ Δ, for the length Δ that a point stands for. What is made of them (the k largest,
-/// shifted and normalised) is the same for all.
+/// The density ρ of a warp's weights along a ray: w = ρ Δ, for the length Δ that a point stands
+/// for. What is made of them (the k largest, shifted and normalised) is the same for all.
 ///
-/// [`Options`] are the published one, ρ = S^−γ. For another, see [`crate::evaluate_with`]. ρ should tend to infinity at silhouette
-/// points, faster than 1/S², and nowhere else.
+/// [`Options`] are the published one, ρ = S^−γ. For another, see [`crate::evaluate_with`]. ρ should
+/// tend to infinity at silhouette points, faster than 1/S², and nowhere else.
 pub trait Weighting<R: Real>: Send + Sync {
-    /// ln ρ of point `i` of a ray of finite numbers. No more than differences matter, so that nothing overflows.
+    /// ln ρ of point `i` of a ray of finite numbers. No more than differences matter, so that
+    /// nothing overflows.
     fn log_density(&self, ray: &WarpedRay<'_, R>, i: usize) -> R;
 
     /// ∂ ln ρ as the point moves, per pixel.
@@ -46,7 +47,8 @@ impl<R: Real> Weighting<R> for Options<R> {
     fn log_density_rate(&self, ray: &WarpedRay<'_, R>, i: usize, motion: &Motion<R>) -> R {
         let sign = |v: R| if v < R::zero() { -R::one() } else { R::one() };
         let f_rate = ray.gradient[i].dot(motion.x);
-        let facing_rate = motion.gradient.dot(ray.direction) + ray.gradient[i].dot(motion.direction);
+        let facing_rate =
+            motion.gradient.dot(ray.direction) + ray.gradient[i].dot(motion.direction);
         let facing_sign = sign(ray.gradient[i].dot(ray.direction));
         let spread_rate = sign(ray.f[i]) * f_rate + self.lambda_d * facing_sign * facing_rate;
         -(self.gamma * spread_rate / spread(self, ray, i))

@@ -9,8 +9,8 @@ use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::host::{processor, revision};
-use crate::{cargo_command, dsdf};
+use measure::host::{processor, revision};
+use measure::{cargo_command, dsdf};
 use programs::{Accuracy, Growth, Program};
 
 /// All that a run measures.
@@ -36,8 +36,9 @@ struct Machine {
 impl Machine {
     /// Runs it, built for release; its table goes to standard error.
     fn measure() -> anyhow::Result<Self> {
-        let output =
-            cargo_command(&["bench", "--package", "sdf-nn", "--bench", "machine"]).stderr(Stdio::inherit()).output()?;
+        let output = cargo_command(&["bench", "--package", "sdf-nn", "--bench", "machine"])
+            .stderr(Stdio::inherit())
+            .output()?;
         ensure!(output.status.success(), "cargo bench --package sdf-nn --bench machine failed");
         Ok(serde_json::from_slice(&output.stdout)?)
     }
@@ -61,7 +62,15 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     println!("\n| seconds of a gradient grow with | as its power |\n|---|---|");
     let growth = programs::growth(&binary)?;
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let report = Report { host: processor(), revision: revision(), threads, machine, programs, accuracy, growth };
+    let report = Report {
+        host: processor(),
+        revision: revision(),
+        threads,
+        machine,
+        programs,
+        accuracy,
+        growth,
+    };
     write(&path, &report)?;
     eprintln!("{}", path.display());
     Ok(())

@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::dsdf;
+use measure::dsdf;
 
 /// A command, measured.
 #[derive(Clone, Debug, Serialize)]
@@ -33,7 +33,11 @@ const TRIES: usize = 5;
 
 /// Runs the binary under its own memory count; the report's seconds, and the largest resident set.
 fn once(binary: &Path, arguments: &[&str]) -> anyhow::Result<(f64, Option<f64>)> {
-    let mut child = Command::new(binary).args(arguments).args(["--json", "--quiet"]).stdout(Stdio::piped()).spawn()?;
+    let mut child = Command::new(binary)
+        .args(arguments)
+        .args(["--json", "--quiet"])
+        .stdout(Stdio::piped())
+        .spawn()?;
     // The high-water mark of a process is gone with it, so it is read until then.
     let mut peak = None;
     while child.try_wait()?.is_none() {
@@ -52,7 +56,9 @@ fn best(binary: &Path, arguments: &[&str]) -> anyhow::Result<(f64, Option<f64>)>
         let (seconds, peak) = once(binary, arguments)?;
         best = (
             best.0.min(seconds),
-            peak.into_iter().chain(best.1).fold(None, |m: Option<f64>, p| Some(m.map_or(p, |m| m.max(p)))),
+            peak.into_iter()
+                .chain(best.1)
+                .fold(None, |m: Option<f64>, p| Some(m.map_or(p, |m| m.max(p)))),
         );
     }
     Ok(best)
@@ -72,7 +78,10 @@ fn disc(size: u32) -> Value {
 /// Photographs of a lit ball, taken once: a data set as small as can be fitted.
 fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Result<String> {
     let text = |path: &Path| path.to_string_lossy().into_owned();
-    let (scene, data) = (text(&folder.join("photographed.json")), text(&folder.join(format!("photographs.{size}"))));
+    let (scene, data) = (
+        text(&folder.join("photographed.json")),
+        text(&folder.join(format!("photographs.{size}"))),
+    );
     std::fs::write(&scene, dsdf::scene("off-axis.lambert")?.to_string())?;
     if !Path::new(&data).exists() {
         let size = format!("{size}x{size}");
@@ -82,7 +91,13 @@ fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Result<String
 }
 
 /// A fresh network's sphere of half the bounding radius, as the disc is seen.
-fn network(binary: &Path, folder: &Path, pixels: u32, width: u32, layers: u32) -> anyhow::Result<String> {
+fn network(
+    binary: &Path,
+    folder: &Path,
+    pixels: u32,
+    width: u32,
+    layers: u32,
+) -> anyhow::Result<String> {
     let data = photographs(binary, folder, 32)?;
     let run = folder.join(format!("run.{width}.{layers}"));
     let run_name = run.to_string_lossy().into_owned();
@@ -112,21 +127,32 @@ fn iteration(binary: &Path, folder: &Path) -> anyhow::Result<f64> {
 pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Program>> {
     let folder = tempfile::tempdir()?;
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-    let (scene, large, out, weights) = (path("128.json"), path("1024.json"), path("out.npy"), path("out.safetensors"));
+    let (scene, large, out, weights) =
+        (path("128.json"), path("1024.json"), path("out.npy"), path("out.safetensors"));
     std::fs::write(&scene, disc(128).to_string())?;
     std::fs::write(&large, disc(1024).to_string())?;
     let (network, by) = (network(binary, folder.path(), 128, 64, 3)?, ["--wrt", "/sdf/radius"]);
     let target = path("target.npy");
     dsdf::report(binary, &["render", &scene, "-o", &target])?;
-    let all = ["gradient", &network, "--target", &target, "--spp", "4", "-o", &weights, "--precision"];
+    let all =
+        ["gradient", &network, "--target", &target, "--spp", "4", "-o", &weights, "--precision"];
     let commands: [(&str, Vec<&str>); 6] = [
-        ("image of a disc, 128 × 128, 16 samples", vec!["render", &scene, "--spp", "16", "-o", &out]),
+        (
+            "image of a disc, 128 × 128, 16 samples",
+            vec!["render", &scene, "--spp", "16", "-o", &out],
+        ),
         (
             "its derivative by the radius, 4 samples",
             [&["gradient", &scene, "--spp", "4", "-o", &out], &by[..]].concat(),
         ),
-        ("the same, 1024 × 1024", [&["gradient", &large, "--spp", "4", "-o", &out], &by[..]].concat()),
-        ("image of a network of 3 × 64, 128 × 128, 16 samples", vec!["render", &network, "--spp", "16", "-o", &out]),
+        (
+            "the same, 1024 × 1024",
+            [&["gradient", &large, "--spp", "4", "-o", &out], &by[..]].concat(),
+        ),
+        (
+            "image of a network of 3 × 64, 128 × 128, 16 samples",
+            vec!["render", &network, "--spp", "16", "-o", &out],
+        ),
         ("gradient of its loss by all weights, 4 samples, f32", [&all[..], &["f32"]].concat()),
         ("the same, f64", [&all[..], &["f64"]].concat()),
     ];
@@ -135,9 +161,14 @@ pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Program>> {
         let (seconds, peak_mebibytes) = best(binary, &arguments)?;
         programs.push(Program { name: name.to_owned(), seconds, peak_mebibytes });
     }
-    let seconds =
-        (0..2).map(|_| iteration(binary, folder.path())).try_fold(f64::INFINITY, |m, s| s.map(|s| m.min(s)))?;
-    programs.push(Program { name: "an iteration of a fit".to_owned(), seconds, peak_mebibytes: None });
+    let seconds = (0..2)
+        .map(|_| iteration(binary, folder.path()))
+        .try_fold(f64::INFINITY, |m, s| s.map(|s| m.min(s)))?;
+    programs.push(Program {
+        name: "an iteration of a fit".to_owned(),
+        seconds,
+        peak_mebibytes: None,
+    });
     for Program { name, seconds, peak_mebibytes } in &programs {
         let memory = peak_mebibytes.map_or("?".to_owned(), |m| format!("{m:.0}"));
         println!("| {name} | {seconds:.4} | {memory} |");
@@ -162,7 +193,9 @@ const SEEDS: u32 = 64;
 pub(crate) fn accuracy(binary: &Path) -> anyhow::Result<Accuracy> {
     let (scene, wrt) = (disc(128), ["/sdf/radius".to_owned()]);
     let reference =
-        dsdf::gradient(binary, &scene, &wrt, &["--estimator", "contour", "--spp", "1024"])?.images.remove(0);
+        dsdf::gradient(binary, &scene, &wrt, &["--estimator", "contour", "--spp", "1024"])?
+            .images
+            .remove(0);
     let mut images = Vec::new();
     for seed in 0..SEEDS {
         let flags = ["--spp", "4", "--seed", &seed.to_string()];
@@ -170,7 +203,11 @@ pub(crate) fn accuracy(binary: &Path) -> anyhow::Result<Accuracy> {
     }
     let spread = dsdf::Spread::of(&images.iter().collect::<Vec<_>>(), &reference);
     let relative = |square: f64| square.sqrt() / reference.norm();
-    Ok(Accuracy { bias: relative(spread.bias.max(0.0)), noise: relative(spread.noise), rmse: relative(spread.run) })
+    Ok(Accuracy {
+        bias: relative(spread.bias.max(0.0)),
+        noise: relative(spread.noise),
+        rmse: relative(spread.run),
+    })
 }
 
 /// How the seconds of a derivative image grow with what it is asked for.
@@ -201,7 +238,10 @@ pub(crate) fn growth(binary: &Path) -> anyhow::Result<Vec<Growth>> {
                 _ => seconds(64, &["--spp", "16", "--estimator", "paper", flag, &text])?,
             });
         }
-        let values = values.iter().map(|v| if flag.is_empty() { f64::from(v * v) } else { f64::from(*v) }).collect();
+        let values = values
+            .iter()
+            .map(|v| if flag.is_empty() { f64::from(v * v) } else { f64::from(*v) })
+            .collect();
         all.push(Growth::new(with, values, times));
     }
     let shapes: [(&'static str, &[[u32; 2]], usize); 2] = [
@@ -231,7 +271,8 @@ impl Growth {
 /// The least-squares slope of ln y over ln x.
 fn slope(x: &[f64], y: &[f64]) -> f64 {
     let n = x.len() as f64;
-    let (x, y): (Vec<f64>, Vec<f64>) = (x.iter().map(|v| v.ln()).collect(), y.iter().map(|v| v.ln()).collect());
+    let (x, y): (Vec<f64>, Vec<f64>) =
+        (x.iter().map(|v| v.ln()).collect(), y.iter().map(|v| v.ln()).collect());
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let covariance: f64 = x.iter().zip(&y).map(|(x, y)| (x - mx) * (y - my)).sum();
     covariance / x.iter().map(|x| (x - mx) * (x - mx)).sum::<f64>()

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::reference::{box_filtered, gaussian_filtered};
-use crate::dsdf::{Case, gradient, scene, suite};
-use crate::plot::{Curve, Panel, svg};
+use measure::dsdf::{Case, gradient, scene, suite};
+use measure::plot::{Curve, Panel, svg};
+use measure::reference::{box_filtered, gaussian_filtered};
 
 /// The estimators with whether they are of the Gaussian filter.
 const ESTIMATORS: [(&str, bool); 8] = [
@@ -40,7 +40,8 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         eprintln!("{}", case.scene);
         let ladders = measure(binary, &case, &mut csv)?;
         rows.push(row(&case.scene, &ladders));
-        let curve = |(name, points): (&(&str, bool), Ladder)| Curve { name: name.0.to_owned(), points };
+        let curve =
+            |(name, points): (&(&str, bool), Ladder)| Curve { name: name.0.to_owned(), points };
         panels.push(Panel {
             title: case.scene,
             curves: ESTIMATORS.iter().zip(ladders).map(curve).collect(),
@@ -54,10 +55,12 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The ladder of every estimator on a case: the error is over all that the scene is differentiated by.
+/// The ladder of every estimator on a case: the error is over all that the scene is differentiated
+/// by.
 fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<Ladder>> {
     let scene = scene(&case.scene)?;
-    let references = [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
+    let references =
+        [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
     let mut ladders = Vec::new();
     for (name, filtered) in ESTIMATORS {
         let reference = &references[usize::from(filtered)];
@@ -66,7 +69,8 @@ fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<L
             let (mut seconds, mut square) = (0.0, 0.0);
             for seed in 0..SEEDS {
                 let flags =
-                    ["--estimator", name, "--spp", &spp.to_string(), "--seed", &seed.to_string()].map(str::to_owned);
+                    ["--estimator", name, "--spp", &spp.to_string(), "--seed", &seed.to_string()]
+                        .map(str::to_owned);
                 let flags: Vec<&str> = flags.iter().map(String::as_str).collect();
                 let got = gradient(binary, &scene, &case.wrt, &flags)?;
                 seconds += got.seconds / f64::from(SEEDS);
@@ -99,7 +103,11 @@ fn error_at(ladder: &Ladder, seconds: f64) -> f64 {
             return e0 * (e1 / e0).powf(share);
         }
     }
-    let end = if ladder.first().is_some_and(|first| seconds < first.0) { ladder.first() } else { ladder.last() };
+    let end = if ladder.first().is_some_and(|first| seconds < first.0) {
+        ladder.first()
+    } else {
+        ladder.last()
+    };
     end.map_or(f64::NAN, |end| end.1)
 }
 

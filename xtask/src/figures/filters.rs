@@ -1,4 +1,5 @@
-//! Figure 1 of the supplement: the variance that a Gaussian filter has inside an object, pixel by pixel.
+//! Figure 1 of the supplement: the variance that a Gaussian filter has inside an object, pixel by
+//! pixel.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -7,8 +8,8 @@ use anyhow::Context;
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 
-use super::reference::box_filtered;
-use crate::dsdf::{Image, gradient, scene};
+use measure::dsdf::{Image, gradient, scene};
+use measure::reference::box_filtered;
 
 const SEEDS: u32 = 32;
 const SPP: &str = "16";
@@ -26,7 +27,8 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     for name in SCENES {
         eprintln!("{name}");
         let scene = magnified(scene(name)?)?;
-        let wrt = vec![if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" }.to_owned()];
+        let wrt =
+            vec![if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" }.to_owned()];
         let reference = box_filtered(binary, &scene, &wrt)?.remove(0);
         let coverage = mask(&reference, binary, &scene)?;
         let scale = reference.norm().powi(2) / reference.pixels.len() as f64;
@@ -41,12 +43,20 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
                 .collect();
             let variance: Vec<f64> = variance(&runs?).into_iter().map(|v| v / scale).collect();
             let mean = |kind: Kind| {
-                let own: Vec<f64> =
-                    variance.iter().zip(&coverage).filter(|(_, k)| **k == kind).map(|(v, _)| *v).collect();
+                let own: Vec<f64> = variance
+                    .iter()
+                    .zip(&coverage)
+                    .filter(|(_, k)| **k == kind)
+                    .map(|(v, _)| *v)
+                    .collect();
                 own.iter().fold(0.0, |sum, v| sum + v) / own.len().max(1) as f64
             };
             let (inside, edge) = (mean(Kind::Inside), mean(Kind::Silhouette));
-            let _ = writeln!(table, "| {name} | {} | {estimator} | {inside:.3e} | {edge:.3e} |", wrt[0]);
+            let _ = writeln!(
+                table,
+                "| {name} | {} | {estimator} | {inside:.3e} | {edge:.3e} |",
+                wrt[0]
+            );
             let _ = writeln!(csv, "{name},{},{estimator},{inside:e},{edge:e}", wrt[0]);
             variances.push(variance);
         }
@@ -75,13 +85,17 @@ enum Kind {
     Outside,
 }
 
-/// What each pixel is: a silhouette crosses it, or one passes within two pixels, or neither and it is covered or not.
+/// What each pixel is: a silhouette crosses it, or one passes within two pixels, or neither and it
+/// is covered or not.
 ///
 /// The derivative by a shift of the whole background tells coverage.
 fn mask(reference: &Image, binary: &Path, scene: &Value) -> anyhow::Result<Vec<Kind>> {
     let background = vec!["/background/0".to_owned()];
-    let seen = gradient(binary, scene, &background, &["--estimator", "contour", "--spp", "256"])?.images.remove(0);
-    let (width, height) = (reference.width as i64, (reference.pixels.len() / reference.width) as i64);
+    let seen = gradient(binary, scene, &background, &["--estimator", "contour", "--spp", "256"])?
+        .images
+        .remove(0);
+    let (width, height) =
+        (reference.width as i64, (reference.pixels.len() / reference.width) as i64);
     let kind = |x: i64, y: i64| {
         let value = seen.pixels[(y * width + x) as usize][0];
         if value < 1e-9 {
@@ -116,7 +130,9 @@ fn variance(runs: &[Image]) -> Vec<f64> {
             (0..3)
                 .map(|c| {
                     let mean = runs.iter().map(|r| r.pixels[p][c]).sum::<f64>() / n;
-                    runs.iter().map(|r| (r.pixels[p][c] - mean).powi(2)).sum::<f64>() / (n - 1.0) / 3.0
+                    runs.iter().map(|r| (r.pixels[p][c] - mean).powi(2)).sum::<f64>()
+                        / (n - 1.0)
+                        / 3.0
                 })
                 .sum()
         })
@@ -127,7 +143,8 @@ fn variance(runs: &[Image]) -> Vec<f64> {
 fn picture(variances: &[Vec<f64>], width: usize) -> RgbImage {
     let height = variances[0].len() / width;
     let largest = variances.iter().flatten().copied().fold(1e-30, f64::max);
-    let mut out = RgbImage::new((variances.len() * (width + 1)) as u32 * ZOOM, height as u32 * ZOOM);
+    let mut out =
+        RgbImage::new((variances.len() * (width + 1)) as u32 * ZOOM, height as u32 * ZOOM);
     for (x, y, pixel) in out.enumerate_pixels_mut() {
         let (x, y) = ((x / ZOOM) as usize, (y / ZOOM) as usize);
         let (panel, x) = (x / (width + 1), x % (width + 1));

@@ -2,14 +2,13 @@
 
 mod estimators;
 mod filters;
-pub(crate) mod reference;
 mod steps;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::dsdf;
+use measure::dsdf;
 
 /// A figure of the documentation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

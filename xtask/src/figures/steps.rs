@@ -3,9 +3,9 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::reference::box_filtered;
-use crate::dsdf::{gradient, scene};
-use crate::plot::{Curve, Panel, svg};
+use measure::dsdf::{gradient, scene};
+use measure::plot::{Curve, Panel, svg};
+use measure::reference::box_filtered;
 
 const STEPS: [u32; 5] = [6, 10, 22, 64, 200];
 const SCENES: [(&str, &[&str]); 3] = [
@@ -27,7 +27,8 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
             let mut points = vec![Vec::new(); wrt.len()];
             for steps in STEPS {
                 let flags =
-                    ["--estimator", estimator, "--spp", "256", "--steps", &steps.to_string()].map(str::to_owned);
+                    ["--estimator", estimator, "--spp", "256", "--steps", &steps.to_string()]
+                        .map(str::to_owned);
                 let flags: Vec<&str> = flags.iter().map(String::as_str).collect();
                 let got = gradient(binary, &scene, &wrt, &flags)?;
                 for (i, (image, reference)) in got.images.iter().zip(&reference).enumerate() {
@@ -49,5 +50,9 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         }
     }
     super::write(folder, "steps.csv", csv)?;
-    super::write(folder, "steps.svg", svg(&panels, "points along a ray", "relative L2 error at 256 spp"))
+    super::write(
+        folder,
+        "steps.svg",
+        svg(&panels, "points along a ray", "relative L2 error at 256 spp"),
+    )
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use serde_json::Value;
 
-use crate::dsdf::{report, root};
+use measure::dsdf::{report, root};
 
 /// A fit's flags under a name.
 pub(super) struct Setting {

@@ -6,8 +6,8 @@ use std::path::Path;
 use anyhow::ensure;
 use serde_json::Value;
 
-use crate::dsdf::{Image, Spread, gradient, scene, suite};
-use crate::figures::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
+use measure::dsdf::{Image, Spread, gradient, scene, suite};
+use measure::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
 
 /// A parameter with the values that are tried, all else as `base` says.
 pub(super) struct Axis {
@@ -21,7 +21,8 @@ pub(super) struct Axis {
 
 const PAPER: &[&str] = &["--estimator", "paper"];
 
-/// What is varied. The five of the published warp need that estimator; edge samples are lines a pixel in `refined`.
+/// What is varied. The five of the published warp need that estimator; edge samples are lines a
+/// pixel in `refined`.
 pub(super) const AXES: [Axis; 10] = [
     Axis {
         name: "estimator",
@@ -30,9 +31,27 @@ pub(super) const AXES: [Axis; 10] = [
         values: &["interior", "paper", "paper-all", "gaussian", "was", "loubet", "band", "refined"],
         default: "",
     },
-    Axis { name: "N", flag: "--steps", base: PAPER, values: &["6", "10", "22", "64", "200"], default: "22" },
-    Axis { name: "k", flag: "--top-k", base: PAPER, values: &["2", "4", "7", "14", "22"], default: "14" },
-    Axis { name: "gamma", flag: "--gamma", base: PAPER, values: &["1", "2", "3", "6", "8"], default: "3" },
+    Axis {
+        name: "N",
+        flag: "--steps",
+        base: PAPER,
+        values: &["6", "10", "22", "64", "200"],
+        default: "22",
+    },
+    Axis {
+        name: "k",
+        flag: "--top-k",
+        base: PAPER,
+        values: &["2", "4", "7", "14", "22"],
+        default: "14",
+    },
+    Axis {
+        name: "gamma",
+        flag: "--gamma",
+        base: PAPER,
+        values: &["1", "2", "3", "6", "8"],
+        default: "3",
+    },
     Axis {
         name: "epsilon",
         flag: "--epsilon",
@@ -40,8 +59,20 @@ pub(super) const AXES: [Axis; 10] = [
         values: &["0", "1e-8", "1e-6", "1e-4", "1e-2"],
         default: "1e-6",
     },
-    Axis { name: "lambda_d", flag: "--lambda-d", base: PAPER, values: &["0.01", "0.1", "1", "10"], default: "1" },
-    Axis { name: "edge samples", flag: "--edge-samples", base: &[], values: &["1", "4", "16", "64"], default: "" },
+    Axis {
+        name: "lambda_d",
+        flag: "--lambda-d",
+        base: PAPER,
+        values: &["0.01", "0.1", "1", "10"],
+        default: "1",
+    },
+    Axis {
+        name: "edge samples",
+        flag: "--edge-samples",
+        base: &[],
+        values: &["1", "4", "16", "64"],
+        default: "",
+    },
     Axis {
         name: "hit tolerance",
         flag: "--hit-tolerance",
@@ -49,12 +80,25 @@ pub(super) const AXES: [Axis; 10] = [
         values: &["1e-12", "1e-6", "1e-4", "1e-2"],
         default: "",
     },
-    Axis { name: "relaxation", flag: "--relaxation", base: &[], values: &["1", "0.7", "0.4"], default: "1" },
-    Axis { name: "precision", flag: "--precision", base: &[], values: &["f64", "f32"], default: "f64" },
+    Axis {
+        name: "relaxation",
+        flag: "--relaxation",
+        base: &[],
+        values: &["1", "0.7", "0.4"],
+        default: "1",
+    },
+    Axis {
+        name: "precision",
+        flag: "--precision",
+        base: &[],
+        values: &["f64", "f32"],
+        default: "f64",
+    },
 ];
 
 /// Scenes of the suite: a lit ball, one outline behind another, a lit torus, a network.
-const SCENES: [&str; 4] = ["off-axis.lambert", "occlusion.constant", "torus.lambert", "network.constant"];
+const SCENES: [&str; 4] =
+    ["off-axis.lambert", "occlusion.constant", "torus.lambert", "network.constant"];
 
 /// Samples a pixel.
 pub(super) const SPP: [u32; 3] = [4, 16, 64];
@@ -93,7 +137,10 @@ impl Gradients {
         for case in suite()? {
             let Some(name) = SCENES.into_iter().find(|name| *name == case.scene) else { continue };
             let scene = scene(name)?;
-            let references = [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
+            let references = [
+                box_filtered(binary, &scene, &case.wrt)?,
+                gaussian_filtered(binary, &scene, &case.wrt)?,
+            ];
             subjects.push(Subject { name, scene, wrt: case.wrt, references });
         }
         ensure!(subjects.len() == SCENES.len(), "the suite lacks one of {SCENES:?}");
@@ -101,14 +148,24 @@ impl Gradients {
     }
 
     /// Measures an axis; rows are added to `csv`.
-    pub(super) fn measure(&self, binary: &Path, axis: &Axis, csv: &mut String) -> anyhow::Result<Cells> {
+    pub(super) fn measure(
+        &self,
+        binary: &Path,
+        axis: &Axis,
+        csv: &mut String,
+    ) -> anyhow::Result<Cells> {
         let mut cells = Vec::new();
         for value in axis.values {
             let mut ladder = Vec::new();
             for spp in SPP {
                 let spp_text = spp.to_string();
                 let flags = [axis.base, &[axis.flag, value, "--spp", &spp_text]].concat();
-                ladder.push(self.cell(binary, &flags, &format!("{},{value},{spp}", axis.name), csv)?);
+                ladder.push(self.cell(
+                    binary,
+                    &flags,
+                    &format!("{},{value},{spp}", axis.name),
+                    csv,
+                )?);
             }
             cells.push(ladder);
         }
@@ -116,12 +173,22 @@ impl Gradients {
     }
 
     /// Measures flags on every scene.
-    pub(super) fn cell(&self, binary: &Path, flags: &[&str], label: &str, csv: &mut String) -> anyhow::Result<Cell> {
+    pub(super) fn cell(
+        &self,
+        binary: &Path,
+        flags: &[&str],
+        label: &str,
+        csv: &mut String,
+    ) -> anyhow::Result<Cell> {
         let gaussian = flags.iter().any(|f| GAUSSIAN.contains(f));
         let mut logs = [0.0; 3];
         for subject in &self.subjects {
             let cell = subject.cell(binary, flags, usize::from(gaussian))?;
-            let _ = writeln!(csv, "{label},{},{:.6},{:.6},{:.6}", subject.name, cell.seconds, cell.error, cell.bias);
+            let _ = writeln!(
+                csv,
+                "{label},{},{:.6},{:.6},{:.6}",
+                subject.name, cell.seconds, cell.error, cell.bias
+            );
             for (log, v) in logs.iter_mut().zip([cell.seconds, cell.error, cell.bias]) {
                 *log += v.max(LEAST).ln() / self.subjects.len() as f64;
             }
@@ -140,7 +207,8 @@ impl Subject {
         let mut seconds = 0.0;
         for seed in 0..SEEDS {
             let seed = seed.to_string();
-            let run = gradient(binary, &self.scene, &self.wrt, &[flags, &["--seed", &seed]].concat())?;
+            let run =
+                gradient(binary, &self.scene, &self.wrt, &[flags, &["--seed", &seed]].concat())?;
             seconds += run.seconds / f64::from(SEEDS);
             runs.push(run.images);
         }

@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::dsdf;
-use crate::figures::reference::GAUSSIAN;
 use crate::figures::write;
-use crate::plot::{Curve, Panel, front, svg};
 use fits::{Fitted, NETWORKS, PRESETS};
 use gradients::{AXES, Axis, Cell, Cells, Gradients, SPP};
+use measure::dsdf;
+use measure::plot::{Curve, Panel, front, svg};
+use measure::reference::GAUSSIAN;
 
 /// The samples a pixel that tables of one number show.
 const SHOWN: usize = 2;
@@ -33,13 +33,21 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
 }
 
 /// All axes; what is measured is written at once.
-fn measure_gradients(gradients: &Gradients, binary: &Path, folder: &Path) -> anyhow::Result<Vec<Cells>> {
+fn measure_gradients(
+    gradients: &Gradients,
+    binary: &Path,
+    folder: &Path,
+) -> anyhow::Result<Vec<Cells>> {
     let mut csv = String::from("parameter,value,spp,scene,seconds,rmse,bias\n");
     let (mut panels, mut all) = (Vec::new(), Vec::new());
     for (i, axis) in AXES.iter().enumerate() {
         eprintln!("{} of {}: {}", i + 1, AXES.len(), axis.name);
         let cells = gradients.measure(binary, axis, &mut csv)?;
-        panels.push(Panel { title: axis.name.to_owned(), curves: curves(axis, &cells), front: false });
+        panels.push(Panel {
+            title: axis.name.to_owned(),
+            curves: curves(axis, &cells),
+            front: false,
+        });
         write(folder, "gradients.csv", &csv)?;
         write(folder, "gradients.svg", svg(&panels, "seconds", "RMSE"))?;
         all.push(cells);
@@ -49,12 +57,21 @@ fn measure_gradients(gradients: &Gradients, binary: &Path, folder: &Path) -> any
 
 fn curves(axis: &Axis, cells: &Cells) -> Vec<Curve> {
     let points = |ladder: &Vec<Cell>| ladder.iter().map(|c| (c.seconds, c.error)).collect();
-    axis.values.iter().zip(cells).map(|(name, l)| Curve { name: (*name).to_owned(), points: points(l) }).collect()
+    axis.values
+        .iter()
+        .zip(cells)
+        .map(|(name, l)| Curve { name: (*name).to_owned(), points: points(l) })
+        .collect()
 }
 
 /// The presets of `dsdf gradient`.
-fn measure_presets(gradients: &Gradients, binary: &Path) -> anyhow::Result<Vec<(&'static str, Cell)>> {
-    let cell = |preset| Ok((preset, gradients.cell(binary, &["--preset", preset], preset, &mut String::new())?));
+fn measure_presets(
+    gradients: &Gradients,
+    binary: &Path,
+) -> anyhow::Result<Vec<(&'static str, Cell)>> {
+    let cell = |preset| {
+        Ok((preset, gradients.cell(binary, &["--preset", preset], preset, &mut String::new())?))
+    };
     ["fast", "balanced", "accurate"].into_iter().map(cell).collect()
 }
 
@@ -89,8 +106,14 @@ fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -
     for (axis, cells) in AXES.iter().zip(measured) {
         for (value, ladder) in axis.values.iter().zip(cells) {
             let Cell { seconds, error, bias } = ladder[SHOWN];
-            let _ = writeln!(out, "| {} | {value} | {:.2} | {error:.4} | {bias:.4} |", axis.name, seconds * 1e3);
-            // What is measured under another name anyway, or is of another image, is not of the front.
+            let _ = writeln!(
+                out,
+                "| {} | {value} | {:.2} | {error:.4} | {bias:.4} |",
+                axis.name,
+                seconds * 1e3
+            );
+            // What is measured under another name anyway, or is of another image, is not of the
+            // front.
             let counts = *value != axis.default && !GAUSSIAN.contains(value);
             for (spp, cell) in SPP.iter().zip(ladder).filter(|_| counts) {
                 let name = format!("{} {value}, {spp} samples", axis.name);
@@ -109,7 +132,11 @@ fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -
     }
     out += "\n## Fits of the demo's scene, 24 views of 128 × 128\n\n| setting | seconds | iterations | PSNR, dB | Chamfer, of the radius |\n|---|---|---|---|---|\n";
     for Fitted { name, seconds, iterations, psnr, chamfer } in fits {
-        let _ = writeln!(out, "| {name} | {seconds:.0} | {iterations} | {psnr:.1} | {:.2} % |", chamfer * 100.0);
+        let _ = writeln!(
+            out,
+            "| {name} | {seconds:.0} | {iterations} | {psnr:.1} | {:.2} % |",
+            chamfer * 100.0
+        );
     }
     out
 }

@@ -9,8 +9,8 @@ use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use crate::error::InputError;
-use crate::estimate::Method;
+use estimate::Method;
+use io::InputError;
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
@@ -36,18 +36,25 @@ impl Global {
     /// Refuses the estimator that a program brings if this one brings none.
     pub(crate) fn check_estimator(&self, method: Method) -> Result<(), InputError> {
         if method == Method::Custom && self.weights.is_none() {
-            let expected = "another one: custom is for programs with weights of their own (docs/extension)";
+            let expected =
+                "another one: custom is for programs with weights of their own (docs/extension)";
             return Err(InputError::new("arguments", "--estimator", "custom", expected));
         }
         Ok(())
     }
 
     /// Prints a result: as JSON, or as the lines of `text`.
-    pub(crate) fn report(&self, json: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+    pub(crate) fn report(
+        &self,
+        json: &impl Serialize,
+        text: impl FnOnce() -> String,
+    ) -> anyhow::Result<()> {
         let line = if self.json { serde_json::to_string(json)? } else { text() };
         match writeln!(std::io::stdout(), "{line}") {
             // Whoever reads it may have read enough.
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error).context("standard output"),
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(error).context("standard output")
+            }
             _ => Ok(()),
         }
     }

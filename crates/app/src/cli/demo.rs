@@ -9,10 +9,10 @@ use serde::Serialize;
 use super::common::{Global, mover};
 use super::eval;
 use super::fit::{When, fit, start};
-use crate::fit::{FitOptions, Model, RunFile, setup, write_preview};
-use crate::mesh::{extract, read_mesh, write_mesh};
-use crate::scene::Scene;
-use crate::synth::{Options, synthesise};
+use dataset::synth::{Options, synthesise};
+use fit::{FitOptions, Model, RunFile, setup, write_preview};
+use mesh::{extract, read_mesh, write_mesh};
+use scene::Scene;
 
 /// The embedded scene: a rounded solid with a hole through it and a bite out of it.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -60,7 +60,8 @@ impl Demo {
         let fitted = fit(dataset, file, &run, When::default(), global)?;
         let report = self.evaluate(&data, &run, fitted.iterations(), begin, global)?;
         global.report(&report, || {
-            let files = format!("picture {}\nmesh    {}", report.picture.display(), report.mesh.display());
+            let files =
+                format!("picture {}\nmesh    {}", report.picture.display(), report.mesh.display());
             format!(
                 "{}\n{} iterations, {:.0} s in all\n{files}",
                 report.metrics.table(),
@@ -75,11 +76,12 @@ impl Demo {
         let value: serde_json::Value = serde_json::from_str(SCENE)?;
         let source = data.join("scene.json");
         let scene = Scene::from_value(&source, &value)?;
-        let options = Options { views: self.views as usize, size: [self.size; 2], spp: 16, seed: 0 };
+        let options =
+            Options { views: self.views as usize, size: [self.size; 2], spp: 16, seed: 0 };
         let bar = global.progress("views");
         synthesise(&scene, &source, data, &options, &mover(&bar))?;
         bar.finish_and_clear();
-        crate::io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
+        io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
     }
 
     fn evaluate(
@@ -91,7 +93,7 @@ impl Demo {
         global: &Global,
     ) -> anyhow::Result<Report> {
         let (file, model) = (RunFile::load(run)?, Model::load(run)?);
-        let dataset = crate::data::load(data, &crate::data::LoadOptions::default())?;
+        let dataset = dataset::load(data, &dataset::LoadOptions::default())?;
         let bar = global.progress("evaluate");
         let mut metrics = eval::views(&model, &file, &dataset.test, 4, &mover(&bar))?;
         let mesh = extract(&model.field, &file.sphere(), 192, &mover(&bar));
@@ -103,6 +105,12 @@ impl Demo {
             write_preview(&picture, &setup(&model, &file, &cameras), 0, &view.image)?;
         }
         bar.finish_and_clear();
-        Ok(Report { metrics, iterations, seconds: begin.elapsed().as_secs_f64(), picture, mesh: mesh_path })
+        Ok(Report {
+            metrics,
+            iterations,
+            seconds: begin.elapsed().as_secs_f64(),
+            picture,
+            mesh: mesh_path,
+        })
     }
 }

@@ -6,11 +6,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, mover};
-use crate::data::{self, LoadOptions, View};
-use crate::estimate::render;
-use crate::fit::{Model, RunFile, setup};
-use crate::mesh::{extract, read_mesh};
-use crate::metrics::{compare, mask_iou, psnr, ssim};
+use dataset::{LoadOptions, View};
+use estimate::render;
+use fit::{Model, RunFile, setup};
+use mesh::{extract, read_mesh};
+use metrics::{compare, mask_iou, psnr, ssim};
 
 /// Measure a run on held-out views, and against a mesh.
 #[derive(Args, Debug)]
@@ -50,11 +50,12 @@ impl Eval {
         let model = Model::load(&self.run)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
-        let dataset = data::load(path, &LoadOptions { downscale: file.options.downscale })?;
+        let dataset = dataset::load(path, &LoadOptions { downscale: file.options.downscale })?;
         let bar = global.progress("eval");
         let mut report = views(&model, &file, &dataset.test, self.spp, &mover(&bar))?;
         if let Some(truth) = truth {
-            let mesh = extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
+            let mesh =
+                extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();
@@ -74,7 +75,9 @@ pub(super) fn views(
     let setup = setup(model, file, &cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
     for (i, view) in views.iter().enumerate() {
-        let image = render(&setup, i, spp, file.options.seed, &|p| progress((i as f64 + p) / views.len() as f64))?;
+        let image = render(&setup, i, spp, file.options.seed, &|p| {
+            progress((i as f64 + p) / views.len() as f64)
+        })?;
         psnrs.push(psnr(&image.film, &view.image));
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.mask.as_ref().map(|mask| mask_iou(&image.coverage, mask)));
@@ -100,7 +103,7 @@ const F_THRESHOLD: f64 = 0.01;
 
 impl Report {
     /// Adds the comparison with the true surface; an empty mesh compares with nothing.
-    pub(super) fn add_mesh(&mut self, mesh: &crate::mesh::Mesh, truth: &crate::mesh::Mesh, radius: f64) {
+    pub(super) fn add_mesh(&mut self, mesh: &mesh::Mesh, truth: &mesh::Mesh, radius: f64) {
         if mesh.faces.is_empty() {
             return;
         }

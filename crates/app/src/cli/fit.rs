@@ -12,10 +12,11 @@ use serde::Serialize;
 
 use super::common::Global;
 use super::preset::Preset;
-use crate::data::{self, Dataset, LoadOptions};
-use crate::error::{InputError, Interrupted};
-use crate::fit::{Fit as Fitting, FitOptions, Metrics, RunFile};
-pub(super) use crate::fit::{parse_bounds, parse_duration};
+use crate::error::Interrupted;
+use dataset::{Dataset, LoadOptions};
+use fit::{Fit as Fitting, FitOptions, Metrics, RunFile};
+pub(super) use fit::{parse_bounds, parse_duration};
+use io::InputError;
 
 /// Reconstruct a shape from posed photographs.
 #[derive(Args, Debug)]
@@ -70,14 +71,21 @@ impl Fit {
         let report = fit(dataset, file, &self.output, when, global)?;
         global.report(&report, || {
             let psnr = report.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
-            format!("{} iterations, {:.0} s{psnr}: {}", report.iterations, report.seconds, report.run.display())
+            format!(
+                "{} iterations, {:.0} s{psnr}: {}",
+                report.iterations,
+                report.seconds,
+                report.run.display()
+            )
         })
     }
 
     fn started(&self) -> anyhow::Result<(Dataset, RunFile)> {
         self.options.validate(Path::new("arguments"))?;
         let Some(path) = &self.dataset else {
-            return Err(InputError::new("arguments", "DATASET", "nothing", "a data set's folder").into());
+            return Err(
+                InputError::new("arguments", "DATASET", "nothing", "a data set's folder").into()
+            );
         };
         start(path, &self.options)
     }
@@ -86,16 +94,19 @@ impl Fit {
         let mut file = RunFile::load(&self.output)?;
         // A longer budget is the one thing a resumed run may ask anew.
         if self.options.time.is_some() || self.options.iterations.is_some() {
-            (file.options.time, file.options.iterations) = (self.options.time, self.options.iterations);
+            (file.options.time, file.options.iterations) =
+                (self.options.time, self.options.iterations);
         }
         let toml = self.output.join("fit.toml");
         file.options.validate(&toml)?;
         self.refuse_changes(&file, &toml)?;
-        if let Some(path) = self.dataset.as_ref().filter(|p| absolute(p) != absolute(&file.dataset)) {
+        if let Some(path) = self.dataset.as_ref().filter(|p| absolute(p) != absolute(&file.dataset))
+        {
             let expected = format!("{}, as the run was started with", file.dataset.display());
             return Err(InputError::new(toml, "dataset", path.display(), expected).into());
         }
-        let dataset = data::load(&file.dataset, &LoadOptions { downscale: file.options.downscale })?;
+        let dataset =
+            dataset::load(&file.dataset, &LoadOptions { downscale: file.options.downscale })?;
         Ok((dataset, file))
     }
 }
@@ -103,7 +114,8 @@ impl Fit {
 impl Fit {
     /// Refuses options that a resumed run would have to ignore.
     fn refuse_changes(&self, file: &RunFile, source: &Path) -> anyhow::Result<()> {
-        let [given, default, kept] = [&self.options, &FitOptions::default(), &file.options].map(toml::Table::try_from);
+        let [given, default, kept] =
+            [&self.options, &FitOptions::default(), &file.options].map(toml::Table::try_from);
         let (given, default, kept) = (given?, default?, kept?);
         for (key, value) in given {
             if key != "time"
@@ -112,9 +124,13 @@ impl Fit {
                 && kept.get(&key) != Some(&value)
             {
                 let expected = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
-                return Err(
-                    InputError::new(source, key, value, format!("{expected}, as the run was started with")).into()
-                );
+                return Err(InputError::new(
+                    source,
+                    key,
+                    value,
+                    format!("{expected}, as the run was started with"),
+                )
+                .into());
             }
         }
         Ok(())
@@ -128,9 +144,9 @@ fn absolute(path: &Path) -> PathBuf {
 
 /// Loads a data set and settles its bounding sphere and background.
 pub(super) fn start(path: &Path, options: &FitOptions) -> anyhow::Result<(Dataset, RunFile)> {
-    let dataset = data::load(path, &LoadOptions { downscale: options.downscale })?;
-    let (bounds, background) = data::surroundings(&dataset, options.bounds());
-    data::check_cameras(&dataset, &bounds)?;
+    let dataset = dataset::load(path, &LoadOptions { downscale: options.downscale })?;
+    let (bounds, background) = dataset::surroundings(&dataset, options.bounds());
+    dataset::check_cameras(&dataset, &bounds)?;
     let center = bounds.center;
     let file = RunFile {
         dataset: absolute(path),
@@ -179,7 +195,8 @@ pub(super) fn fit(
     let mut fitting = Fitting::new(run, dataset, file, resume)?;
     fitting.weighting = global.weights.as_ref().and_then(super::Weights::get);
     if claimed.is_none() {
-        std::fs::create_dir_all(run).map_err(|e| InputError::new(run, "run", e, "a folder that can be written"))?;
+        std::fs::create_dir_all(run)
+            .map_err(|e| InputError::new(run, "run", e, "a folder that can be written"))?;
         claimed = Some(claim(run)?);
     }
     prepare(run, &fitting.file)?;
@@ -215,10 +232,12 @@ pub(super) fn fit(
 /// Takes a run folder for this process: two fits in one would spoil each other's files.
 fn claim(run: &Path) -> anyhow::Result<std::fs::File> {
     let path = run.join("lock");
-    let lock = std::fs::File::create(&path).map_err(|e| InputError::new(&path, "lock", e, "a file to write"))?;
+    let lock = std::fs::File::create(&path)
+        .map_err(|e| InputError::new(&path, "lock", e, "a file to write"))?;
     match lock.try_lock() {
         Err(std::fs::TryLockError::WouldBlock) => {
-            Err(InputError::new(run, "run", "a fit at work", "a folder of its own, or patience").into())
+            Err(InputError::new(run, "run", "a fit at work", "a folder of its own, or patience")
+                .into())
         }
         // Where files cannot be locked, nobody is kept out.
         _ => Ok(lock),
@@ -254,8 +273,10 @@ impl MetricsFile {
             })
             .flat_map(|line| [line, "\n"])
             .collect();
-        crate::io::atomic_write(path, |out| Ok(out.write_all(kept.as_bytes())?))?;
-        Ok(MetricsFile { file: std::io::BufWriter::new(OpenOptions::new().append(true).open(path)?) })
+        io::atomic_write(path, |out| Ok(out.write_all(kept.as_bytes())?))?;
+        Ok(MetricsFile {
+            file: std::io::BufWriter::new(OpenOptions::new().append(true).open(path)?),
+        })
     }
 
     fn write(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
@@ -278,6 +299,8 @@ fn progress_bar(global: &Global) -> ProgressBar {
 
 fn show(bar: &ProgressBar, m: &Metrics) {
     bar.set_position((m.progress.min(1.0) * 10_000.0) as u64);
-    let psnr = m.psnr.map_or_else(|| format!("train {:.1} dB", m.train_psnr), |p| format!("held-out {p:.1} dB"));
+    let psnr = m
+        .psnr
+        .map_or_else(|| format!("train {:.1} dB", m.train_psnr), |p| format!("held-out {p:.1} dB"));
     bar.set_message(format!("loss {:.4}  {psnr}  {:.0} k rays/s", m.loss, m.rays_per_second / 1e3));
 }

@@ -6,11 +6,12 @@ use clap::Args;
 
 use super::common::{Global, check_extension};
 use super::fit::parse_bounds;
-use crate::data::{self, LoadOptions};
-use crate::inspect::{inspect, overlay};
-use crate::io::write_image;
+use dataset::LoadOptions;
+use dataset::inspect::{inspect, overlay};
+use io::write_image;
 
-/// Show what was understood of a data set: cameras, units, bounding sphere, coverage, and an overlay picture.
+/// Show what was understood of a data set: cameras, units, bounding sphere, coverage, and an
+/// overlay picture.
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
     /// The data set
@@ -29,14 +30,16 @@ pub(crate) struct Inspect {
 impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         check_extension(&self.output, &["png", "exr", "npy"])?;
-        let dataset = data::load(&self.dataset, &LoadOptions { downscale: self.downscale })?;
-        let asked = self.bounds.map(|[x, y, z, radius]| field::Sphere { center: glam::DVec3::new(x, y, z), radius });
+        let dataset = dataset::load(&self.dataset, &LoadOptions { downscale: self.downscale })?;
+        let asked = self
+            .bounds
+            .map(|[x, y, z, radius]| field::Sphere { center: glam::DVec3::new(x, y, z), radius });
         let from = match (asked.is_some(), dataset.bounds.is_some()) {
             (true, _) => "as asked",
             (false, true) => "from the data set",
             (false, false) => "estimated from cameras and background",
         };
-        let (bounds, background) = data::surroundings(&dataset, asked);
+        let (bounds, background) = dataset::surroundings(&dataset, asked);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
         let report = inspect(&dataset, &bounds, &background, from);
         global.report(&report, || format!("{report}\npicture      {}", self.output.display()))

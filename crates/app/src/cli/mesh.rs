@@ -6,9 +6,9 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, check_extension, mover};
-use crate::error::InputError;
-use crate::fit::{Model, RunFile};
-use crate::mesh::{extract, write_mesh};
+use fit::{Model, RunFile};
+use io::InputError;
+use mesh::{extract, write_mesh};
 
 /// Extract a run's surface as a mesh.
 #[derive(Args, Debug)]
@@ -43,7 +43,13 @@ impl Mesh {
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
             let path = self.run.join("model.safetensors");
-            return Err(InputError::new(path, "model", "no surface inside the bounding sphere", "a solid").into());
+            return Err(InputError::new(
+                path,
+                "model",
+                "no surface inside the bounding sphere",
+                "a solid",
+            )
+            .into());
         }
         write_mesh(&self.output, &mesh)?;
         let report = Report {
@@ -56,7 +62,12 @@ impl Mesh {
         };
         global.report(&report, || {
             let closed = if report.closed { "closed" } else { "open" };
-            format!("{} vertices, {} faces, {closed}: {}", report.vertices, report.faces, self.output.display())
+            format!(
+                "{} vertices, {} faces, {closed}: {}",
+                report.vertices,
+                report.faces,
+                self.output.display()
+            )
         })
     }
 }

@@ -52,8 +52,8 @@ enum Command {
     Query(query::Query),
 }
 
-/// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or input, 130 after
-/// Ctrl-C, 1 for anything else.
+/// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or
+/// input, 130 after Ctrl-C, 1 for anything else.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     run_with(arguments, None)
 }
@@ -68,7 +68,8 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<W
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
-            let line: Vec<&str> = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
+            let line: Vec<&str> =
+                text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
             eprintln!("{}", line.join(" "));
             return 2;
         }
@@ -81,14 +82,16 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<W
     match execute(cli, weights) {
         Ok(()) => 0,
         Err(error) => {
-            let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
+            let chain: Vec<String> =
+                error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
             eprintln!("error: {}", chain.join(": "));
             exit_status(&error)
         }
     }
 }
 
-/// Ends this process when its parent does: what is started a thousand times should not be left behind once.
+/// Ends this process when its parent does: what is started a thousand times should not be left
+/// behind once.
 #[cfg(target_os = "linux")]
 fn end_with(parent: Option<u32>) -> anyhow::Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
@@ -117,7 +120,9 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 fn execute(cli: Cli, weights: Option<Weights>) -> anyhow::Result<()> {
     let global = common::Global { weights, ..cli.global };
     end_with(global.end_with)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(global.threads.map_or(0, usize::from)).build()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(global.threads.map_or(0, usize::from))
+        .build()?;
     pool.install(|| match cli.command {
         Command::Render(command) => command.run(&global),
         Command::Gradient(command) => command.run(&global),

@@ -8,9 +8,9 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::common::{Global, check_extension};
-use crate::error::InputError;
-use crate::io::{read_npy, write_npy};
-use crate::scene::network;
+use io::InputError;
+use io::{read_npy, write_npy};
+use scene::network;
 
 /// Evaluate a model file at points.
 #[derive(Args, Debug)]
@@ -35,11 +35,14 @@ struct Report {
 impl Query {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         check_extension(&self.output, &["npy"])?;
-        let bytes = std::fs::read(&self.model).map_err(|e| InputError::new(&self.model, "model", e, "a model file"))?;
+        let bytes = std::fs::read(&self.model)
+            .map_err(|e| InputError::new(&self.model, "model", e, "a model file"))?;
         let field = network::<f32>(&self.model, &bytes)?;
         let (shape, data) = read_npy(&self.points)?;
         let &[n, 3] = shape.as_slice() else {
-            return Err(InputError::new(&self.points, "shape", format!("{shape:?}"), "[N, 3]").into());
+            return Err(
+                InputError::new(&self.points, "shape", format!("{shape:?}"), "[N, 3]").into()
+            );
         };
         if let Some(bad) = data.iter().position(|v| !v.is_finite()) {
             let field = format!("point {}", bad / 3);
@@ -54,7 +57,13 @@ impl Query {
         }
         if let Some(bad) = (0..n).find(|&i| !f[i].is_finite() || !g[i].is_finite()) {
             let expected = "a point where the network is finite";
-            return Err(InputError::new(&self.points, format!("point {bad}"), points[bad], expected).into());
+            return Err(InputError::new(
+                &self.points,
+                format!("point {bad}"),
+                points[bad],
+                expected,
+            )
+            .into());
         }
         if self.gradient {
             let rows: Vec<f32> = f.iter().zip(&g).flat_map(|(f, g)| [*f, g.x, g.y, g.z]).collect();

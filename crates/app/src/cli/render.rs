@@ -4,20 +4,21 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use field::Counted;
+use field::{Counted, Evaluations};
 use serde::Serialize;
 
 use super::common::{Global, PrecisionArg, check_extension, color, mover};
-use crate::data::{self, LoadOptions};
-use crate::error::InputError;
-use crate::estimate::{Setup, render};
-use crate::evaluations::EvaluationReport;
-use crate::fit::{Model, RunFile};
-use crate::io::write_image;
-use crate::scene::{Precision, Scene};
-use crate::turntable::{around, turntable, upwards};
+use dataset::LoadOptions;
+use estimate::{Setup, render};
+use fit::turntable::{around, turntable, upwards};
+use fit::{Model, RunFile};
+use io::InputError;
+use io::write_image;
+use render::Precision;
+use scene::Scene;
 
-/// Render a scene to an image, or the object of a run from all around: as it looks, and its normals.
+/// Render a scene to an image, or the object of a run from all around: as it looks, and its
+/// normals.
 #[derive(Args, Debug)]
 pub(crate) struct Render {
     /// The scene file, or the folder of a run
@@ -48,7 +49,7 @@ struct Report {
     height: u32,
     spp: u32,
     seconds: f64,
-    evaluations: EvaluationReport,
+    evaluations: Evaluations,
 }
 
 #[derive(Serialize)]
@@ -74,8 +75,9 @@ impl Render {
 
     fn turntable(&self, global: &Global) -> anyhow::Result<()> {
         let (file, model) = (RunFile::load(&self.scene)?, Model::load(&self.scene)?);
-        let dataset = data::load(&file.dataset, &LoadOptions::default())?;
-        let (bounds, taken) = (file.sphere(), dataset.train.iter().map(|v| v.camera).collect::<Vec<_>>());
+        let dataset = dataset::load(&file.dataset, &LoadOptions::default())?;
+        let (bounds, taken) =
+            (file.sphere(), dataset.train.iter().map(|v| v.camera).collect::<Vec<_>>());
         let up = upwards(&taken, bounds.center);
         let cameras = around(&bounds, &taken, up, self.views as usize, self.size);
         let bar = global.progress("turntable");
@@ -92,7 +94,8 @@ impl Render {
         let field = Counted::new(scene.sdf.build::<R>()?);
         let shader = scene.shader::<R>(&field)?;
         let cameras = [scene.camera];
-        let setup = Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
+        let setup =
+            Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
         let bar = global.progress("render");
         let start = Instant::now();
         let image = render(&setup, 0, self.spp, self.seed, &mover(&bar))
@@ -101,8 +104,10 @@ impl Render {
         bar.finish_and_clear();
         write_image(&self.output, &image.film)?;
         let (width, height) = (image.film.width, image.film.height);
-        let evaluations = field.evaluations().into();
+        let evaluations = field.evaluations();
         let report = Report { width, height, spp: self.spp, seconds, evaluations };
-        global.report(&report, || format!("{width} x {height} pixels, {} samples each, {seconds:.3} s", self.spp))
+        global.report(&report, || {
+            format!("{width} x {height} pixels, {} samples each, {seconds:.3} s", self.spp)
+        })
     }
 }

@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, mover};
-use crate::scene::Scene;
-use crate::synth::{Options, synthesise};
+use dataset::synth::{Options, synthesise};
+use scene::Scene;
 
 /// Make a data set of posed images of a scene around its object, with exact ground truth.
 #[derive(Args, Debug)]
@@ -49,7 +49,8 @@ impl Synth {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         let scene = Scene::load(&self.scene)?;
         let bar = global.progress("synth");
-        let options = Options { views: self.views as usize, size: self.size, spp: self.spp, seed: self.seed };
+        let options =
+            Options { views: self.views as usize, size: self.size, spp: self.spp, seed: self.seed };
         synthesise(&scene, &self.scene, &self.output, &options, &mover(&bar))?;
         bar.finish_and_clear();
         let report = Report { dataset: self.output.clone(), views: self.views };

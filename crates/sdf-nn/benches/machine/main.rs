@@ -1,5 +1,5 @@
-//! What the machine can do, and what of it every pass of the network uses: a table on standard error, JSON on standard output.
-//! `cargo xtask bench` runs it and sets whole programs beside it.
+//! What the machine can do, and what of it every pass of the network uses: a table on standard
+//! error, JSON on standard output. `cargo xtask bench` runs it and sets whole programs beside it.
 
 mod passes;
 mod peak;

@@ -53,17 +53,25 @@ const ROUNDS: usize = 8;
 
 /// Measures and prints.
 pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
-    let points: Vec<Vec3> =
-        (0..POINTS).map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2) * 0.7).collect();
+    let points: Vec<Vec3> = (0..POINTS)
+        .map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2) * 0.7)
+        .collect();
     let mut results = Vec::new();
     for (width, layers) in [(64, 3), (64, 4), (256, 8)] {
         let net = network(width, layers);
         let name = format!("{layers} × {width}, 6 octaves");
         // 1×, 2×, 4× and 6× of the value pass.
         let value = |x: &[Vec3]| net.value(x, &mut vec![0.0; x.len()]);
-        let gradient = |x: &[Vec3]| net.value_gradient(x, &mut vec![0.0; x.len()], &mut vec![Vec3::ZERO; x.len()]);
+        let gradient = |x: &[Vec3]| {
+            net.value_gradient(x, &mut vec![0.0; x.len()], &mut vec![Vec3::ZERO; x.len()])
+        };
         let hessian = |x: &[Vec3]| {
-            net.hessian_vector(x, x, &mut vec![Vec3::ZERO; x.len()], &mut vec![Vec3::ZERO; x.len()]);
+            net.hessian_vector(
+                x,
+                x,
+                &mut vec![Vec3::ZERO; x.len()],
+                &mut vec![Vec3::ZERO; x.len()],
+            );
         };
         let parameters = |x: &[Vec3]| {
             net.parameter_vjp(x, &vec![0.5; x.len()], x, &mut vec![0.0; net.parameters().len()]);

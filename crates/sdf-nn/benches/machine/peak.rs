@@ -1,5 +1,8 @@
 //! The most fused multiply–adds that one core does, measured.
-#![allow(unsafe_code, reason = "functions compiled for instructions that were checked for at run time")]
+#![allow(
+    unsafe_code,
+    reason = "functions compiled for instructions that were checked for at run time"
+)]
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -32,14 +35,18 @@ impl Peak {
             }
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                 // SAFETY: the instructions are present.
-                return Peak { instructions: "AVX2 and FMA", gflops: best(8, || unsafe { avx2() }) };
+                return Peak {
+                    instructions: "AVX2 and FMA",
+                    gflops: best(8, || unsafe { avx2() }),
+                };
             }
         }
         Peak { instructions: "portable", gflops: best(4, portable) }
     }
 }
 
-/// GFLOP/s of a function that does `ROUNDS` rounds of `CHAINS` multiply–adds on registers of `lanes` numbers.
+/// GFLOP/s of a function that does `ROUNDS` rounds of `CHAINS` multiply–adds on registers of
+/// `lanes` numbers.
 fn best(lanes: usize, run: impl Fn() -> f32) -> f64 {
     let seconds = (0..TRIES).map(|_| {
         let start = Instant::now();
@@ -61,13 +68,17 @@ unsafe fn avx512() -> f32 {
             *sum = _mm512_fmadd_ps(*sum, a, b);
         }
     }
-    _mm512_reduce_add_ps(sums.into_iter().fold(_mm512_set1_ps(0.0), |total, sum| _mm512_add_ps(total, sum)))
+    _mm512_reduce_add_ps(
+        sums.into_iter().fold(_mm512_set1_ps(0.0), |total, sum| _mm512_add_ps(total, sum)),
+    )
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn avx2() -> f32 {
-    use std::arch::x86_64::{_mm_cvtss_f32, _mm256_add_ps, _mm256_castps256_ps128, _mm256_fmadd_ps, _mm256_set1_ps};
+    use std::arch::x86_64::{
+        _mm_cvtss_f32, _mm256_add_ps, _mm256_castps256_ps128, _mm256_fmadd_ps, _mm256_set1_ps,
+    };
     let (a, b) = (_mm256_set1_ps(black_box(0.999_999)), _mm256_set1_ps(black_box(1e-7)));
     // Sixteen registers are all there are: twelve chains leave room for the constants.
     let mut sums = [_mm256_set1_ps(1.0); 12];
@@ -76,7 +87,9 @@ unsafe fn avx2() -> f32 {
             *sum = _mm256_fmadd_ps(*sum, a, b);
         }
     }
-    _mm_cvtss_f32(_mm256_castps256_ps128(sums.into_iter().fold(_mm256_set1_ps(0.0), |t, s| _mm256_add_ps(t, s))))
+    _mm_cvtss_f32(_mm256_castps256_ps128(
+        sums.into_iter().fold(_mm256_set1_ps(0.0), |t, s| _mm256_add_ps(t, s)),
+    ))
 }
 
 /// Multiplications and additions, apart where they are not one instruction.

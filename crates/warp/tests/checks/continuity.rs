@@ -1,4 +1,5 @@
-//! V is continuous along the film, also where points join and leave the largest k, and where they come into being.
+//! V is continuous along the film, also where points join and leave the largest k, and where they
+//! come into being.
 
 use warp::{Options, evaluate};
 
@@ -7,7 +8,8 @@ use crate::scene::{FIELDS, Scene, field};
 /// V and the kept points at the film position `s` of a line, or `None` outside the bounds.
 fn along(scene: &Scene, s: f64, tangent: &[f64]) -> Option<([f64; 2], usize, Vec<usize>)> {
     let record = scene.record([2.0 + 28.0 * s, 9.0 + 9.0 * s])?;
-    let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
+    let kept =
+        evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
     let mut f_dot = vec![0.0; kept.points.len()];
     let mut g_dot = vec![glam::DVec3::ZERO; kept.points.len()];
     scene.field.parameter_jvp(&kept.points, tangent, &mut f_dot, &mut g_dot);
@@ -18,10 +20,11 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// The largest jump of V on the line that bisection cannot shrink, in pixels per unit of the parameter, and how often the
-/// kept points change and the number of points passes k.
+/// The largest jump of V on the line that bisection cannot shrink, in pixels per unit of the
+/// parameter, and how often the kept points change and the number of points passes k.
 fn largest_jump(scene: &Scene, intervals: usize) -> (f64, usize, usize) {
-    let tangent: Vec<f64> = (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
+    let tangent: Vec<f64> =
+        (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
     let (mut jump, mut changes, mut births) = (0.0f64, 0, 0);
     for i in 0..intervals {
         let ends = [i, i + 1].map(|i| i as f64 / intervals as f64);
@@ -33,7 +36,11 @@ fn largest_jump(scene: &Scene, intervals: usize) -> (f64, usize, usize) {
             let middle = 0.5 * (low + high);
             let Some((v, _, _)) = along(scene, middle, &tangent) else { break };
             // Into the half that changes more: a jump stays in it.
-            if distance(va, v) > distance(v, vb) { (high, vb) = (middle, v) } else { (low, va) = (middle, v) }
+            if distance(va, v) > distance(v, vb) {
+                (high, vb) = (middle, v)
+            } else {
+                (low, va) = (middle, v)
+            }
         }
         jump = jump.max(distance(va, vb));
     }
@@ -51,12 +58,14 @@ fn the_warp_does_not_jump_where_the_kept_points_change() {
             (changes, births) = (changes + c, births + b);
         }
     }
-    println!("continuous over {changes} changes of the kept points, {births} passings of k by the number of points");
+    println!(
+        "continuous over {changes} changes of the kept points, {births} passings of k by the number of points"
+    );
     assert!(changes > 500 && births > 20, "{changes} {births}");
 }
 
-/// With k = 2 the larger point has all the weight, so V jumps where the two largest swap: the supplement's argument for
-/// continuity (lemma 4.1) needs a third point.
+/// With k = 2 the larger point has all the weight, so V jumps where the two largest swap: the
+/// supplement's argument for continuity (lemma 4.1) needs a third point.
 #[test]
 fn two_points_are_too_few() {
     let options = Options { k: 2, epsilon: 1e-3, ..Options::default() };

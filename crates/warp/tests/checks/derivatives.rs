@@ -11,7 +11,10 @@ use crate::reference::{Reference, differences};
 use crate::scene::{FIELDS, Pinhole, Scene, field};
 
 fn close(found: f64, expected: f64, scale: f64) -> Result<(), TestCaseError> {
-    prop_assert!((found - expected).abs() <= 2e-6 * (1.0 + scale), "found {found}, expected {expected}, scale {scale}");
+    prop_assert!(
+        (found - expected).abs() <= 2e-6 * (1.0 + scale),
+        "found {found}, expected {expected}, scale {scale}"
+    );
     Ok(())
 }
 
@@ -27,7 +30,8 @@ fn check_values(at: &Reference, kept: &Kept<f64>) -> Result<(), TestCaseError> {
         close(kept.weight[p], at.weight[i], 0.0)?;
         (0..2).try_for_each(|e| close(kept.a[p][e], at.a[i][e], at.a[i][e].abs()))?;
     }
-    let missed: f64 = (0..at.weight.len()).filter(|i| !kept.index.contains(i)).map(|i| at.weight[i]).sum();
+    let missed: f64 =
+        (0..at.weight.len()).filter(|i| !kept.index.contains(i)).map(|i| at.weight[i]).sum();
     close(missed, 0.0, 0.0)
 }
 
@@ -37,19 +41,30 @@ fn check_divergence(scene: &Scene, u: [f64; 2], tangent: &[f64]) -> Result<bool,
     let kept = kept_at(scene, &at, true);
     check_values(&at, &kept)?;
     let n = at.a.len();
-    let Some(da) = differences(scene, u, |r| r.a.iter().flatten().copied().collect()) else { return Ok(false) };
-    let Some(dx) = differences(scene, u, |r| (0..n).flat_map(|i| r.record.x(i).to_array()).collect()) else {
+    let Some(da) = differences(scene, u, |r| r.a.iter().flatten().copied().collect()) else {
         return Ok(false);
     };
-    let Some(dv) = differences(scene, u, |r| r.velocity(scene, tangent).to_vec()) else { return Ok(false) };
+    let Some(dx) =
+        differences(scene, u, |r| (0..n).flat_map(|i| r.record.x(i).to_array()).collect())
+    else {
+        return Ok(false);
+    };
+    let Some(dv) = differences(scene, u, |r| r.velocity(scene, tangent).to_vec()) else {
+        return Ok(false);
+    };
     for (p, &i) in kept.index.iter().enumerate() {
-        close(kept.divergence_a[p], da[0][2 * i] + da[1][2 * i + 1], da[0][2 * i].abs() + da[1][2 * i + 1].abs())?;
+        close(
+            kept.divergence_a[p],
+            da[0][2 * i] + da[1][2 * i + 1],
+            da[0][2 * i].abs() + da[1][2 * i + 1].abs(),
+        )?;
         for axis in 0..3 {
             let b = at.a[i][0] * dx[0][3 * i + axis] + at.a[i][1] * dx[1][3 * i + axis];
             close(kept.b[p].to_array()[axis], b, b.abs())?;
         }
     }
-    let (mut f_dot, mut g_dot) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
+    let (mut f_dot, mut g_dot) =
+        (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
     scene.field.parameter_jvp(&kept.points, tangent, &mut f_dot, &mut g_dot);
     let (v, divergence) = (kept.velocity(&f_dot)[0], kept.divergence(&f_dot, &g_dot)[0]);
     let expected = at.velocity(scene, tangent);
@@ -78,17 +93,19 @@ fn values_and_divergences_match_differences() {
         prop::collection::vec(-1.0..1.0f64, 16),
     );
     let (drawn, compared) = (Cell::new(0), Cell::new(0));
-    let config = ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() };
-    let outcome = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha)).run(
-        &strategy,
-        |((kind, points, options), u, tangent)| {
-            let scene = Scene::new(field(kind), points, options);
-            let smooth = check_divergence(&scene, u, &tangent[..scene.field.parameter_count()])?;
-            drawn.set(drawn.get() + 1);
-            compared.set(compared.get() + usize::from(smooth));
-            Ok(())
-        },
-    );
+    let config =
+        ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() };
+    let outcome = TestRunner::new_with_rng(
+        config,
+        TestRng::deterministic_rng(RngAlgorithm::ChaCha),
+    )
+    .run(&strategy, |((kind, points, options), u, tangent)| {
+        let scene = Scene::new(field(kind), points, options);
+        let smooth = check_divergence(&scene, u, &tangent[..scene.field.parameter_count()])?;
+        drawn.set(drawn.get() + 1);
+        compared.set(compared.get() + usize::from(smooth));
+        Ok(())
+    });
     outcome.unwrap_or_else(|error| panic!("{error}"));
     // A check that skips everything is no check.
     let (drawn, compared) = (drawn.get(), compared.get());
@@ -102,7 +119,10 @@ fn without_divergence_the_values_are_the_same_bits() {
     for i in 0..50 {
         let Some(at) = Reference::at(&scene, [5.0 + 0.4 * f64::from(i), 13.0]) else { continue };
         let (with, without) = (kept_at(&scene, &at, true), kept_at(&scene, &at, false));
-        assert_eq!((&with.a, &with.index, &with.weight), (&without.a, &without.index, &without.weight));
+        assert_eq!(
+            (&with.a, &with.index, &with.weight),
+            (&without.a, &without.index, &without.weight)
+        );
         assert!(without.divergence_a.is_empty() && without.b.is_empty());
     }
 }

@@ -42,16 +42,19 @@ fn scene(field: Box<dyn Field<f64>>, points: usize, gamma: f64) -> Scene {
     Scene { field, camera, bounds: Sphere { center: DVec3::ZERO, radius: 1.6 }, points, options }
 }
 
-/// A silhouette on a row of the film that no part of the solid comes close to hiding, from the right.
+/// A silhouette on a row of the film that no part of the solid comes close to hiding, from the
+/// right.
 fn outline(scene: &Scene, row: f64) -> Option<Tangency<f64>> {
     // From outside: the last place from the right whose ray keeps clear.
-    let lowest = |s: f64| scene.record([s, row]).map(|r| (r.f.iter().copied().fold(f64::MAX, f64::min), r));
+    let lowest =
+        |s: f64| scene.record([s, row]).map(|r| (r.f.iter().copied().fold(f64::MAX, f64::min), r));
     let mut s = 31.0;
     while s > 1.0 {
         let (low, record) = lowest(s)?;
         if low < 0.02 {
             let at = record.f.iter().position(|f| *f == low)?;
-            let start = Start { s, t: record.t[at], range: [s - 4.0, s + 4.0], reach: 0.02, steepest: 1.0 };
+            let start =
+                Start { s, t: record.t[at], range: [s - 4.0, s + 4.0], reach: 0.02, steepest: 1.0 };
             return tangencies(scene.field.as_ref(), &Row(&scene.camera, row), &[start], 1e-9)[0];
         }
         s -= 0.25;
@@ -66,13 +69,15 @@ fn kept_at(scene: &Scene, u: [f64; 2]) -> Option<Kept<f64>> {
 
 /// ∂f at points along a tangent that touches every parameter.
 fn along(field: &dyn Field<f64>, x: &[DVec3]) -> Vec<f64> {
-    let tangent: Vec<f64> = (0..field.parameter_count()).map(|i| if i % 3 == 0 { 1.0 } else { -0.4 }).collect();
+    let tangent: Vec<f64> =
+        (0..field.parameter_count()).map(|i| if i % 3 == 0 { 1.0 } else { -0.4 }).collect();
     let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
     field.parameter_jvp(x, &tangent, &mut f, &mut g);
     f
 }
 
-/// For N points: |V·n − v| over the silhouette's normal velocity's scale, and the weight further than 0.1 from its point.
+/// For N points: |V·n − v| over the silhouette's normal velocity's scale, and the weight further
+/// than 0.1 from its point.
 fn at_the_outline(scene: &Scene, row: f64, found: &Tangency<f64>) -> Option<(f64, f64)> {
     let direction = scene.camera.direction([found.s, row]);
     let x = scene.camera.eye + direction * found.t;
@@ -82,7 +87,13 @@ fn at_the_outline(scene: &Scene, row: f64, found: &Tangency<f64>) -> Option<(f64
     let v = kept.velocity(&along(scene.field.as_ref(), &kept.points))[0];
     let expected = -along(scene.field.as_ref(), &[x])[0] / square.sqrt();
     let normal = (v[0] * rise[0] + v[1] * rise[1]) / square.sqrt();
-    let far: f64 = kept.points.iter().zip(&kept.weight).filter(|(p, _)| p.distance(x) > 0.1).map(|(_, w)| w).sum();
+    let far: f64 = kept
+        .points
+        .iter()
+        .zip(&kept.weight)
+        .filter(|(p, _)| p.distance(x) > 0.1)
+        .map(|(_, w)| w)
+        .sum();
     Some(((normal - expected).abs() / (expected.abs() + 1.0 / square.sqrt()), far))
 }
 
@@ -91,8 +102,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Lemmas 3.1 to 3.4: V tends to the silhouette's velocity as u tends to the silhouette and N grows, and the points near the limiting
-/// one take all the weight.
+/// Lemmas 3.1 to 3.4: V tends to the silhouette's velocity as u tends to the silhouette and N
+/// grows, and the points near the limiting one take all the weight.
 #[test]
 fn the_warp_is_boundary_consistent_for_random_fields() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
@@ -119,11 +130,17 @@ fn the_warp_is_boundary_consistent_for_random_fields() {
     let (errors, far): (Vec<f64>, Vec<f64>) =
         (errors.into_iter().map(median).collect(), far.into_iter().map(median).collect());
     for i in 0..counts.len() {
-        println!("N = {:4}: median error of V·n {:.4}, median weight beyond 0.1 {:.5}", counts[i], errors[i], far[i]);
+        println!(
+            "N = {:4}: median error of V·n {:.4}, median weight beyond 0.1 {:.5}",
+            counts[i], errors[i], far[i]
+        );
     }
     let growth = (counts[3] as f64 / counts[0] as f64).ln();
     let rate = (errors[0] / errors[3]).ln() / growth;
-    println!("rate: error ~ N^-{rate:.2}, weight ~ N^-{:.2}", (far[0] / far[3].max(1e-12)).ln() / growth);
+    println!(
+        "rate: error ~ N^-{rate:.2}, weight ~ N^-{:.2}",
+        (far[0] / far[3].max(1e-12)).ln() / growth
+    );
     assert!(rate > 0.6 && errors[3] < 0.05, "{errors:?}");
     assert!(far[3] < 0.02 && far[3] < 0.1 * far[0], "{far:?}");
 }
@@ -139,8 +156,10 @@ fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
         if record.f.iter().any(|f| *f < 0.05) {
             return None;
         }
-        let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
-        let tangent: Vec<f64> = (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
+        let kept =
+            evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
+        let tangent: Vec<f64> =
+            (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
         let (mut f, mut g) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
         scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
         let divergence = kept.divergence(&f, &g)[0];
@@ -158,8 +177,10 @@ fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
         ];
         for (u, axis, sign) in edges {
             let kept = kept_at(scene, u)?;
-            let tangent: Vec<f64> = (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
-            let (mut f, mut g) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
+            let tangent: Vec<f64> =
+                (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
+            let (mut f, mut g) =
+                (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
             scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
             border += sign * kept.velocity(&f)[0][axis] * side / f64::from(m);
         }
@@ -172,8 +193,8 @@ fn the_divergence_over_a_pixel_is_the_flux_through_its_border() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let mut seen = 0;
     for _ in 0..40 {
-        let tree =
-            (blob(), 3.0..28.0f64, 3.0..28.0f64, prop::sample::select(vec![5usize, 14, 23])).new_tree(&mut runner);
+        let tree = (blob(), 3.0..28.0f64, 3.0..28.0f64, prop::sample::select(vec![5usize, 14, 23]))
+            .new_tree(&mut runner);
         let (numbers, x, y, k) = tree.expect("a field").current();
         let mut scene = scene(build(numbers), 22, 3.0);
         scene.options.k = k;
@@ -188,8 +209,9 @@ fn the_divergence_over_a_pixel_is_the_flux_through_its_border() {
 }
 
 proptest! {
-    /// Lemma 3.3 from both sides: along a ray that touches a ball, the weight of a point at a distance δ from the tangent point
-    /// goes as δ^(2 − γ): without bound above γ = 2, to nothing below.
+    /// Lemma 3.3 from both sides: along a ray that touches a ball, the weight of a point at a
+    /// distance δ from the tangent point goes as δ^(2 − γ): without bound above γ = 2, to nothing
+    /// below.
     #[test]
     fn weights_at_a_tangent_grow_above_an_exponent_of_two(gamma in 1.0..5.0f64, radius in 0.2..1.5f64, near in -4.0..-2.5f64) {
         let ball = Shape::<f64>::sphere([0.0; 3], radius);

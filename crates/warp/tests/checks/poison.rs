@@ -12,7 +12,8 @@ impl Projection<f32> for Pinhole {
         Projection::<f64>::jacobian(self, x.as_dvec3()).map(|row| row.as_vec3())
     }
     fn jacobian_derivative(&self, x: Vec3, dx: Vec3) -> [Vec3; 2] {
-        Projection::<f64>::jacobian_derivative(self, x.as_dvec3(), dx.as_dvec3()).map(|row| row.as_vec3())
+        Projection::<f64>::jacobian_derivative(self, x.as_dvec3(), dx.as_dvec3())
+            .map(|row| row.as_vec3())
     }
 }
 
@@ -85,8 +86,8 @@ proptest! {
         }
     }
 
-    /// One number of one ray is poisoned: that ray contributes nothing and is counted, or everything stays finite; the other
-    /// ray keeps its bits.
+    /// One number of one ray is poisoned: that ray contributes nothing and is counted, or
+    /// everything stays finite; the other ray keeps its bits.
     #[test]
     fn poison_stays_in_its_ray(
         kind in 0..FIELDS,
@@ -158,7 +159,13 @@ fn exact_ties_share_the_weight() {
 fn rays_without_points_or_weights_have_no_warp() {
     let scene = Scene::new(field(0), 22, Options::default());
     let empty = Record { origin: DVec3::Z, direction: -DVec3::Z, ..Record::default() };
-    let still = Record { t: vec![1.0], f: vec![0.0], gradient: vec![DVec3::Z], step: vec![0.0], ..empty.clone() };
+    let still = Record {
+        t: vec![1.0],
+        f: vec![0.0],
+        gradient: vec![DVec3::Z],
+        step: vec![0.0],
+        ..empty.clone()
+    };
     let rays = [empty.ray(), still.ray()];
     let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &rays, true);
     assert_eq!((kept.points.len(), kept.invalid, kept.rays), (0, 0, 2));
@@ -173,7 +180,8 @@ fn a_vanishing_gradient_is_finite() {
     for length in [0.0, 1e-200, 5e-324] {
         let mut record = scene.record([15.0, 14.0]).unwrap();
         record.gradient.iter_mut().for_each(|g| *g *= length);
-        let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
+        let kept =
+            evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
         assert!(finite(&kept), "|∇f| = {length}: {kept:?}");
     }
 }

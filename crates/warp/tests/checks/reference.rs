@@ -1,5 +1,5 @@
-//! The warp written straight from its formulas: plain powers, no logarithms, no derivatives. Slow, and only for moderate
-//! γ; it shares nothing with the crate but the field.
+//! The warp written straight from its formulas: plain powers, no logarithms, no derivatives. Slow,
+//! and only for moderate γ; it shares nothing with the crate but the field.
 
 use glam::DVec3;
 use warp::Projection;
@@ -16,7 +16,8 @@ pub(crate) struct Reference {
     pub(crate) a: Vec<[f64; 2]>,
 }
 
-/// What must not change within a difference stencil: which points exist, which keep a weight, and all signs.
+/// What must not change within a difference stencil: which points exist, which keep a weight, and
+/// all signs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Branch {
     clamped: bool,
@@ -71,7 +72,9 @@ impl Reference {
             clamped: r.clamped,
             kept: self.weight.iter().map(|w| *w > 0.0).collect(),
             floor,
-            signs: (0..r.t.len()).map(|i| [r.f[i] > 0.0, r.gradient[i].dot(r.direction) > 0.0]).collect(),
+            signs: (0..r.t.len())
+                .map(|i| [r.f[i] > 0.0, r.gradient[i].dot(r.direction) > 0.0])
+                .collect(),
         }
     }
 
@@ -85,8 +88,8 @@ impl Reference {
     }
 }
 
-/// Derivatives by u_x and u_y of many numbers: fourth-order central differences, step checked by halving it. `None` where the
-/// branch changes within the stencil or the two steps disagree.
+/// Derivatives by u_x and u_y of many numbers: fourth-order central differences, step checked by
+/// halving it. `None` where the branch changes within the stencil or the two steps disagree.
 pub(crate) fn differences(
     scene: &Scene,
     u: [f64; 2],

@@ -12,7 +12,13 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// ⟨adjoints, forward(tangent)⟩ and ⟨reverse(adjoints), tangent⟩ for area and for boundary samples.
-fn both_ways(scene: &Scene, records: &[Record], scalar: &[f64], film: &[[f64; 2]], tangent: &[f64]) -> [[f64; 2]; 2] {
+fn both_ways(
+    scene: &Scene,
+    records: &[Record],
+    scalar: &[f64],
+    film: &[[f64; 2]],
+    tangent: &[f64],
+) -> [[f64; 2]; 2] {
     let rays: Vec<_> = records.iter().map(Record::ray).collect();
     let field = scene.field.as_ref();
     let kept = evaluate(field, &scene.options, &[&scene.camera], &rays, true);
@@ -21,8 +27,9 @@ fn both_ways(scene: &Scene, records: &[Record], scalar: &[f64], film: &[[f64; 2]
     field.parameter_jvp(&kept.points, tangent, &mut f_dot, &mut g_dot);
     let (v, divergence) = (kept.velocity(&f_dot), kept.divergence(&f_dot, &g_dot));
 
-    let forward: f64 =
-        (0..rays.len()).map(|r| scalar[r] * divergence[r] + film[r][0] * v[r][0] + film[r][1] * v[r][1]).sum();
+    let forward: f64 = (0..rays.len())
+        .map(|r| scalar[r] * divergence[r] + film[r][0] * v[r][0] + film[r][1] * v[r][1])
+        .sum();
     let (alpha, c) = kept.area_vjp(scalar, film);
     let reverse = dot(&parameter_gradient(field, &kept.points, &alpha, &c), tangent);
 
@@ -30,7 +37,8 @@ fn both_ways(scene: &Scene, records: &[Record], scalar: &[f64], film: &[[f64; 2]
     let axis: Vec<usize> = (0..rays.len()).map(|r| r % 2).collect();
     let flux_forward: f64 = (0..rays.len()).map(|r| -scalar[r] * v[r][axis[r]]).sum();
     let alpha = kept.flux_vjp(scalar, &axis);
-    let flux_reverse = dot(&parameter_gradient(field, &kept.points, &alpha, &vec![DVec3::ZERO; n]), tangent);
+    let flux_reverse =
+        dot(&parameter_gradient(field, &kept.points, &alpha, &vec![DVec3::ZERO; n]), tangent);
     [[forward, reverse], [flux_forward, flux_reverse]]
 }
 

@@ -19,7 +19,14 @@ impl Pinhole {
     pub(crate) fn looking_at_origin(eye: DVec3) -> Self {
         let forward = -eye.normalize();
         let right = forward.cross(DVec3::Y).normalize();
-        Pinhole { eye, right, down: forward.cross(right), forward, focal: 64.0, principal: [16.0, 16.0] }
+        Pinhole {
+            eye,
+            right,
+            down: forward.cross(right),
+            forward,
+            focal: 64.0,
+            principal: [16.0, 16.0],
+        }
     }
 
     /// The unnormalised direction through u; affine in u.
@@ -40,7 +47,10 @@ impl Pinhole {
     pub(crate) fn project(&self, x: DVec3) -> [f64; 2] {
         let r = x - self.eye;
         let scale = self.focal / r.dot(self.forward);
-        [self.principal[0] + scale * r.dot(self.right), self.principal[1] + scale * r.dot(self.down)]
+        [
+            self.principal[0] + scale * r.dot(self.right),
+            self.principal[1] + scale * r.dot(self.down),
+        ]
     }
 }
 
@@ -48,7 +58,9 @@ impl Projection<f64> for Pinhole {
     fn jacobian(&self, x: DVec3) -> [DVec3; 2] {
         let r = x - self.eye;
         let depth = r.dot(self.forward);
-        [self.right, self.down].map(|axis| (axis * depth - self.forward * r.dot(axis)) * (self.focal / (depth * depth)))
+        [self.right, self.down].map(|axis| {
+            (axis * depth - self.forward * r.dot(axis)) * (self.focal / (depth * depth))
+        })
     }
 
     fn jacobian_derivative(&self, x: DVec3, dx: DVec3) -> [DVec3; 2] {
@@ -81,7 +93,13 @@ impl Field<f64> for Scaled {
         f.iter_mut().for_each(|f| *f *= self.1);
         gradient.iter_mut().for_each(|g| *g *= self.1);
     }
-    fn hessian_vector(&self, x: &[DVec3], p: &[DVec3], gradient: &mut [DVec3], product: &mut [DVec3]) {
+    fn hessian_vector(
+        &self,
+        x: &[DVec3],
+        p: &[DVec3],
+        gradient: &mut [DVec3],
+        product: &mut [DVec3],
+    ) {
         self.0.hessian_vector(x, p, gradient, product);
         gradient.iter_mut().chain(product).for_each(|g| *g *= self.1);
     }
@@ -127,14 +145,22 @@ pub(crate) struct Scene {
 impl Scene {
     pub(crate) fn new(field: Box<dyn Field<f64>>, points: usize, options: Options<f64>) -> Self {
         let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
-        Scene { field, camera, bounds: Sphere { center: DVec3::new(0.0, 0.05, 0.0), radius: 1.4 }, points, options }
+        Scene {
+            field,
+            camera,
+            bounds: Sphere { center: DVec3::new(0.0, 0.05, 0.0), radius: 1.4 },
+            points,
+            options,
+        }
     }
 
-    /// The recursion t ← t + ρ f from where the ray enters the bounds, cut off where it leaves them.
+    /// The recursion t ← t + ρ f from where the ray enters the bounds, cut off where it leaves
+    /// them.
     pub(crate) fn record(&self, u: [f64; 2]) -> Option<Record> {
         let (origin, direction) = (self.camera.eye, self.camera.direction(u));
         let (near, far) = self.bounds.clip(origin, direction)?;
-        let mut r = Record { origin, direction, du: self.camera.direction_du(u), ..Record::default() };
+        let mut r =
+            Record { origin, direction, du: self.camera.direction_du(u), ..Record::default() };
         let mut t = near;
         for _ in 0..self.points {
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);

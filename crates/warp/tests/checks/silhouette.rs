@@ -30,8 +30,11 @@ fn outline(radius: f64, distance: f64) -> f64 {
 /// and radius.
 fn errors(points: usize, gamma: f64) -> [f64; 3] {
     let scene = scene(points, gamma);
-    let record = scene.record([16.0 + outline(RADIUS, DISTANCE) + 1e-6, 16.0]).expect("a ray through the bounds");
-    let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
+    let record = scene
+        .record([16.0 + outline(RADIUS, DISTANCE) + 1e-6, 16.0])
+        .expect("a ray through the bounds");
+    let kept =
+        evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
     let h = 1e-5;
     // Along x the circle becomes an ellipse; its rightmost point moves at F D/(D² − r²).
     let expected = [
@@ -57,8 +60,8 @@ fn the_warp_tends_to_the_velocity_of_the_silhouette() {
     for (n, [x, z, r]) in &table {
         println!("{n:6} {x:10.4} {z:10.4} {r:10.4}");
     }
-    // The delta sits about 2r/N short of the silhouette, and m turns by as much: motion along the view sees that in full,
-    // the others little of it.
+    // The delta sits about 2r/N short of the silhouette, and m turns by as much: motion along the
+    // view sees that in full, the others little of it.
     for (before, after) in table.iter().zip(&table[1..]) {
         let growth = after.0 as f64 / before.0 as f64;
         assert!(after.1[1] < before.1[1] / growth.powf(0.8), "{before:?} {after:?}");

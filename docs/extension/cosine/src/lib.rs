@@ -1,6 +1,7 @@
-//! An example of a research extension: a warp whose weights are those of Vicini, Speierer and Jakob 2022, "Differentiable Signed
-//! Distance Function Rendering", along rays: ρ = (ε + |f| + λ c²)^−3 with the cosine c = ∇f·d/|∇f|, instead of the published
-//! S^−γ with its absolute value of ∇f·d. The square makes S smooth where a ray turns away from the surface.
+//! An example of a research extension: a warp whose weights are those of Vicini, Speierer and Jakob
+//! 2022, "Differentiable Signed Distance Function Rendering", along rays: ρ = (ε + |f| + λ c²)^−3
+//! with the cosine c = ∇f·d/|∇f|, instead of the published S^−γ with its absolute value of ∇f·d.
+//! The square makes S smooth where a ray turns away from the surface.
 
 use warp::field::{Real, Vector3};
 use warp::{Motion, WarpedRay, Weighting};
@@ -40,7 +41,8 @@ impl<R: Real> Weighting<R> for Cosine {
         let turned = motion.gradient.dot(ray.direction) + gradient.dot(motion.direction);
         let stretched = gradient.dot(motion.gradient) / (length * length);
         let c_rate = turned / length - c * stretched;
-        let f_rate = gradient.dot(motion.x) * if ray.f[i] < R::zero() { -R::one() } else { R::one() };
+        let f_rate =
+            gradient.dot(motion.x) * if ray.f[i] < R::zero() { -R::one() } else { R::one() };
         -R::of(EXPONENT) * (f_rate + R::of(2.0 * LAMBDA) * c * c_rate) / spread(ray, i)
     }
 }
@@ -88,7 +90,10 @@ mod tests {
             let step = 1e-6;
             let difference = (at(u + step, t).0 - at(u - step, t).0) / (2.0 * step);
             let rate = at(u, t).1;
-            assert!((rate - difference).abs() < 1e-6 * (1.0 + rate.abs()), "{u}, {t}: {rate} against {difference}");
+            assert!(
+                (rate - difference).abs() < 1e-6 * (1.0 + rate.abs()),
+                "{u}, {t}: {rate} against {difference}"
+            );
         }
     }
 }

@@ -1,0 +1,224 @@
+//! What the background looks like, from the photographs alone.
+
+use field::Sphere;
+use glam::DVec2;
+
+use super::View;
+use film::{srgb_decode, srgb_encode};
+
+/// A uniform background, as far as there is one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Background {
+    /// Its linear RGB.
+    pub color: [f32; 3],
+    /// The robust standard deviation of its pixels in display space, the largest of the channels;
+    /// wide enough for the tail of their distribution (a dim table in a black room).
+    pub spread: f32,
+    /// How uniform it is: 0 for clutter, 1 where nearly all pixels around the object look alike.
+    pub confidence: f32,
+}
+
+/// The smallest spread that is believed, in display units: two steps of 8 bits, the noise of a
+/// clean render.
+const LEAST_SPREAD: f32 = 2.0 / 255.0;
+
+/// Pixels within this many spreads (of at least twice the least) count as background.
+const NEAR: f32 = 4.0;
+
+/// The median absolute deviation of a normal distribution, per standard deviation.
+const MAD_PER_SIGMA: f32 = 0.6745;
+
+/// The quantile of the distances that tells of the tail, and where a normal distribution has it, in
+/// standard deviations.
+const TAIL: f32 = 0.95;
+const TAIL_PER_SIGMA: f32 = 1.96;
+
+/// How often the tail is looked at again, at most.
+const CLIPPINGS: usize = 8;
+
+impl Background {
+    /// Estimates the background from the pixels whose rays miss `candidate`, and those on the
+    /// images' borders.
+    pub fn estimate(views: &[View], candidate: &Sphere<f64>) -> Self {
+        let pixels: Vec<[f32; 3]> =
+            views.iter().flat_map(|view| surrounding_pixels(view, candidate)).collect();
+        if pixels.is_empty() {
+            return Background { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
+        }
+        let center: [f32; 3] =
+            std::array::from_fn(|c| median(pixels.iter().map(|p| p[c]).collect()));
+        let spread = (0..3)
+            .map(|c| {
+                median(pixels.iter().map(|p| (p[c] - center[c]).abs()).collect()) / MAD_PER_SIGMA
+            })
+            .fold(LEAST_SPREAD, f32::max);
+        let distances: Vec<f32> = pixels
+            .iter()
+            .map(|p| (0..3).map(|c| (p[c] - center[c]).abs()).fold(0.0, f32::max))
+            .collect();
+        let spread = with_tail(&distances, spread);
+        let reach = reach(spread);
+        let near = distances.iter().filter(|d| **d < reach).count();
+        let share = near as f32 / pixels.len() as f32;
+        // Half alike is no background; beyond 90 % the rest is the object touching the frame. A
+        // spread of 0.15 is clutter.
+        let confidence =
+            ((share - 0.5) / 0.4).clamp(0.0, 1.0) * ((0.15 - spread) / 0.1).clamp(0.0, 1.0);
+        Background { color: center.map(srgb_decode), spread, confidence }
+    }
+
+    /// The probability that a pixel of this linear colour shows the background: a normal
+    /// distribution of the spread against an object of any colour, equally likely beforehand.
+    pub fn probability(&self, rgb: [f32; 3]) -> f32 {
+        let sigma = self.spread.max(LEAST_SPREAD);
+        let square: f32 = (0..3)
+            .map(|c| ((srgb_encode(rgb[c]) - srgb_encode(self.color[c])) / sigma).powi(2))
+            .sum();
+        let density = (-0.5 * square).exp() / ((2.0 * std::f32::consts::PI).sqrt() * sigma).powi(3);
+        density / (density + 1.0)
+    }
+}
+
+/// The distance, in display space, up to which a pixel counts as background.
+fn reach(spread: f32) -> f32 {
+    NEAR * spread.max(2.0 * LEAST_SPREAD)
+}
+
+/// The spread that explains the tail of the distances as well, as far as they belong to the
+/// background: the tail's quantile among those within reach, again and again as the reach grows
+/// (sigma clipping).
+fn with_tail(distances: &[f32], spread: f32) -> f32 {
+    let mut spread = spread;
+    for _ in 0..CLIPPINGS {
+        let mut near: Vec<f32> = distances.iter().copied().filter(|d| *d < reach(spread)).collect();
+        if near.is_empty() {
+            return spread;
+        }
+        let at = (TAIL * (near.len() - 1) as f32) as usize;
+        let tail = *near.select_nth_unstable_by(at, f32::total_cmp).1 / TAIL_PER_SIGMA;
+        if tail <= spread {
+            return spread;
+        }
+        spread = tail;
+    }
+    spread
+}
+
+/// Pixels that should show background, in display space: at most a few thousand a view.
+fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
+    let (width, height) = (view.image.width, view.image.height);
+    let stride = (f64::from(width * height) / 4096.0).sqrt().ceil().max(1.0) as u32;
+    let shown = |x: u32, y: u32| view.image.at(x, y).map(srgb_encode);
+    let mut pixels = Vec::new();
+    for y in (0..height).step_by(stride as usize) {
+        for x in (0..width).step_by(stride as usize) {
+            let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            if candidate.clip(view.camera.eye, view.camera.direction(u)).is_none() {
+                pixels.push(shown(x, y));
+            }
+        }
+    }
+    for x in (0..width).step_by(stride as usize) {
+        pixels.extend([shown(x, 0), shown(x, height - 1)]);
+    }
+    for y in (0..height).step_by(stride as usize) {
+        pixels.extend([shown(0, y), shown(width - 1, y)]);
+    }
+    pixels
+}
+
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{ball, cameras, photograph};
+    use super::*;
+    use film::Film;
+
+    /// Views of the ball, over a background of display values that depend on the pixel.
+    fn views(shown: impl Fn(u32, u32) -> [f32; 3]) -> Vec<View> {
+        let of = |camera: render::Camera| {
+            let mut image = photograph(&camera);
+            let empty = image.at(0, 0);
+            for (i, pixel) in image.pixels.iter_mut().enumerate().filter(|(_, p)| **p == empty) {
+                *pixel = shown(i as u32 % camera.width, i as u32 / camera.width).map(srgb_decode);
+            }
+            View { name: String::new(), path: Default::default(), camera, image, mask: None }
+        };
+        cameras(6).into_iter().map(of).collect()
+    }
+
+    fn noise(x: u32, y: u32) -> f32 {
+        (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)).wrapping_mul(2_246_822_519) as f32
+            / u32::MAX as f32
+    }
+
+    #[test]
+    fn the_backgrounds_own_colour_is_probable_and_others_are_not() {
+        let background = Background { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 1.0 };
+        assert!(background.probability([0.1, 0.2, 0.3]) > 0.99);
+        assert!(background.probability([0.3, 0.2, 0.1]) < 1e-6);
+        assert!(background.probability([0.105, 0.205, 0.3]) > 0.9);
+        for poison in [f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(
+                background.probability([poison; 3]).partial_cmp(&0.5)
+                    != Some(std::cmp::Ordering::Greater)
+            );
+        }
+    }
+
+    #[test]
+    fn a_clean_background_has_the_least_spread() {
+        let found = Background::estimate(&views(|_, _| [0.4, 0.5, 0.6]), &ball());
+        assert_eq!((found.spread, found.confidence), (LEAST_SPREAD, 1.0));
+        for (found, shown) in found.color.into_iter().zip([0.4, 0.5, 0.6]) {
+            assert!((srgb_encode(found) - shown).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn noise_a_dim_table_and_an_intruder_widen_it_or_lower_its_confidence() {
+        let noisy =
+            Background::estimate(&views(|x, y| [0.5 + 0.1 * (noise(x, y) - 0.5); 3]), &ball());
+        // A uniform distribution over 0.1: half of it within 0.025 of the middle, 95 % within
+        // 0.0475.
+        assert!((0.02..0.045).contains(&noisy.spread) && noisy.confidence == 1.0, "{noisy:?}");
+        // Mostly black, a fifth of it nearly so.
+        let table = Background::estimate(
+            &views(|x, y| if x < 10 { [0.06 * noise(x, y); 3] } else { [0.0; 3] }),
+            &ball(),
+        );
+        assert!(
+            table.probability([srgb_decode(0.05); 3]) > 0.5 && table.confidence > 0.9,
+            "{table:?}"
+        );
+        assert!(table.probability([srgb_decode(0.25); 3]) < 1e-3, "{table:?}");
+        // A fifth of it something else entirely, which is not the background.
+        let intruder =
+            Background::estimate(&views(|x, _| if x < 10 { [0.8; 3] } else { [0.1; 3] }), &ball());
+        assert!(
+            intruder.spread < 0.02 && intruder.probability([srgb_decode(0.8); 3]) < 1e-6,
+            "{intruder:?}"
+        );
+        assert!(intruder.confidence < 1.0, "{intruder:?}");
+    }
+
+    #[test]
+    fn clutter_is_not_trusted() {
+        let clutter = Background::estimate(
+            &views(|x, y| [noise(x, y), noise(y, x), noise(x + 99, y)]),
+            &ball(),
+        );
+        assert!(clutter.confidence < 0.05, "{clutter:?}");
+        let none = Background::estimate(&[], &ball());
+        assert_eq!(none.confidence, 0.0);
+        let film = Film::new(1, 1);
+        let camera = cameras(1)[0].resized(1, 1);
+        let tiny =
+            View { name: String::new(), path: Default::default(), camera, image: film, mask: None };
+        assert!(Background::estimate(&[tiny], &ball()).spread >= LEAST_SPREAD);
+    }
+}

@@ -1,0 +1,151 @@
+//! The binary form of a sparse model: little endian, no padding.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::{Intrinsics, Registered, Result};
+use io::InputError;
+
+/// Names and parameter counts of the camera models, by number.
+const MODELS: [(&str, usize); 18] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+];
+
+/// A file's bytes, read from front to back.
+struct Bytes<'a> {
+    file: &'a Path,
+    data: Vec<u8>,
+    at: usize,
+}
+
+impl<'a> Bytes<'a> {
+    fn open(file: &'a Path) -> Result<Self> {
+        let data =
+            std::fs::read(file).map_err(|e| InputError::new(file, "file", e, "a readable file"))?;
+        Ok(Bytes { file, data, at: 0 })
+    }
+
+    fn take(&mut self, count: usize, what: &str) -> Result<&[u8]> {
+        let end = self.at.checked_add(count).filter(|end| *end <= self.data.len());
+        let end = end.ok_or_else(|| {
+            let found = format!("the file's end at byte {}", self.data.len());
+            InputError::new(
+                self.file,
+                format!("byte {}", self.at),
+                found,
+                format!("{count} bytes of {what}"),
+            )
+        })?;
+        let start = std::mem::replace(&mut self.at, end);
+        Ok(&self.data[start..end])
+    }
+
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(self.take(N, what)?);
+        Ok(bytes)
+    }
+
+    fn u32(&mut self, what: &str) -> Result<u32> {
+        self.array(what).map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self, what: &str) -> Result<u64> {
+        self.array(what).map(u64::from_le_bytes)
+    }
+
+    fn f64(&mut self, what: &str) -> Result<f64> {
+        self.array(what).map(f64::from_le_bytes)
+    }
+
+    fn vector(&mut self, what: &str) -> Result<DVec3> {
+        Ok(DVec3::new(self.f64(what)?, self.f64(what)?, self.f64(what)?))
+    }
+
+    /// A text that ends in a zero byte.
+    fn text(&mut self, what: &str) -> Result<String> {
+        let length = self.data[self.at..].iter().position(|b| *b == 0).unwrap_or(self.data.len());
+        let text = String::from_utf8_lossy(self.take(length, what)?).into_owned();
+        self.take(1, what)?;
+        Ok(text)
+    }
+
+    /// Passes over a list of records of `size` bytes, after its length.
+    fn skip_list(&mut self, size: usize, what: &str) -> Result<()> {
+        let count = self.u64(what)?;
+        let bytes =
+            usize::try_from(count).ok().and_then(|n| n.checked_mul(size)).unwrap_or(usize::MAX);
+        self.take(bytes, what).map(|_| ())
+    }
+
+    fn error(&self, field: &str, found: impl std::fmt::Display, expected: &str) -> InputError {
+        InputError::new(self.file, format!("{field} before byte {}", self.at), found, expected)
+    }
+}
+
+pub(super) fn cameras(file: &Path) -> Result<Vec<Intrinsics>> {
+    let mut bytes = Bytes::open(file)?;
+    let count = bytes.u64("the number of cameras")?;
+    (0..count)
+        .map(|_| {
+            let id = bytes.u32("a camera's number")?;
+            let model = bytes.u32("a camera model")?;
+            let known = usize::try_from(model).ok().and_then(|m| MODELS.get(m));
+            let (model, parameters) = *known
+                .ok_or_else(|| bytes.error("camera model", model, "a number from 0 to 17"))?;
+            let size = [bytes.u64("a camera's width")?, bytes.u64("a camera's height")?];
+            let parameters: Result<Vec<f64>> =
+                (0..parameters).map(|_| bytes.f64("a camera's parameters")).collect();
+            Ok(Intrinsics { id, model: model.to_owned(), size, parameters: parameters? })
+        })
+        .collect()
+}
+
+pub(super) fn images(file: &Path) -> Result<Vec<Registered>> {
+    let mut bytes = Bytes::open(file)?;
+    let count = bytes.u64("the number of images")?;
+    (0..count)
+        .map(|_| {
+            bytes.u32("an image's number")?;
+            let w = bytes.f64("a quaternion")?;
+            let xyz = bytes.vector("a quaternion")?;
+            let translation = bytes.vector("a translation")?;
+            let camera = bytes.u32("a camera's number")?;
+            let name = bytes.text("an image's name")?;
+            bytes.skip_list(24, "image points")?;
+            Ok(Registered { quaternion: [w, xyz.x, xyz.y, xyz.z], translation, camera, name })
+        })
+        .collect()
+}
+
+pub(super) fn points(file: &Path) -> Result<Vec<DVec3>> {
+    let mut bytes = Bytes::open(file)?;
+    let count = bytes.u64("the number of points")?;
+    (0..count)
+        .map(|_| {
+            bytes.u64("a point's number")?;
+            let point = bytes.vector("a point")?;
+            bytes.take(11, "a point's colour and error")?;
+            bytes.skip_list(8, "a point's track")?;
+            Ok(point)
+        })
+        .collect()
+}

@@ -1,0 +1,159 @@
+//! The report on views whose every figure is known, and the outline against the rays that meet the
+//! sphere.
+
+use glam::DVec2;
+
+use super::*;
+use film::Film;
+use render::Camera;
+
+const BOUNDS: Sphere<f64> = Sphere { center: DVec3::new(1.0, 2.0, 3.0), radius: 0.5 };
+
+/// Cameras at a distance of 4 along the six directions of the axes, 60 × 50 pixels.
+fn dataset() -> Dataset {
+    let view = |i: usize, axis: DVec3| {
+        let up = if axis.z == 0.0 { DVec3::Z } else { DVec3::X };
+        let (focal, principal) = (DVec2::splat(120.0), DVec2::new(30.0, 25.0));
+        let eye = BOUNDS.center + 4.0 * axis;
+        let camera = Camera::look_at(60, 50, focal, principal, eye, BOUNDS.center, up).unwrap();
+        View {
+            name: format!("{i}"),
+            path: Default::default(),
+            camera,
+            image: Film::new(60, 50),
+            mask: None,
+        }
+    };
+    let axes = DVec3::AXES.into_iter().flat_map(|a| [a, -a]).enumerate();
+    let mut train: Vec<View> = axes.map(|(i, axis)| view(i, axis)).collect();
+    let test = train.split_off(5);
+    Dataset {
+        path: "set".into(),
+        format: "test".to_owned(),
+        train,
+        test,
+        bounds: None,
+        points: Vec::new(),
+    }
+}
+
+fn report(dataset: &Dataset) -> Report {
+    let background = Background { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 0.7 };
+    inspect(dataset, &BOUNDS, &background, "as asked")
+}
+
+#[test]
+fn the_report_tells_what_is_known() {
+    let report = report(&dataset());
+    assert_eq!(
+        (report.train_views, report.test_views, report.masks, report.axes_through),
+        (5, 1, 0, 6)
+    );
+    assert!(report.distance.iter().all(|d| (d - 4.0).abs() < 1e-12));
+    assert!((report.spread - 180.0).abs() < 1e-9 && report.off_axis < 1e-5, "{report:?}");
+    assert!(report.elevation.iter().zip([-90.0, 90.0]).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert!((report.field_of_view - 2.0 * 0.25f64.atan().to_degrees()).abs() < 1e-12);
+    // Six caps of 30 degrees that do not overlap: 6 (1 - cos 30°) / 2.
+    assert!((report.surrounded - 0.4019).abs() < 0.01, "{}", report.surrounded);
+    // The disc of the tangent 0.5 / √(4² − 0.5²), times the focal length, in pixels.
+    let disc = std::f64::consts::PI * (120.0 * 0.5 / 15.75f64.sqrt()).powi(2) / 3000.0;
+    assert!(
+        report.coverage.iter().all(|c| (c - disc).abs() < 0.01),
+        "{:?} and {disc}",
+        report.coverage
+    );
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    let text = report.to_string();
+    for words in [
+        "60 x 50",
+        "5 to fit, 1 held out",
+        "6 of 6 axes",
+        "radius 0.5000, as asked",
+        "confidence 0.70",
+    ] {
+        assert!(text.contains(words), "no {words:?} in\n{text}");
+    }
+    let json = serde_json::to_value(&report).unwrap();
+    assert_eq!(json["image_size"], serde_json::json!([60, 50]));
+}
+
+#[test]
+fn what_looks_wrong_is_said() {
+    let mut turned = dataset();
+    for view in &mut turned.train {
+        view.camera.forward = -view.camera.forward;
+        view.camera.up = -view.camera.up;
+    }
+    let found = report(&turned);
+    assert!(
+        found.warnings.iter().any(|w| w.contains("5 of 6") && w.contains("OpenCV")),
+        "{:?}",
+        found.warnings
+    );
+    assert!(found.to_string().contains("WARNING"));
+    assert_eq!(found.axes_through, 1);
+
+    let mut near = dataset();
+    near.train[1].camera.eye = BOUNDS.center + DVec3::X * 0.4;
+    near.train[2].camera = near.train[2].camera.resized(30, 25);
+    near.train.truncate(3);
+    let warnings = report(&near).warnings.join("; ");
+    for words in ["inside the bounding sphere", "1 images are of another size"] {
+        assert!(warnings.contains(words), "no {words:?} in {warnings}");
+    }
+    near.train.truncate(2);
+    assert!(report(&near).warnings.iter().any(|w| w.contains("fewer than three")));
+}
+
+#[test]
+fn the_outline_runs_where_rays_begin_to_meet_the_sphere() {
+    let mut dataset = dataset();
+    // Off to the side, so that the outline is an ellipse.
+    let camera = &mut dataset.train[0].camera;
+    let target = BOUNDS.center + DVec3::new(0.0, 0.45, 0.2);
+    *camera = Camera::look_at(60, 50, camera.focal, camera.principal, camera.eye, target, DVec3::Z)
+        .unwrap();
+    let camera = dataset.train[0].camera;
+    let sheet = overlay(&dataset, &BOUNDS);
+    let hit = |u: DVec2| BOUNDS.clip(camera.eye, camera.direction(u)).is_some();
+    let (mut marked, mut boundary) = (0, 0);
+    for y in 0..50 {
+        for x in 0..60 {
+            let u = DVec2::new(f64::from(x), f64::from(y));
+            let around: Vec<bool> = (0..9)
+                .map(|i| hit(u + DVec2::new(f64::from(i % 3), f64::from(i / 3)) * 0.5))
+                .collect();
+            let crossed = around.iter().any(|h| *h != around[0]);
+            let [r, g, b] = sheet.at(x, y);
+            let orange = r == 1.0 && g == 0.6 && b == 0.0;
+            marked += u32::from(orange);
+            boundary += u32::from(crossed);
+            // A corner may be cut without any of the nine rays in the pixel telling.
+            let near = (0..25).any(|i| {
+                hit(u + DVec2::new(f64::from(i % 5), f64::from(i / 5)) * 0.5 - 0.5) != around[4]
+            });
+            assert!(!orange || near, "pixel {x}, {y}");
+            assert!(orange || !crossed || is_axis([r, g, b]) || corner(&around), "pixel {x}, {y}");
+        }
+    }
+    assert!(marked > 60 && boundary > 60, "{marked} of {boundary}");
+}
+
+fn is_axis([r, g, b]: [f32; 3]) -> bool {
+    r > 0.9 && g < 0.1 || g > 0.7 && r < 0.1 || b > 0.9 && r < 0.2
+}
+
+/// True if all but one or two of the nine rays agree: the outline just touches the pixel.
+fn corner(around: &[bool]) -> bool {
+    let hits = around.iter().filter(|h| **h).count();
+    hits <= 2 || hits >= 7
+}
+
+#[test]
+fn the_axes_point_where_they_should() {
+    // From +x, with z up: y to the right, z up, x towards the eye.
+    let sheet = overlay(&dataset(), &BOUNDS);
+    assert_eq!(sheet.at(36, 25), [0.05, 0.8, 0.05]);
+    assert_eq!(sheet.at(30, 18), [0.1, 0.2, 1.0]);
+    assert_eq!(sheet.at(22, 25), [0.0; 3]);
+}

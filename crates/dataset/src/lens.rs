@@ -1,0 +1,243 @@
+//! What separates a real photograph from a pinhole camera's: lens distortion and skew, and their
+//! removal.
+
+use glam::{DMat2, DVec2};
+
+use film::Film;
+use render::Camera;
+
+/// Radial and tangential distortion (Brown and Conrady, the OPENCV model of COLMAP and instant-ngp)
+/// and skew.
+///
+/// A point at the tangents (x, y), y down, is photographed at the tangents (x, y) (1 + k₁ r² + k₂
+/// r⁴) + (2 p₁ x y + p₂ (r² + 2 x²), 2 p₂ x y + p₁ (r² + 2 y²)), and its film x is shifted by
+/// `skew` pixels per unit of y.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Lens {
+    /// Radial coefficients k₁, k₂.
+    pub(super) radial: [f64; 2],
+    /// Tangential coefficients p₁, p₂.
+    pub(super) tangential: [f64; 2],
+    /// The element of K in row 0, column 1, in pixels.
+    pub(super) skew: f64,
+}
+
+/// A photograph displaced by less than this, in pixels, is taken as it is: resampling would blur
+/// more than it mends.
+const NEGLIGIBLE: f64 = 0.01;
+
+/// An image that must be magnified more than this to be free of its distortion is refused.
+const MOST_ZOOM: f64 = 3.0;
+
+/// Points along each edge of the film, and along each line from there to the principal point, where
+/// the map is tested.
+const TESTS: usize = 32;
+
+impl Lens {
+    /// The tangents where a point at the tangents `p` is photographed, and their derivative by `p`.
+    fn distort(&self, p: DVec2) -> (DVec2, DMat2) {
+        let ([k1, k2], [p1, p2]) = (self.radial, self.tangential);
+        let r2 = p.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * k2);
+        let slope = 2.0 * (k1 + 2.0 * k2 * r2);
+        let xy = p.x * p.y;
+        let tangential = DVec2::new(
+            2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
+            2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
+        );
+        let across = slope * xy + 2.0 * (p1 * p.x + p2 * p.y);
+        let dx = DVec2::new(radial + slope * p.x * p.x + 2.0 * p1 * p.y + 6.0 * p2 * p.x, across);
+        let dy = DVec2::new(across, radial + slope * p.y * p.y + 2.0 * p2 * p.x + 6.0 * p1 * p.y);
+        (p * radial + tangential, DMat2::from_cols(dx, dy))
+    }
+
+    /// The film position in the photograph of the point that `ideal` sees at `u`; `source` is the
+    /// photograph's camera.
+    fn source(&self, ideal: &Camera, source: &Camera, u: DVec2) -> DVec2 {
+        let (q, _) = self.distort((u - ideal.principal) / ideal.focal);
+        source.principal + source.focal * q + DVec2::new(self.skew * q.y, 0.0)
+    }
+
+    /// True if no point of the film is displaced by as much as 0.01 pixels.
+    pub(super) fn is_negligible(&self, camera: &Camera) -> bool {
+        border(camera)
+            .all(|u| (self.source(camera, camera, u) - u).abs().max_element() < NEGLIGIBLE)
+    }
+
+    /// The pinhole camera with the widest view of the same film size that sees nothing beyond the
+    /// photograph, magnified about the principal point; `None` if there is none within reason, or
+    /// the distortion folds the image over.
+    pub(super) fn pinhole(&self, camera: &Camera) -> Option<Camera> {
+        let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        let zoomed = |zoom: f64| Camera { focal: camera.focal * zoom, ..*camera };
+        let fits = |zoom: f64| {
+            let ideal = zoomed(zoom);
+            border(camera).all(|u| {
+                let at = self.source(&ideal, camera, u);
+                at.cmpge(DVec2::splat(-NEGLIGIBLE)).all()
+                    && at.cmple(size + NEGLIGIBLE).all()
+                    && self.unfolded(&ideal, u)
+            })
+        };
+        if fits(1.0) {
+            return Some(*camera);
+        }
+        let (mut low, mut high) = (1.0, MOST_ZOOM);
+        if !fits(high) {
+            return None;
+        }
+        while high - low > 1e-4 {
+            let middle = 0.5 * (low + high);
+            if fits(middle) { high = middle } else { low = middle }
+        }
+        Some(zoomed(high))
+    }
+
+    /// True if the map keeps its orientation on the way from the principal point to `u`.
+    fn unfolded(&self, ideal: &Camera, u: DVec2) -> bool {
+        let p = (u - ideal.principal) / ideal.focal;
+        (1..=TESTS).all(|i| self.distort(p * (i as f64 / TESTS as f64)).1.determinant() > 0.0)
+    }
+
+    /// The photograph as the pinhole camera `ideal` would have taken it: bilinear, in linear light.
+    pub(super) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
+        let mut out = Film::new(ideal.width, ideal.height);
+        for (i, pixel) in out.pixels.iter_mut().enumerate() {
+            let (x, y) = (i % ideal.width as usize, i / ideal.width as usize);
+            let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            *pixel = bilinear(image, self.source(ideal, source, u));
+        }
+        out
+    }
+}
+
+/// Film positions all along the film's border.
+fn border(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    (0..=TESTS).flat_map(move |i| {
+        let at = size * (i as f64 / TESTS as f64);
+        [
+            DVec2::new(at.x, 0.0),
+            DVec2::new(at.x, size.y),
+            DVec2::new(0.0, at.y),
+            DVec2::new(size.x, at.y),
+        ]
+    })
+}
+
+/// The image at a continuous film position, between the four pixel centres around it.
+fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
+    let most = DVec2::new(f64::from(image.width - 1), f64::from(image.height - 1));
+    let at = (u - 0.5).clamp(DVec2::ZERO, most);
+    let low = at.floor();
+    let high = (low + 1.0).min(most);
+    let f = (at - low).as_vec2();
+    let pixel = |x: f64, y: f64| image.at(x as u32, y as u32);
+    let (a, b, c, d) =
+        (pixel(low.x, low.y), pixel(high.x, low.y), pixel(low.x, high.y), pixel(high.x, high.y));
+    std::array::from_fn(|i| {
+        let (top, bottom) = (a[i] + (b[i] - a[i]) * f.x, c[i] + (d[i] - c[i]) * f.x);
+        top + (bottom - top) * f.y
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn camera() -> Camera {
+        let (focal, principal) = (DVec2::new(80.0, 82.0), DVec2::new(49.0, 38.0));
+        Camera::look_at(100, 80, focal, principal, DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y)
+            .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_derivative_matches_differences(x in -0.6..0.6f64, y in -0.6..0.6f64, k in prop::array::uniform4(-0.1..0.1f64)) {
+            let lens = Lens { radial: [k[0], k[1]], tangential: [k[2], k[3]], skew: 0.0 };
+            let (p, h) = (DVec2::new(x, y), 1e-6);
+            let derivative = lens.distort(p).1;
+            for (e, column) in [(DVec2::X, derivative.x_axis), (DVec2::Y, derivative.y_axis)] {
+                let difference = (lens.distort(p + h * e).0 - lens.distort(p - h * e).0) / (2.0 * h);
+                assert_relative_eq!(column, difference, epsilon = 1e-8);
+            }
+        }
+
+        #[test]
+        fn nothing_beyond_the_photograph_is_shown(k in -0.2..0.3f64, p in -0.02..0.02f64, skew in -5.0..5.0f64) {
+            let lens = Lens { radial: [k, 0.0], tangential: [p, -p], skew };
+            let ideal = lens.pinhole(&camera()).unwrap();
+            prop_assert!(ideal.focal.x >= 80.0);
+            for i in 0..100 {
+                for j in 0..80 {
+                    let at = lens.source(&ideal, &camera(), DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5));
+                    prop_assert!(at.min_element() >= 0.0 && at.x <= 100.0 && at.y <= 80.0, "{at}");
+                }
+            }
+        }
+    }
+
+    /// A photograph through a lens of a smooth pattern in the plane z = 0, evaluated exactly at
+    /// each pixel's centre: the distortion is inverted by Newton's method here, where the module
+    /// only ever applies it.
+    fn photograph(lens: &Lens, camera: &Camera) -> Film {
+        let mut film = Film::new(camera.width, camera.height);
+        for y in 0..camera.height {
+            for x in 0..camera.width {
+                let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - camera.principal;
+                let q = DVec2::new(
+                    (u.x - lens.skew * u.y / camera.focal.y) / camera.focal.x,
+                    u.y / camera.focal.y,
+                );
+                let mut p = q;
+                for _ in 0..20 {
+                    let (at, derivative) = lens.distort(p);
+                    p -= derivative.inverse() * (at - q);
+                }
+                film.pixels[(y * camera.width + x) as usize] = pattern(p);
+            }
+        }
+        film
+    }
+
+    fn pattern(p: DVec2) -> [f32; 3] {
+        [
+            0.5 + 0.5 * (4.0 * p.x).sin(),
+            0.5 + 0.5 * (3.0 * p.y).cos(),
+            0.5 + 0.4 * (3.0 * p.x * p.y).sin(),
+        ]
+        .map(|v| v as f32)
+    }
+
+    #[test]
+    fn undistorting_restores_the_pinhole_image() {
+        let camera = camera();
+        let lenses = [
+            Lens { radial: [-0.15, 0.02], tangential: [0.003, -0.002], skew: 0.0 },
+            Lens { radial: [0.2, 0.0], tangential: [0.0; 2], skew: 0.0 },
+            Lens { skew: 3.0, ..Lens::default() },
+        ];
+        for lens in lenses {
+            assert!(!lens.is_negligible(&camera));
+            let ideal = lens.pinhole(&camera).unwrap();
+            let found = lens.undistort(&photograph(&lens, &camera), &camera, &ideal);
+            let expected = photograph(&Lens::default(), &ideal);
+            let worst = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
+            let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            // Linear interpolation of these patterns is exact to 1/8 |second derivative|, or half a
+            // pixel of extrapolation at the border.
+            assert!(worst < 0.03, "{lens:?}: off by {worst}");
+        }
+    }
+
+    #[test]
+    fn a_plain_lens_is_negligible_and_a_folding_one_is_refused() {
+        assert!(Lens::default().is_negligible(&camera()));
+        assert!(Lens { skew: 0.005, ..Lens::default() }.is_negligible(&camera()));
+        assert!(Lens { radial: [-30.0, 0.0], ..Lens::default() }.pinhole(&camera()).is_none());
+        assert!(Lens { radial: [f64::NAN, 0.0], ..Lens::default() }.pinhole(&camera()).is_none());
+    }
+}

@@ -1,0 +1,281 @@
+//! Numerical stability at the extremes, in single and double precision: finite and right, or one
+//! clear error.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+mod fields;
+
+use estimate::{Direction, Method, Sampling, Setup, differentiate};
+use field::{Csg, Field, Kind, Operation, Real, Shape, Sphere, Vector3};
+use fields::{Constant, Odd, White};
+use glam::{DVec2, DVec3};
+use render::Camera;
+use render::Precision;
+
+/// What is looked at.
+#[derive(Clone, Copy)]
+enum Solid {
+    Ball,
+    /// Along the axis, through the hole, where ∇f is undefined.
+    Torus,
+    /// Two balls that meet in an edge.
+    Lens,
+    /// A box, the plane of whose top holds the eye.
+    EdgeOn,
+    Constant(f64),
+}
+
+/// What is expected of Σ over the film of the derivative by the radius (of a ball).
+#[derive(Clone, Copy, Debug)]
+enum Expected {
+    /// A finite image.
+    Finite,
+    /// A sum.
+    Sum(f64),
+    /// An error.
+    Error,
+}
+
+#[derive(Clone)]
+struct Row {
+    name: String,
+    solid: Solid,
+    /// The ball's radius, and the parameter.
+    radius: f64,
+    index: usize,
+    factor: f64,
+    poison_below: f64,
+    /// Everything is this much larger.
+    scale: f64,
+    size: u32,
+    focal: f64,
+    eye: DVec3,
+    bounds: f64,
+    warp: warp::Options<f64>,
+    steps: usize,
+    spp: u32,
+    expected: Expected,
+    /// The same for the published estimator: its settings here break the method and not the
+    /// arithmetic.
+    paper: Expected,
+}
+
+fn row(name: &str) -> Row {
+    Row {
+        name: name.to_owned(),
+        solid: Solid::Ball,
+        radius: 0.7,
+        index: 3,
+        factor: 1.0,
+        poison_below: f64::MIN,
+        scale: 1.0,
+        size: 12,
+        focal: 24.0,
+        eye: DVec3::new(0.0, 0.0, 4.0),
+        bounds: 1.4,
+        warp: warp::Options::default(),
+        steps: 22,
+        spp: 64,
+        expected: Expected::Sum(disc(0.7, 4.0, 24.0)),
+        paper: Expected::Finite,
+    }
+}
+
+/// The derivative by the radius of a ball's area on the film, in square pixels per unit.
+fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
+    let square = distance * distance - radius * radius;
+    let outline = focal * radius / square.sqrt();
+    std::f64::consts::TAU * outline * focal * distance * distance / square.powf(1.5)
+}
+
+fn build<R: Precision>(row: &Row) -> Box<dyn Field<R>> {
+    let s = row.scale;
+    let inner: Box<dyn Field<R>> = match row.solid {
+        Solid::Ball => Box::new(Shape::sphere([0.0; 3], row.radius * s)),
+        Solid::Torus => {
+            Box::new(Shape::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.6 * s, 0.2 * s]))
+        }
+        Solid::Lens => {
+            let ball =
+                |x: f64| Box::new(Shape::sphere([x * s, 0.0, 0.0], 0.8 * s)) as Box<dyn Field<R>>;
+            Box::new(Csg::new(Operation::Intersection, vec![ball(-0.4), ball(0.4)]))
+        }
+        Solid::EdgeOn => {
+            Box::new(Shape::new(Kind::Box, &[0.0, -0.4 * s, 0.0, 0.4 * s, 0.4 * s, 0.4 * s]))
+        }
+        Solid::Constant(value) => return Box::new(Constant(value)),
+    };
+    Box::new(Odd { inner, factor: row.factor, poison_below: row.poison_below })
+}
+
+/// Σ of the first channel over the film, and whether all numbers are finite; the error's text if
+/// there is one.
+fn measure<R: Precision>(row: &Row, method: Method) -> Result<(f64, bool), String> {
+    let field = build::<R>(row);
+    let (focal, principal) = (DVec2::splat(row.focal), DVec2::splat(f64::from(row.size) / 2.0));
+    let eye = row.eye * row.scale;
+    let camera =
+        Camera::look_at(row.size, row.size, focal, principal, eye, eye - DVec3::Z, DVec3::Y)
+            .unwrap();
+    let (cameras, bounds) =
+        ([camera], Sphere { center: DVec3::ZERO, radius: row.bounds * row.scale });
+    let mut setup = Setup::<R>::new(&*field, &White, &cameras, &bounds, R::Vec3::zero());
+    let of = <R as Real>::of;
+    setup.steps = row.steps;
+    setup.warp = warp::Options {
+        k: row.warp.k,
+        gamma: of(row.warp.gamma),
+        lambda_d: of(row.warp.lambda_d * row.scale),
+        epsilon: of(row.warp.epsilon * row.scale),
+        relaxation: of(1.0),
+    };
+    let sampling = Sampling {
+        method,
+        spp: row.spp,
+        edge_samples: if method == Method::Refined { 64 } else { row.spp },
+        seed: 1,
+    };
+    let image = differentiate(&setup, &[Direction::Field(row.index)], sampling, &|_| {})
+        .map_err(|e| e.to_string())?;
+    let pixels = &image[0].film.pixels;
+    let finite = pixels.iter().flatten().all(|v| v.is_finite());
+    Ok((pixels.iter().map(|p| f64::from(p[0])).sum::<f64>() * row.scale, finite))
+}
+
+fn cell<R: Precision>(row: &Row, method: Method, expected: Expected, slack: f64) -> String {
+    let context = format!("{}, {}", row.name, method.name());
+    match (expected, measure::<R>(row, method)) {
+        (Expected::Error, Err(text)) => {
+            assert!(text.contains("NaN") || text.contains("finite"), "{context}: {text}");
+            "an error that says where".to_owned()
+        }
+        (Expected::Finite, Ok((sum, true))) => format!("{sum:.4}"),
+        (Expected::Sum(want), Ok((sum, true))) => {
+            let off = (sum - want).abs() / if want == 0.0 { 1.0 } else { want.abs() };
+            assert!(off < slack, "{context}: {sum} instead of {want}");
+            if want == 0.0 { format!("{sum:.1e}") } else { format!("off by {off:.1e}") }
+        }
+        (_, found) => panic!("{context}: {found:?} instead of {expected:?}"),
+    }
+}
+
+fn rows() -> Vec<Row> {
+    let published = warp::Options::<f64>::default();
+    let mut rows = vec![row("as usual")];
+    let warps = [1.0, 2.0, 8.0, 64.0]
+        .map(|gamma| (format!("γ = {gamma}"), warp::Options { gamma, ..published }));
+    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
+    let warps = [0.0, 1e-12, 1.0]
+        .map(|epsilon| (format!("ε = {epsilon:e}"), warp::Options { epsilon, ..published }));
+    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
+    let warps =
+        [2, 22, 1000].map(|k| (format!("k = {k} of N = 22"), warp::Options { k, ..published }));
+    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
+    let warps = [0.0, 1e3]
+        .map(|lambda_d| (format!("λ_d = {lambda_d:e}"), warp::Options { lambda_d, ..published }));
+    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
+    rows.extend([(1, 64), (2, 64), (4096, 2)].map(|(steps, spp)| Row {
+        steps,
+        spp,
+        ..row(&format!("N = {steps}"))
+    }));
+    rows.extend(
+        [1e-6, 0.1, 10.0, 1e6].map(|factor| Row { factor, ..row(&format!("f times {factor:e}")) }),
+    );
+    rows.extend(
+        [1e-4, 1e5].map(|scale| Row { scale, ..row(&format!("everything times {scale:e}")) }),
+    );
+    rows.extend(views());
+    let constant = |value: f64| Row {
+        solid: Solid::Constant(value),
+        expected: Expected::Sum(0.0),
+        ..row(&format!("f = {value} everywhere"))
+    };
+    rows.extend([1.0, 0.0, -1.0].map(constant));
+    let poisoned = Row {
+        poison_below: 0.3,
+        expected: Expected::Error,
+        paper: Expected::Error,
+        ..row("f is a NaN somewhere")
+    };
+    rows.push(poisoned);
+    rows
+}
+
+/// Rows about what is where on the film.
+fn views() -> Vec<Row> {
+    // An outline of exactly four pixels: rays through the corners of pixels are tangents.
+    let tangent = 4.0 * 4.0 / f64::hypot(24.0, 4.0);
+    let small = 1e-3 / 12.0;
+    let (on, within) = (DVec3::new(0.0, 0.0, 1.4), DVec3::new(0.0, 0.0, 1.2));
+    let nothing = Expected::Sum(0.0);
+    vec![
+        Row {
+            radius: tangent,
+            expected: Expected::Sum(disc(tangent, 4.0, 24.0)),
+            ..row("rays exactly tangent")
+        },
+        Row {
+            solid: Solid::Torus,
+            index: 7,
+            expected: Expected::Finite,
+            ..row("rays through a medial axis")
+        },
+        Row { solid: Solid::Lens, expected: Expected::Finite, ..row("rays through a CSG edge") },
+        Row {
+            solid: Solid::EdgeOn,
+            index: 4,
+            expected: Expected::Finite,
+            ..row("a face seen edge-on")
+        },
+        Row {
+            radius: small,
+            bounds: 2.0 * small,
+            expected: Expected::Finite,
+            ..row("an object 1e-3 pixels across")
+        },
+        Row { focal: 24e3, expected: nothing, ..row("an object 1e4 pixels across") },
+        Row {
+            eye: on,
+            focal: 6.0,
+            size: 16,
+            expected: Expected::Sum(disc(0.7, 1.4, 6.0)),
+            ..row("the eye on the bounds")
+        },
+        Row {
+            eye: within,
+            focal: 6.0,
+            size: 20,
+            expected: Expected::Sum(disc(0.7, 1.2, 6.0)),
+            ..row("the eye inside the bounds")
+        },
+        Row {
+            eye: DVec3::new(0.0, 0.0, 0.3),
+            expected: nothing,
+            ..row("the eye inside the object")
+        },
+        Row {
+            size: 1,
+            focal: 2.0,
+            expected: Expected::Sum(disc(0.7, 4.0, 2.0)),
+            ..row("one pixel")
+        },
+        Row { eye: DVec3::new(0.0, 9.0, 4.0), expected: nothing, ..row("nothing in sight") },
+        Row { focal: 200.0, expected: nothing, ..row("nothing but the object in sight") },
+    ]
+}
+
+#[test]
+fn extremes_are_finite_and_right_or_clear_errors() {
+    println!(
+        "| setting | refined, f64 | refined, f32 | paper, f64 | paper, f32 |\n|---|---|---|---|---|"
+    );
+    for row in rows() {
+        let cells = [
+            cell::<f64>(&row, Method::Refined, row.expected, 0.02),
+            cell::<f32>(&row, Method::Refined, row.expected, 0.03),
+            cell::<f64>(&row, Method::Paper, row.paper, 1.0),
+            cell::<f32>(&row, Method::Paper, row.paper, 1.0),
+        ];
+        println!("| {} | {} |", row.name, cells.join(" | "));
+    }
+}

@@ -1,0 +1,58 @@
+//! The gradient of an image loss by a network's weights against derivative images by contours,
+//! along random directions.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::path::Path;
+
+use estimate::{
+    Direction, Method, Sampling, Setup, differentiate, random_unit, render, target_gradient,
+};
+use scene::Scene;
+
+const DIRECTIONS: u64 = 8;
+
+#[test]
+fn the_gradient_of_a_neural_scene_is_that_of_its_contours() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/gradients");
+    for look in ["constant", "lambert"] {
+        let scene = Scene::load(&folder.join(format!("network.{look}.json"))).unwrap();
+        let field = scene.sdf.build::<f64>().unwrap();
+        let shader = scene.shader::<f64>(&*field).unwrap();
+        let cameras = [scene.camera];
+        let setup = Setup::new(&*field, &*shader, &cameras, &scene.bounds, scene.background.into());
+        // The target: the same view of another solid.
+        let other = Scene::load(&folder.join(format!("off-axis.{look}.json"))).unwrap();
+        let (ball, paint) =
+            (other.sdf.build::<f64>().unwrap(), scene.shader::<f64>(&*field).unwrap());
+        let seen = Setup::new(&*ball, &*paint, &cameras, &other.bounds, other.background.into());
+        let target = render(&seen, 0, 64, 9, &|_| {}).unwrap().film;
+        let image = render(&setup, 0, 2048, 6, &|_| {}).unwrap().film;
+
+        let sampling = |method, spp| Sampling { method, spp, edge_samples: spp / 2, seed: 1 };
+        let gradient = target_gradient(&setup, &target, sampling(Method::Refined, 512), &|_| {})
+            .unwrap()
+            .parameters;
+        let directions: Vec<Direction> = (0..DIRECTIONS).map(Direction::Along).collect();
+        let contours =
+            differentiate(&setup, &directions, sampling(Method::Contour, 1024), &|_| {}).unwrap();
+        for (number, derivative) in (0..DIRECTIONS).zip(&contours) {
+            let tangent = random_unit::<f64>(gradient.len(), number);
+            let along: f64 = gradient.iter().zip(&tangent).map(|(g, t)| g * t).sum();
+            let (mut sum, mut scale) = (0.0, 0.0);
+            for ((image, target), d) in
+                image.pixels.iter().zip(&target.pixels).zip(&derivative.film.pixels)
+            {
+                for c in 0..3 {
+                    let term = f64::from(image[c] - target[c]) * f64::from(d[c]);
+                    (sum, scale) = (sum + term, scale + term.abs());
+                }
+            }
+            let off = (along - sum).abs() / scale;
+            println!(
+                "{look}, direction {number}: {along:.5} against {sum:.5}, off by {:.2} % of Σ|·|",
+                100.0 * off
+            );
+            assert!(off < 0.02, "{look}, direction {number}: {along} against {sum} of {scale}");
+        }
+    }
+}

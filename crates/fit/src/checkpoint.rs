@@ -1,0 +1,126 @@
+//! What a fit needs to go on as if it had not stopped, in one file that is replaced whole.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+
+use io::InputError;
+use io::atomic_write;
+
+/// The state of a fit between two iterations. Everything random is a function of the seed and the
+/// iteration, so there is no generator to save.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    /// Iterations done.
+    pub(crate) iteration: u64,
+    /// Seconds spent.
+    pub(crate) seconds: f64,
+    /// The running mean of the gradient's norm.
+    pub(crate) usual_norm: f32,
+    /// All parameters: the field's, then the radiance head's.
+    pub(crate) parameters: Vec<f32>,
+    /// Adam's first moments.
+    pub(crate) first: Vec<f32>,
+    /// Adam's second moments.
+    pub(crate) second: Vec<f32>,
+    /// Adam's number of steps.
+    pub(crate) steps: u64,
+}
+
+impl State {
+    /// Writes the state to `path`: all or nothing.
+    pub(crate) fn save(&self, path: &Path) -> anyhow::Result<()> {
+        let tensors =
+            [("parameters", &self.parameters), ("first", &self.first), ("second", &self.second)];
+        let views: Result<Vec<_>, _> = tensors
+            .iter()
+            .map(|(name, data)| {
+                TensorView::new(Dtype::F32, vec![data.len()], bytemuck::cast_slice(data))
+                    .map(|view| (*name, view))
+            })
+            .collect();
+        let metadata = HashMap::from([
+            ("iteration".to_owned(), self.iteration.to_string()),
+            ("seconds".to_owned(), self.seconds.to_string()),
+            ("usual_norm".to_owned(), self.usual_norm.to_string()),
+            ("steps".to_owned(), self.steps.to_string()),
+        ]);
+        let bytes = safetensors::serialize(views?, Some(metadata))?;
+        atomic_write(path, |out| Ok(out.write_all(&bytes)?))
+    }
+
+    /// Reads a state with `count` parameters.
+    pub(crate) fn load(path: &Path, count: usize) -> anyhow::Result<State> {
+        let error = |field: &str, found: String, expected: &str| {
+            InputError::new(path, field, found, expected)
+        };
+        let bytes = std::fs::read(path)
+            .map_err(|e| error("checkpoint", e.to_string(), "a checkpoint of this run"))?;
+        let corrupt = |e: safetensors::SafeTensorError| {
+            error("checkpoint", e.to_string(), "a whole checkpoint")
+        };
+        let tensors = SafeTensors::deserialize(&bytes).map_err(corrupt)?;
+        let (_, header) = SafeTensors::read_metadata(&bytes).map_err(corrupt)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let number = |key: &str| {
+            let text = metadata.get(key).map_or("nothing", String::as_str);
+            text.parse::<f64>().map_err(|_| error(key, text.to_owned(), "a number"))
+        };
+        let vector = |name: &str| {
+            let view = tensors.tensor(name).map_err(corrupt)?;
+            if view.dtype() != Dtype::F32 || view.shape() != [count] {
+                let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+                return Err(error(
+                    name,
+                    found,
+                    &format!("F32 of shape [{count}], as fit.toml says"),
+                ));
+            }
+            let numbers: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
+            match numbers.iter().position(|v| !v.is_finite()) {
+                Some(i) => {
+                    Err(error(name, format!("{} at element {i}", numbers[i]), "finite numbers"))
+                }
+                None => Ok(numbers),
+            }
+        };
+        Ok(State {
+            iteration: number("iteration")? as u64,
+            seconds: number("seconds")?,
+            usual_norm: number("usual_norm")? as f32,
+            parameters: vector("parameters")?,
+            first: vector("first")?,
+            second: vector("second")?,
+            steps: number("steps")? as u64,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_comes_back_bit_for_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state.safetensors");
+        let state = State {
+            iteration: 17,
+            seconds: 1.0 / 3.0,
+            usual_norm: 0.1,
+            parameters: vec![1.0, f32::MIN_POSITIVE, -0.0],
+            first: vec![0.1; 3],
+            second: vec![0.2; 3],
+            steps: 16,
+        };
+        state.save(&path).unwrap();
+        assert_eq!(State::load(&path, 3).unwrap(), state);
+        assert!(State::load(&path, 4).unwrap_err().to_string().contains("parameters"));
+        let whole = std::fs::read(&path).unwrap();
+        for length in 0..whole.len() {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(State::load(&path, 3).is_err(), "a checkpoint cut at {length} bytes");
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! A fitted object from all around, for people.
+
+use field::Sphere;
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::{Model, RunFile, normal_map, setup};
+use film::{Film, contact_sheet};
+use render::Camera;
+
+/// How far the cameras are from the centre, in radii of the bounding sphere.
+const DISTANCE: f64 = 4.0;
+
+/// The part of the picture that the bounding sphere's outline fills.
+const FILL: f64 = 0.98;
+
+/// A mean of unit vectors longer than this is a direction that they share.
+const SHARED: f64 = 0.5;
+
+/// The direction that is upwards for a set of cameras: their images' mean upward direction, if they
+/// agree on one, else the axis of the ring that they stand on (the direction that the vectors from
+/// `center` to them have least of).
+pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
+    let mean = cameras.iter().map(|c| c.up).sum::<DVec3>() / cameras.len().max(1) as f64;
+    if mean.length() > SHARED {
+        return mean.normalize();
+    }
+    let mut scatter = DMat3::ZERO;
+    for camera in cameras {
+        let d = (camera.eye - center).normalize_or_zero();
+        scatter += DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+    }
+    // Power iteration for the least eigenvalue; all are at most the trace.
+    let trace = scatter.x_axis.x + scatter.y_axis.y + scatter.z_axis.z;
+    let flipped = DMat3::from_diagonal(DVec3::splat(trace)) - scatter;
+    let mut axis = DVec3::new(0.4, 0.8, 0.45);
+    for _ in 0..200 {
+        axis = (flipped * axis).normalize_or(DVec3::Z);
+    }
+    if axis.element_sum() < 0.0 { -axis } else { axis }
+}
+
+/// `views` cameras of `size` × `size` pixels around `bounds`, at the mean height of `like` above
+/// it.
+pub fn around(
+    bounds: &Sphere<f64>,
+    like: &[Camera],
+    up: DVec3,
+    views: usize,
+    size: u32,
+) -> Vec<Camera> {
+    let heights = like.iter().map(|c| (c.eye - bounds.center).normalize_or_zero().dot(up));
+    let height = (heights.sum::<f64>() / like.len().max(1) as f64).clamp(-0.9, 0.9);
+    let across = (1.0 - height * height).sqrt();
+    let (u, v) = up.any_orthonormal_pair();
+    let half = 0.5 * f64::from(size);
+    let focal = FILL * half * (DISTANCE * DISTANCE - 1.0).sqrt();
+    (0..views)
+        .filter_map(|i| {
+            let (s, c) = (std::f64::consts::TAU * i as f64 / views as f64).sin_cos();
+            let direction = (u * c + v * s) * across + up * height;
+            let eye = bounds.center + direction * (DISTANCE * bounds.radius);
+            Camera::look_at(
+                size,
+                size,
+                DVec2::splat(focal),
+                DVec2::splat(half),
+                eye,
+                bounds.center,
+                up,
+            )
+        })
+        .collect()
+}
+
+/// A sheet of `cameras`' pictures of a run's model: as it looks, and its normals below.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity.
+pub fn turntable(
+    model: &Model,
+    file: &RunFile,
+    cameras: &[Camera],
+    spp: u32,
+    progress: &dyn Fn(f64),
+) -> anyhow::Result<Film> {
+    let setup = setup(model, file, cameras);
+    let (mut looks, mut normals) = (Vec::new(), Vec::new());
+    for camera in 0..cameras.len() {
+        looks.push(estimate::render(&setup, camera, spp, 0, &|_| {})?.film);
+        normals.push(normal_map(&setup, camera)?);
+        progress((camera + 1) as f64 / cameras.len() as f64);
+    }
+    Ok(contact_sheet(&[looks, normals]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(eye: DVec3, up: DVec3) -> Camera {
+        Camera::look_at(8, 8, DVec2::splat(8.0), DVec2::splat(4.0), eye, DVec3::ZERO, up).unwrap()
+    }
+
+    #[test]
+    fn up_is_what_cameras_agree_on_or_their_ring_s_axis() {
+        let ring = |up: fn(DVec3) -> DVec3| -> Vec<Camera> {
+            let place = |i: u32| DVec3::new(f64::from(i).cos(), 0.1, f64::from(i).sin()) * 5.0;
+            (0..12).map(|i| camera(place(i), up(place(i)))).collect()
+        };
+        assert!(upwards(&ring(|_| DVec3::Y), DVec3::ZERO).dot(DVec3::Y) > 0.99);
+        // Lying cameras: what is up in the images turns with them.
+        let lying = ring(|eye| eye.cross(DVec3::Y));
+        assert!(upwards(&lying, DVec3::ZERO).dot(DVec3::Y).abs() > 0.99);
+    }
+
+    #[test]
+    fn cameras_go_around_and_see_the_sphere() {
+        let bounds = Sphere { center: DVec3::new(3.0, 1.0, -2.0), radius: 0.5 };
+        let cameras =
+            around(&bounds, &[camera(DVec3::new(3.0, 4.0, -2.0), DVec3::X)], DVec3::Y, 6, 32);
+        assert_eq!(cameras.len(), 6);
+        for c in &cameras {
+            assert!(((c.eye - bounds.center).length() - 2.0).abs() < 1e-12);
+            assert!(bounds.clip(c.eye, c.direction(DVec2::splat(16.0))).is_some());
+            assert!(bounds.clip(c.eye, c.direction(DVec2::new(16.0, 1.0))).is_some());
+            assert!(bounds.clip(c.eye, c.direction(DVec2::new(16.0, -0.5))).is_none());
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Mesh files in: .ply and .obj.
+
+use std::fmt::Display;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use glam::Vec3;
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+
+use super::{Mesh, extension};
+use io::InputError;
+
+/// Reads a mesh, .ply (ASCII or binary) or .obj; polygons become fans of triangles. Colours,
+/// texture coordinates, materials and whatever else is in the file are passed over. Normals are
+/// read from .ply, where each vertex has one.
+///
+/// # Errors
+/// If the file is missing, damaged, without faces, or has a vertex that is not finite or an index
+/// out of range.
+pub fn read_mesh(path: &Path) -> Result<Mesh, InputError> {
+    let read = match extension(path).as_str() {
+        "ply" => read_ply,
+        "obj" => read_obj,
+        other => {
+            return Err(InputError::new(
+                path,
+                "mesh",
+                format!("extension \"{other}\""),
+                ".ply or .obj",
+            ));
+        }
+    };
+    let bytes = std::fs::read(path).map_err(|e| match e.kind() {
+        ErrorKind::NotFound => InputError::new(path, "mesh", "no such file", "a .ply or .obj mesh"),
+        _ => InputError::new(path, "mesh", e, "a .ply or .obj mesh"),
+    })?;
+    let mesh = read(path, &bytes)?;
+    if mesh.faces.is_empty() {
+        return Err(InputError::new(path, "faces", "none", "a surface"));
+    }
+    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
+        return Err(InputError::new(
+            path,
+            format!("vertex {i}"),
+            mesh.vertices[i],
+            "finite coordinates",
+        ));
+    }
+    let count = mesh.vertices.len();
+    if let Some(i) = mesh.faces.iter().position(|f| f.iter().any(|v| *v as usize >= count)) {
+        let found = format!("vertices {:?}", mesh.faces[i]);
+        return Err(InputError::new(
+            path,
+            format!("triangle {i}"),
+            found,
+            format!("indices from 0 to below {count}"),
+        ));
+    }
+    Ok(mesh)
+}
+
+fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    (2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]])
+}
+
+/// A vertex or a face of a PLY file: what dsdf needs of it.
+struct Element {
+    /// x, y, z, nx, ny, nz; NaN where missing.
+    numbers: [f32; 6],
+    polygon: Option<Vec<u32>>,
+}
+
+impl PropertyAccess for Element {
+    fn new() -> Self {
+        Element { numbers: [f32::NAN; 6], polygon: None }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if let Some(i) = ["x", "y", "z", "nx", "ny", "nz"].iter().position(|n| *n == name) {
+            let Some(value) = number(&property) else {
+                return PropertyAccessResult::UnsupportedType;
+            };
+            self.numbers[i] = value;
+        } else if name == "vertex_indices" || name == "vertex_index" {
+            let Some(polygon) = indices(property) else {
+                return PropertyAccessResult::UnsupportedType;
+            };
+            self.polygon = Some(polygon);
+        } else {
+            return PropertyAccessResult::Ignored;
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+fn number(property: &Property) -> Option<f32> {
+    Some(match property {
+        Property::Float(v) => *v,
+        Property::Double(v) => *v as f32,
+        Property::Char(v) => f32::from(*v),
+        Property::UChar(v) => f32::from(*v),
+        Property::Short(v) => f32::from(*v),
+        Property::UShort(v) => f32::from(*v),
+        Property::Int(v) => *v as f32,
+        Property::UInt(v) => *v as f32,
+        _ => return None,
+    })
+}
+
+/// A negative index becomes one that is out of range.
+fn indices(property: Property) -> Option<Vec<u32>> {
+    fn each<T: Into<i64> + Copy>(list: &[T]) -> Vec<u32> {
+        list.iter().map(|i| u32::try_from((*i).into()).unwrap_or(u32::MAX)).collect()
+    }
+    Some(match property {
+        Property::ListUInt(v) => v,
+        Property::ListInt(v) => each(&v),
+        Property::ListShort(v) => each(&v),
+        Property::ListUShort(v) => each(&v),
+        Property::ListUChar(v) => each(&v),
+        Property::ListChar(v) => each(&v),
+        _ => return None,
+    })
+}
+
+fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
+    let error =
+        |field: &str, found: &dyn Display| InputError::new(path, field, found, "a PLY mesh");
+    let mut ply = Parser::<Element>::new().read_ply(&mut &*bytes).map_err(|e| error("mesh", &e))?;
+    let vertices = ply.payload.swap_remove("vertex").unwrap_or_default();
+    let vector = |e: &Element, start: usize| Vec3::from_slice(&e.numbers[start..start + 3]);
+    let mut mesh =
+        Mesh { vertices: vertices.iter().map(|v| vector(v, 0)).collect(), ..Mesh::default() };
+    if vertices.iter().all(|v| vector(v, 3).is_finite()) {
+        mesh.normals = vertices.iter().map(|v| vector(v, 3)).collect();
+    }
+    for (i, face) in ply.payload.swap_remove("face").unwrap_or_default().iter().enumerate() {
+        let missing = || error(&format!("face {i}"), &"no vertex_indices");
+        mesh.faces.extend(fan(face.polygon.as_deref().ok_or_else(missing)?));
+    }
+    Ok(mesh)
+}
+
+fn read_obj(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
+    let mut mesh = Mesh::default();
+    for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {
+        let line = String::from_utf8_lossy(line);
+        let error = |expected: &str| {
+            InputError::new(path, format!("line {}", i + 1), line.trim(), expected)
+        };
+        let mut words = line.split('#').next().unwrap_or("").split_whitespace();
+        match words.next() {
+            Some("v") => {
+                let numbers: Vec<f32> = words.map_while(|w| w.parse().ok()).collect();
+                let position = numbers.get(..3).ok_or_else(|| error("v and three coordinates"))?;
+                mesh.vertices.push(Vec3::from_slice(position));
+            }
+            Some("f") => {
+                let polygon: Option<Vec<u32>> =
+                    words.map(|w| corner(w, mesh.vertices.len())).collect();
+                let polygon = polygon.filter(|p| p.len() > 2);
+                let polygon = polygon
+                    .ok_or_else(|| error("f and three corners or more, of vertices that exist"))?;
+                mesh.faces.extend(fan(&polygon));
+            }
+            _ => {}
+        }
+    }
+    Ok(mesh)
+}
+
+/// The vertex of a corner of an OBJ face, `v`, `v/vt`, `v//vn` or `v/vt/vn`: numbered from 1, or
+/// backwards from −1 as the latest one. `None` if it is no such thing. A vertex may follow its
+/// faces in the file.
+fn corner(word: &str, vertices: usize) -> Option<u32> {
+    let number: i64 = word.split('/').next()?.parse().ok()?;
+    let index = if number < 0 { number.checked_add(vertices as i64)? } else { number - 1 };
+    u32::try_from(index).ok()
+}

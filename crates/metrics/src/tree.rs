@@ -1,0 +1,156 @@
+//! The nearest point of a triangle mesh.
+
+use glam::DVec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+
+use mesh::Mesh;
+
+/// A mesh with its triangles' centroids in a tree.
+pub(super) struct Tree<'a> {
+    mesh: &'a Mesh,
+    /// Nothing if no tree could be made (equal centroids by the hundred): then all triangles are
+    /// looked at.
+    centroids: Option<ImmutableKdTree<f64, 3>>,
+    /// The farthest that a corner is from its triangle's centroid.
+    reach: f64,
+}
+
+impl<'a> Tree<'a> {
+    pub(super) fn new(mesh: &'a Mesh) -> Self {
+        let centroid = |i: usize| mesh.corners(i).iter().sum::<DVec3>() / 3.0;
+        let centroids: Vec<[f64; 3]> =
+            (0..mesh.faces.len()).map(|i| centroid(i).to_array()).collect();
+        let reach = (0..mesh.faces.len())
+            .flat_map(|i| mesh.corners(i).map(|c| (c - centroid(i)).length()))
+            .fold(0.0, f64::max);
+        // An empty tree cannot be asked.
+        let centroids = Some(centroids).filter(|c| !c.is_empty());
+        Tree {
+            mesh,
+            centroids: centroids.and_then(|c| ImmutableKdTree::new_from_slice(&c).ok()),
+            reach,
+        }
+    }
+
+    /// The distance to the nearest point of the surface, and its face. Exact, up to rounding: a
+    /// nearer face would have its centroid within the best distance so far plus the reach. An empty
+    /// mesh is infinitely far, and so is a point that is not finite.
+    pub(super) fn nearest(&self, x: DVec3) -> (f64, usize) {
+        let measure = |face: usize| (distance(x, &self.mesh.corners(face)), face);
+        let least = |a: (f64, usize), b: (f64, usize)| if b.0 < a.0 { b } else { a };
+        let Some(tree) = self.centroids.as_ref().filter(|_| x.is_finite()) else {
+            return (0..self.mesh.faces.len()).map(measure).fold((f64::INFINITY, 0), least);
+        };
+        let query = x.to_array();
+        let first = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        let best = measure(first.item as usize);
+        let radius = best.0 + self.reach;
+        let near = tree
+            .query(&query)
+            .within::<SquaredEuclidean<f64>>(radius * radius)
+            .unsorted()
+            .execute();
+        near.into_iter().map(|found| measure(found.item as usize)).fold(best, least)
+    }
+}
+
+/// Twice a triangle's area over its longest edge squared, below which it is taken for its edges:
+/// its normal is noise.
+const SLIVER: f64 = 1e-12;
+
+/// The distance from a point to a triangle: to the plane where the foot is inside, else to the
+/// nearest edge.
+fn distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
+    let edges = [(*a, b - a), (*b, c - b), (*c, a - c)];
+    let normal = edges[0].1.cross(edges[1].1);
+    let longest = edges.iter().map(|(_, e)| e.length_squared()).fold(0.0, f64::max);
+    let inside = edges.iter().all(|(start, edge)| edge.cross(x - start).dot(normal) >= 0.0);
+    if inside && normal.length() > SLIVER * longest {
+        return (x - a).dot(normal.normalize()).abs();
+    }
+    let to_edge = |(start, edge): &(DVec3, DVec3)| {
+        let along =
+            ((x - start).dot(*edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (x - start - along * edge).length()
+    };
+    edges.iter().map(to_edge).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    fn points(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Vec3>> {
+        prop::collection::vec(prop::array::uniform3(-1.0..1.0f32).prop_map(Vec3::from), count)
+    }
+
+    /// The least distance to the points p + u (q − p) + v (r − p) by coordinate descent, which
+    /// finds the minimum of a convex function of u ≥ 0, v ≥ 0, u + v ≤ 1 once both it and the sum's
+    /// diagonal are searched.
+    fn by_search(x: DVec3, [p, q, r]: [DVec3; 3]) -> f64 {
+        let at = |w: [f64; 3]| (x - (p * w[0] + q * w[1] + r * w[2])).length_squared();
+        let mut w = [1.0 / 3.0; 3];
+        for _ in 0..400 {
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let (mut low, mut high) = (-w[i], w[j]);
+                for _ in 0..60 {
+                    let moved = |t: f64| {
+                        let mut w = w;
+                        (w[i], w[j]) = (w[i] + t, w[j] - t);
+                        at(w)
+                    };
+                    let third = (high - low) / 3.0;
+                    if moved(low + third) < moved(high - third) {
+                        high -= third
+                    } else {
+                        low += third
+                    }
+                }
+                (w[i], w[j]) = (w[i] + low, w[j] - low);
+            }
+        }
+        at(w).sqrt()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn the_distance_to_a_triangle_is_the_least_over_its_points(t in points(3..4), x in points(1..2)) {
+            let t = [t[0], t[1], t[2]].map(|v| v.as_dvec3());
+            prop_assume!((t[1] - t[0]).cross(t[2] - t[0]).length() > 0.05);
+            let (found, searched) = (distance(x[0].as_dvec3(), &t), by_search(x[0].as_dvec3(), t));
+            prop_assert!((found - searched).abs() < 1e-4, "{found} against {searched}");
+        }
+
+        #[test]
+        fn the_nearest_is_the_least_over_all_faces(vertices in points(3..60), pick in prop::collection::vec(any::<[u32; 3]>(), 1..80), x in points(8..9)) {
+            let faces = pick.iter().map(|f| f.map(|v| v % vertices.len() as u32)).collect();
+            let mesh = Mesh { vertices, normals: vec![], faces };
+            let tree = Tree::new(&mesh);
+            for x in x {
+                let x = 2.0 * x.as_dvec3();
+                let (found, face) = tree.nearest(x);
+                let least = (0..mesh.faces.len()).map(|i| distance(x, &mesh.corners(i))).fold(f64::INFINITY, f64::min);
+                prop_assert_eq!(found, least);
+                prop_assert_eq!(distance(x, &mesh.corners(face)), least);
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_triangles_are_their_edges() {
+        let x = DVec3::new(0.25, 1.0, 0.0);
+        assert_eq!(distance(x, &[DVec3::ZERO, DVec3::X, DVec3::X * 0.5]), 1.0);
+        assert_eq!(distance(x, &[DVec3::ZERO; 3]), x.length());
+        let sliver = [DVec3::ZERO, DVec3::X, DVec3::new(0.5, 1e-17, 0.0)];
+        assert_eq!(distance(x, &sliver), 1.0);
+        assert_eq!(distance(DVec3::NAN, &sliver), f64::INFINITY);
+    }
+
+    #[test]
+    fn nothing_is_infinitely_far() {
+        assert_eq!(Tree::new(&Mesh::default()).nearest(DVec3::ZERO).0, f64::INFINITY);
+    }
+}

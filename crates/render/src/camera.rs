@@ -1,0 +1,224 @@
+//! Pinhole cameras, and the chart between film and world that the estimators differentiate.
+
+use field::{Real, Vector3};
+use glam::{DMat4, DVec2, DVec3};
+
+/// A pinhole camera.
+///
+/// Film coordinates are continuous, in pixels: x right, y down, pixel (i, j) covers [i, i+1) × [j,
+/// j+1). The camera looks along its −z axis, with x right and y up (the OpenGL and NeRF
+/// convention).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The film's width in pixels.
+    pub width: u32,
+    /// The film's height in pixels.
+    pub height: u32,
+    /// Focal lengths (x, y) in pixels.
+    pub focal: DVec2,
+    /// The principal point in film coordinates.
+    pub principal: DVec2,
+    /// The eye, in world units.
+    pub eye: DVec3,
+    /// The unit vector to the right of the film, in world space.
+    pub right: DVec3,
+    /// The unit vector to the top of the film.
+    pub up: DVec3,
+    /// The unit vector along the optical axis, away from the camera.
+    pub forward: DVec3,
+}
+
+impl Camera {
+    /// A camera from its intrinsics and a camera-to-world matrix (x right, y up, looking along −z).
+    ///
+    /// Returns `None` unless the matrix is finite and its upper 3 × 3 a rotation (to 1e-3; it is
+    /// then made exact).
+    pub fn from_pose(
+        width: u32,
+        height: u32,
+        focal: DVec2,
+        principal: DVec2,
+        pose: DMat4,
+    ) -> Option<Self> {
+        if !pose.is_finite() {
+            return None;
+        }
+        let [x, y, z] = [pose.x_axis, pose.y_axis, pose.z_axis].map(|c| c.truncate());
+        let gram =
+            [x.length() - 1.0, y.length() - 1.0, z.length() - 1.0, x.dot(y), y.dot(z), z.dot(x)];
+        if gram.iter().any(|g| g.abs() > 1e-3) || x.cross(y).dot(z) < 0.0 {
+            return None;
+        }
+        let forward = -z.normalize();
+        let right = x.reject_from_normalized(forward).normalize();
+        let up = right.cross(forward);
+        Some(Camera {
+            width,
+            height,
+            focal,
+            principal,
+            eye: pose.w_axis.truncate(),
+            right,
+            up,
+            forward,
+        })
+    }
+
+    /// A camera at `eye` that looks at `target`; `None` if they coincide or `up` is along the view.
+    pub fn look_at(
+        width: u32,
+        height: u32,
+        focal: DVec2,
+        principal: DVec2,
+        eye: DVec3,
+        target: DVec3,
+        up: DVec3,
+    ) -> Option<Self> {
+        let forward = (target - eye).try_normalize()?;
+        let right = forward.cross(up).try_normalize().filter(|r| r.is_finite())?;
+        let up = right.cross(forward);
+        Some(Camera { width, height, focal, principal, eye, right, up, forward })
+    }
+
+    /// The camera-to-world matrix (x right, y up, looking along −z).
+    pub fn pose(&self) -> DMat4 {
+        DMat4::from_cols(
+            self.right.extend(0.0),
+            self.up.extend(0.0),
+            (-self.forward).extend(0.0),
+            self.eye.extend(1.0),
+        )
+    }
+
+    /// The same camera with a film of `width` × `height` pixels over the same field of view.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let scale = DVec2::new(
+            f64::from(width) / f64::from(self.width),
+            f64::from(height) / f64::from(self.height),
+        );
+        Camera {
+            width,
+            height,
+            focal: self.focal * scale,
+            principal: self.principal * scale,
+            ..*self
+        }
+    }
+
+    /// The direction through film position `u`, not normalised: its component along the view is 1.
+    fn unnormalised(&self, u: DVec2) -> DVec3 {
+        let p = (u - self.principal) / self.focal;
+        self.forward + self.right * p.x - self.up * p.y
+    }
+
+    /// The unit direction through film position `u`, world space.
+    pub fn direction(&self, u: DVec2) -> DVec3 {
+        self.unnormalised(u).normalize()
+    }
+
+    /// The unit direction through `u` and its derivatives by the film's x and y, per pixel.
+    pub fn direction_du(&self, u: DVec2) -> (DVec3, [DVec3; 2]) {
+        let w = self.unnormalised(u);
+        let length = w.length();
+        let d = w / length;
+        let along = [self.right / self.focal.x, -self.up / self.focal.y];
+        (d, along.map(|a| a.reject_from_normalized(d) / length))
+    }
+
+    /// The film position of a world point, or `None` behind the camera.
+    pub fn project(&self, x: DVec3) -> Option<DVec2> {
+        let r = x - self.eye;
+        let depth = r.dot(self.forward);
+        (depth > 0.0).then(|| {
+            self.principal + DVec2::new(r.dot(self.right), -r.dot(self.up)) * self.focal / depth
+        })
+    }
+
+    /// The size of a pixel at unit distance along the optical axis, in world units: the pixel's
+    /// cone.
+    pub fn pixel_angle(&self) -> f64 {
+        1.0 / self.focal.min_element()
+    }
+}
+
+impl<R: Real> warp::Projection<R> for Camera {
+    fn jacobian(&self, x: R::Vec3) -> [R::Vec3; 2] {
+        let r = x - R::Vec3::of(self.eye);
+        let forward = R::Vec3::of(self.forward);
+        let depth = r.dot(forward);
+        let rows = [(self.right, self.focal.x), (-self.up, self.focal.y)];
+        rows.map(|(axis, focal)| {
+            let axis = R::Vec3::of(axis);
+            (axis - forward * (axis.dot(r) / depth)) * (R::of(focal) / depth)
+        })
+    }
+
+    fn jacobian_derivative(&self, x: R::Vec3, dx: R::Vec3) -> [R::Vec3; 2] {
+        let r = x - R::Vec3::of(self.eye);
+        let forward = R::Vec3::of(self.forward);
+        let (depth, depth_dot) = (r.dot(forward), forward.dot(dx));
+        let jacobian = warp::Projection::<R>::jacobian(self, x);
+        jacobian.map(|row| (forward * row.dot(dx) + row * depth_dot) * (-R::one() / depth))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+    use warp::Projection;
+
+    fn camera() -> Camera {
+        let (focal, principal) = (DVec2::new(64.0, 70.0), DVec2::new(15.0, 17.0));
+        Camera::look_at(32, 30, focal, principal, DVec3::new(0.5, 1.0, 4.0), DVec3::ZERO, DVec3::Y)
+            .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn direction_and_projection_invert(x in 0.0..32.0f64, y in 0.0..30.0f64, t in 0.5..9.0f64) {
+            let (c, u) = (camera(), DVec2::new(x, y));
+            assert_relative_eq!(c.project(c.eye + t * c.direction(u)).unwrap(), u, epsilon = 1e-9);
+            let again = Camera::from_pose(c.width, c.height, c.focal, c.principal, c.pose()).unwrap();
+            assert_relative_eq!(again.direction(u), c.direction(u), epsilon = 1e-12);
+        }
+
+        #[test]
+        fn derivatives_match_differences(x in 0.0..32.0f64, y in 0.0..30.0f64, p in prop::array::uniform3(-1.0..1.0f64), q in prop::array::uniform3(-1.0..1.0f64)) {
+            let (c, u, h) = (camera(), DVec2::new(x, y), 1e-5);
+            let (_, du) = c.direction_du(u);
+            for (e, du) in [DVec2::X, DVec2::Y].into_iter().zip(du) {
+                let difference = (c.direction(u + h * e) - c.direction(u - h * e)) / (2.0 * h);
+                assert_relative_eq!(du, difference, epsilon = 1e-8);
+            }
+            let (p, q) = (DVec3::from(p), DVec3::from(q));
+            let jacobian = Projection::<f64>::jacobian(&c, p);
+            let motion = Projection::<f64>::jacobian_derivative(&c, p, q);
+            let difference = (c.project(p + h * q).unwrap() - c.project(p - h * q).unwrap()) / (2.0 * h);
+            assert_relative_eq!(jacobian[0].dot(q), difference.x, epsilon = 1e-5);
+            assert_relative_eq!(jacobian[1].dot(q), difference.y, epsilon = 1e-5);
+            let (a, b) = (Projection::<f64>::jacobian(&c, p + h * q), Projection::<f64>::jacobian(&c, p - h * q));
+            for e in 0..2 {
+                assert_relative_eq!(motion[e], (a[e] - b[e]) / (2.0 * h), epsilon = 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn y_points_down_on_the_film() {
+        let c = camera();
+        let above = c.project(c.eye + c.forward + 0.1 * c.up).unwrap();
+        assert!(above.y < c.principal.y);
+    }
+
+    #[test]
+    fn a_mirrored_or_poisoned_pose_is_refused() {
+        let c = camera();
+        let mirrored = c.pose() * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        let poisoned = DMat4::from_cols_array(&[f64::NAN; 16]);
+        for pose in [mirrored, poisoned, c.pose() * 2.0] {
+            assert_eq!(Camera::from_pose(32, 30, c.focal, c.principal, pose), None);
+        }
+    }
+}

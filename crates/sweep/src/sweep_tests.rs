@@ -1,0 +1,76 @@
+use super::*;
+
+fn sweep(text: &str) -> Result<Sweep, Refusal> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.toml");
+    std::fs::write(&path, text).unwrap();
+    Sweep::load(&path.to_string_lossy()).map(|(sweep, _)| sweep)
+}
+
+const GOOD: &str = "title = \"t\"\niterations = 5\nseeds = [1, 2]\n[parameters]\ngamma = [3.0, 6.0]\ntop_k = [4, 7, 9]\n\
+                    [fixed]\nestimator = \"paper\"\nuse_masks = true\n[[data]]\nname = \"a\"\nscene = \"a.json\"\n";
+
+#[test]
+fn a_grid_has_all_combinations_for_every_seed() {
+    let sweep = sweep(GOOD).unwrap();
+    let cells = sweep.cells();
+    assert_eq!(cells.len(), 12);
+    assert_eq!(cells[1].name, "a.gamma=3.0.top_k=7.seed=1");
+    let flags = sweep.flags(&cells[11]).join(" ");
+    assert_eq!(
+        flags,
+        "--estimator=paper --use-masks --gamma=6.0 --top-k=9 --seed=2 --iterations=5"
+    );
+    assert_eq!(sweep.axes(), ("gamma".to_owned(), Some("top_k".to_owned())));
+    let mut names: Vec<&String> = cells.iter().map(|c| &c.name).collect();
+    names.dedup();
+    assert_eq!(names.len(), 12);
+}
+
+#[test]
+fn what_cannot_be_swept_is_refused_in_one_line() {
+    for (from, to, field, expected) in [
+        ("title", "titel", "line 1", "a sweep"),
+        ("gamma = [3.0, 6.0]", "gamma = []", "parameters.gamma", "one value or more"),
+        ("gamma = [3.0, 6.0]", "gamma = 3", "parameters.gamma", "a list of values"),
+        ("gamma = [3.0, 6.0]", "gamma = [3.0, 3.0]", "parameters.gamma", "different values"),
+        ("gamma = [3.0, 6.0]", "gamma = [[1]]", "parameters.gamma", "numbers"),
+        ("seeds = [1, 2]", "seeds = []", "seeds", "one or more"),
+        ("seeds = [1, 2]", "seeds = [1, 1]", "seeds", "different seeds"),
+        ("gamma = [3.0, 6.0]", "gamma = [3.0, 3]", "parameters.gamma", "different values"),
+        ("[fixed]", "[limits]\nseconds = nan\n[fixed]", "limits.seconds", "above 0"),
+        (
+            "iterations = 5",
+            "iterations = 5\nrows = \"gamma\"\ncolumns = \"gamma\"",
+            "columns",
+            "another one",
+        ),
+        ("iterations = 5", "", "iterations", "one of them"),
+        ("iterations = 5", "iterations = 5\ntime = \"3s\"", "iterations", "one of them"),
+        ("iterations = 5", "iterations = 5\nrows = \"k\"", "rows", "a key of parameters"),
+        ("name = \"a\"", "name = \"a/b\"", "data.name", "letters"),
+        ("scene = \"a.json\"", "", "data.a", "one of them"),
+        ("iterations = 5", "iterations = 5\nmetrics = [\"speed\"]", "metrics", "chamfer"),
+    ] {
+        let said = sweep(&GOOD.replace(from, to)).unwrap_err().to_string();
+        assert!(
+            said.contains(field) && said.contains(expected) && !said.contains('\n'),
+            "{to}: {said}"
+        );
+    }
+    let claim =
+        "[[claim]]\ntext = \"c\"\nkind = \"worse\"\nparameter = \"gamma\"\nvalues = [6.0]\n";
+    let said = sweep(&format!("{GOOD}{claim}")).unwrap_err().to_string();
+    assert!(said.contains("than"), "{said}");
+    sweep(&format!("{GOOD}{claim}than = 3.0\n")).unwrap();
+    let said = sweep(&format!("{GOOD}{claim}than = 4.0\n")).unwrap_err().to_string();
+    assert!(said.contains("a value of the grid"), "{said}");
+    assert!(sweep("").unwrap_err().to_string().contains("expected"));
+}
+
+#[test]
+fn shipped_sweeps_are_sweeps() {
+    let cells = |name: &str| Sweep::load(name).unwrap().0.cells().len();
+    assert_eq!(SHIPPED.map(|(name, _)| cells(name)), [96, 42, 150, 48, 36, 12, 4]);
+    assert!(Sweep::load("nothing").unwrap_err().to_string().contains("k-gamma"));
+}
