@@ -1,6 +1,6 @@
 //! The boundary integral widened to a band.
 
-use field::{Real, Vector3};
+use field::{Real, SurfaceBatch, Vector3};
 use warp::Projection;
 
 use super::pixels::{check_valid, pixel_samples};
@@ -79,7 +79,9 @@ impl<R: Real> Estimator<R> for Band {
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
         setup.field.value_gradient(&x, &mut f, &mut gradient);
         let mut front = vec![R::Vec3::zero(); x.len()];
-        setup.shader.radiance(&x, &normals::<R>(&gradient), &direction, &mut front);
+        let normal = normals::<R>(&gradient);
+        let points = SurfaceBatch { x: &x, normal: &normal, direction: &direction };
+        setup.shader.radiance(&points, &mut front);
         let weight = R::one() / R::of(f64::from(self.spp));
         let mut silhouettes = Silhouettes::default();
         for (i, (approach, front)) in near.iter().zip(front).enumerate() {

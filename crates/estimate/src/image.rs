@@ -1,6 +1,6 @@
 //! Derivative images: d(pixel)/d(number), forward mode.
 
-use field::{Real, Vector3};
+use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use rayon::prelude::*;
 
 use super::primary::PUBLISHED_STEPS;
@@ -318,21 +318,13 @@ fn background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
 fn shader<R: Real>(setup: &Setup<'_, R>, area: &Area<R>, index: usize, image: &mut Image) {
     let primary = &area.primary;
     let mut row = vec![R::zero(); setup.shader.parameter_count()];
-    let zero = || [R::Vec3::zero()];
+    let mut ignored = SurfaceAdjoint::zeros(1);
     for (hit, &i) in primary.hits.iter().enumerate() {
         let (x, n, d) = ([primary.x[hit]], [primary.normal[hit]], [primary.direction[hit]]);
+        let point = SurfaceBatch { x: &x, normal: &n, direction: &d };
         for (c, value) in image[area.pixel[i] as usize].iter_mut().enumerate() {
             row.fill(R::zero());
-            setup.shader.vjp(
-                &x,
-                &n,
-                &d,
-                &[unit::<R>(c)],
-                &mut zero(),
-                &mut zero(),
-                &mut zero(),
-                &mut row,
-            );
+            setup.shader.vjp(&point, &[unit::<R>(c)], &mut ignored, &mut row);
             *value += (row[index] * area.weight[i]).to_double();
         }
     }

@@ -1,6 +1,6 @@
 //! Silhouettes along lines of the film.
 
-use field::{Real, Vector3};
+use field::{Real, SurfaceBatch, Vector3};
 use glam::DVec2;
 use rustc_hash::FxHashMap;
 use trace::{Outcome, Start, Tangency, Turn, tangencies};
@@ -440,7 +440,8 @@ fn visible<R: Real>(
         seen.push((crossing, tangency.t, depth));
     }
     let mut rgb = vec![R::Vec3::zero(); x.len()];
-    setup.shader.radiance(&x, &normal, &direction, &mut rgb);
+    let points = SurfaceBatch { x: &x, normal: &normal, direction: &direction };
+    setup.shader.radiance(&points, &mut rgb);
     for (((crossing, ..), rgb), inside) in seen.iter_mut().zip(rgb).zip(inside) {
         crossing.contrast += inside.unwrap_or(rgb);
     }

@@ -1,6 +1,6 @@
 //! Camera rays: where they hit, and the radiance they bring back.
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Field, Real, Sphere, SurfaceBatch, Vector3};
 use glam::DVec2;
 use rustc_hash::FxHashMap;
 use trace::{Intersection, Outcome, Ray};
@@ -263,7 +263,8 @@ impl<R: Real> Setup<'_, R> {
         self.field.value_gradient(&x, &mut f, &mut gradient);
         let normal = normals::<R>(&gradient);
         let mut rgb = vec![R::Vec3::zero(); x.len()];
-        self.shader.radiance(&x, &normal, &direction, &mut rgb);
+        let points = SurfaceBatch { x: &x, normal: &normal, direction: &direction };
+        self.shader.radiance(&points, &mut rgb);
         let mut radiance = vec![self.background; samples.len()];
         for (hit, rgb) in hits.iter().zip(rgb) {
             radiance[*hit] = rgb;

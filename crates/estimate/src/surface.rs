@@ -1,7 +1,7 @@
 //! Reverse mode of a shaded hit: from an adjoint of radiance to coefficients on f and ∇f at the hit
 //! point.
 
-use field::{Real, Vector3};
+use field::{Real, SurfaceBatch, Vector3};
 use trace::{HitAdjoint, hit_film_derivative, hit_vjp};
 
 use super::{Primary, Sample, Setup};
@@ -28,21 +28,17 @@ impl<R: Real> Setup<'_, R> {
         shader: &mut [R],
     ) -> SurfaceAdjoint<R> {
         let n = primary.hits.len();
-        let zero = || vec![R::Vec3::zero(); n];
-        let (mut x_bar, mut n_bar, mut d_bar) = (zero(), zero(), zero());
-        let (x, normal, direction) = (&primary.x, &primary.normal, &primary.direction);
-        self.shader.vjp(x, normal, direction, adjoint, &mut x_bar, &mut n_bar, &mut d_bar, shader);
-        let idle = |bar: &[R::Vec3]| bar.iter().all(|v| *v == R::Vec3::zero());
-        if idle(&x_bar) && idle(&n_bar) && idle(&d_bar) {
+        let mut bars = field::SurfaceAdjoint::zeros(n);
+        let (x, direction) = (&primary.x, &primary.direction);
+        let points = SurfaceBatch { x, normal: &primary.normal, direction };
+        self.shader.vjp(&points, adjoint, &mut bars, shader);
+        if bars.is_zero() {
             // Radiance that is the same everywhere does not care where its ray hits.
-            return SurfaceAdjoint {
-                alpha: vec![R::zero(); n],
-                c: zero(),
-                film: vec![[R::zero(); 2]; n],
-            };
+            let (alpha, c) = (vec![R::zero(); n], vec![R::Vec3::zero(); n]);
+            return SurfaceAdjoint { alpha, c, film: vec![[R::zero(); 2]; n] };
         }
         let m: Vec<R::Vec3> = (0..n)
-            .map(|i| HitAdjoint::<R>::normal_coefficient(primary.gradient[i], n_bar[i]))
+            .map(|i| HitAdjoint::<R>::normal_coefficient(primary.gradient[i], bars.normal[i]))
             .collect();
         // Without an adjoint, or where radiance does not look at the normal, no Hessian is needed.
         let turned: Vec<usize> = (0..n).filter(|&i| m[i] != R::Vec3::zero()).collect();
@@ -51,20 +47,20 @@ impl<R: Real> Setup<'_, R> {
             (vec![R::Vec3::zero(); turned.len()], vec![R::Vec3::zero(); turned.len()]);
         self.field.hessian_vector(&pick(x), &pick(&m), &mut gradient, &mut product);
         for (&i, product) in turned.iter().zip(product) {
-            x_bar[i] += product;
+            bars.x[i] += product;
         }
         let (mut alpha, mut c, mut film) =
             (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
         for i in 0..n {
             let (g, d, t) = (primary.gradient[i], direction[i], primary.t[i]);
-            let hit = hit_vjp::<R>(g, d, x_bar[i], m[i]);
+            let hit = hit_vjp::<R>(g, d, bars.x[i], m[i]);
             alpha.push(hit.alpha);
             c.push(hit.c);
             let sample = &samples[primary.hits[i]];
             let (_, du) = self.cameras[sample.camera].direction_du(sample.u);
             film.push(du.map(|du| {
                 let du = R::Vec3::of(du);
-                x_bar[i].dot(hit_film_derivative::<R>(g, d, t, du)) + d_bar[i].dot(du)
+                bars.x[i].dot(hit_film_derivative::<R>(g, d, t, du)) + bars.direction[i].dot(du)
             }));
         }
         SurfaceAdjoint { alpha, c, film }

@@ -37,6 +37,7 @@ mod dual;
 mod real;
 mod shape;
 mod sphere;
+mod surface;
 
 pub use counted::{Counted, Evaluations};
 pub use csg::{Csg, Operation};
@@ -44,6 +45,7 @@ pub use dual::{Dual, Scalar};
 pub use real::{Real, Vector3};
 pub use shape::{Kind, Shape};
 pub use sphere::Sphere;
+pub use surface::{SurfaceAdjoint, SurfaceBatch};
 
 /// A differentiable scalar field f(x; θ) over batches of points.
 ///

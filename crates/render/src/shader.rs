@@ -1,6 +1,6 @@
 //! Shaders: radiance that leaves a surface point, and its derivatives.
 
-use field::{Dual, Field, Real, Scalar, Sphere, Vector3};
+use field::{Dual, Field, Real, Scalar, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
 use sdf_nn::RadianceHead;
 
 /// The precisions that scenes and networks are evaluated in.
@@ -20,23 +20,14 @@ pub trait Shader<R: Real>: Send + Sync {
     }
 
     /// The radiance of every point.
-    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]);
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]);
 
-    /// VJP of (x, n, d; parameters) ↦ radiance: overwrites the adjoints of x, n and d, adds to the
-    /// parameters'.
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "three inputs, one output, and an adjoint for each"
-    )]
+    /// VJP of (x, n, d; parameters) ↦ radiance: overwrites `bars`, adds to `parameters`.
     fn vjp(
         &self,
-        x: &[R::Vec3],
-        n: &[R::Vec3],
-        d: &[R::Vec3],
+        points: &SurfaceBatch<'_, R>,
         adjoint: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     );
 }
@@ -45,21 +36,17 @@ impl<R: Precision> Shader<R> for RadianceHead<R> {
     fn parameter_count(&self) -> usize {
         self.parameters().len()
     }
-    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]) {
-        RadianceHead::radiance(self, x, n, d, rgb);
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        RadianceHead::radiance(self, points, rgb);
     }
     fn vjp(
         &self,
-        x: &[R::Vec3],
-        n: &[R::Vec3],
-        d: &[R::Vec3],
+        points: &SurfaceBatch<'_, R>,
         adjoint: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     ) {
-        RadianceHead::vjp(self, x, n, d, adjoint, x_bar, n_bar, d_bar, parameters);
+        RadianceHead::vjp(self, points, adjoint, bars, parameters);
     }
 }
 
@@ -184,8 +171,8 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         self.formula == Formula::Constant
     }
 
-    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
-        for ((x, n), rgb) in x.iter().zip(n).zip(rgb) {
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        for ((x, n), rgb) in points.x.iter().zip(points.normal).zip(rgb) {
             *rgb = R::Vec3::from_array(self.shade(
                 |i| self.parameters[i],
                 x.to_array(),
@@ -197,18 +184,15 @@ impl<R: Precision> Shader<R> for Analytic<R> {
 
     fn vjp(
         &self,
-        x: &[R::Vec3],
-        n: &[R::Vec3],
-        _: &[R::Vec3],
+        points: &SurfaceBatch<'_, R>,
         adjoint: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     ) {
-        d_bar.fill(R::Vec3::zero());
-        for p in 0..x.len() {
-            [x_bar[p], n_bar[p]] = self.point_vjp(x[p], n[p], ALL_LIT, adjoint[p], parameters);
+        bars.direction.fill(R::Vec3::zero());
+        for p in 0..points.len() {
+            [bars.x[p], bars.normal[p]] =
+                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, adjoint[p], parameters);
         }
     }
 }
@@ -270,7 +254,8 @@ impl<R: Precision> Shader<R> for Shadowed<'_, R> {
         self.analytic.parameter_count()
     }
 
-    fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        let SurfaceBatch { x, normal: n, .. } = *points;
         let parameters = &self.analytic.parameters;
         for (i, lit) in self.lit(x, n).into_iter().enumerate() {
             let shaded =
@@ -281,18 +266,16 @@ impl<R: Precision> Shader<R> for Shadowed<'_, R> {
 
     fn vjp(
         &self,
-        x: &[R::Vec3],
-        n: &[R::Vec3],
-        _: &[R::Vec3],
+        points: &SurfaceBatch<'_, R>,
         adjoint: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     ) {
-        d_bar.fill(R::Vec3::zero());
+        let SurfaceBatch { x, normal: n, .. } = *points;
+        bars.direction.fill(R::Vec3::zero());
         for (p, lit) in self.lit(x, n).into_iter().enumerate() {
-            [x_bar[p], n_bar[p]] = self.analytic.point_vjp(x[p], n[p], lit, adjoint[p], parameters);
+            [bars.x[p], bars.normal[p]] =
+                self.analytic.point_vjp(x[p], n[p], lit, adjoint[p], parameters);
         }
     }
 }

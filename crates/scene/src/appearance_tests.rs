@@ -1,5 +1,5 @@
 use super::*;
-use field::Shape;
+use field::{Shape, SurfaceAdjoint, SurfaceBatch};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -30,7 +30,8 @@ fn seen(
     adjoint: DVec3,
 ) -> f64 {
     let mut rgb = [DVec3::ZERO];
-    model.build::<f64>(solid, BOUNDS).unwrap().radiance(&[x], &[n], &[DVec3::Z], &mut rgb);
+    let shader = model.build::<f64>(solid, BOUNDS).unwrap();
+    shader.radiance(&SurfaceBatch { x: &[x], normal: &[n], direction: &[DVec3::Z] }, &mut rgb);
     rgb[0].dot(adjoint)
 }
 
@@ -39,18 +40,11 @@ fn seen(
 fn check(model: &AppearanceModel, solid: &dyn Field<f64>, x: DVec3, n: DVec3, adjoint: DVec3) {
     const H: f64 = 1e-6;
     let shader = model.build::<f64>(solid, BOUNDS).unwrap();
-    let (mut x_bar, mut n_bar, mut d_bar) = ([DVec3::NAN], [DVec3::NAN], [DVec3::NAN]);
+    let nan = vec![DVec3::NAN];
+    let mut bars = SurfaceAdjoint::<f64> { x: nan.clone(), normal: nan.clone(), direction: nan };
     let mut parameters = vec![0.0; shader.parameter_count()];
-    shader.vjp(
-        &[x],
-        &[n],
-        &[DVec3::Z],
-        &[adjoint],
-        &mut x_bar,
-        &mut n_bar,
-        &mut d_bar,
-        &mut parameters,
-    );
+    let point = SurfaceBatch { x: &[x], normal: &[n], direction: &[DVec3::Z] };
+    shader.vjp(&point, &[adjoint], &mut bars, &mut parameters);
     let close = |got: f64, plus: f64, minus: f64, what: &str| {
         let difference = (plus - minus) / (2.0 * H);
         assert!(
@@ -61,19 +55,19 @@ fn check(model: &AppearanceModel, solid: &dyn Field<f64>, x: DVec3, n: DVec3, ad
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         let e = axis * H;
         close(
-            x_bar[0].dot(axis),
+            bars.x[0].dot(axis),
             seen(model, solid, x + e, n, adjoint),
             seen(model, solid, x - e, n, adjoint),
             "x",
         );
         close(
-            n_bar[0].dot(axis),
+            bars.normal[0].dot(axis),
             seen(model, solid, x, n + e, adjoint),
             seen(model, solid, x, n - e, adjoint),
             "n",
         );
     }
-    assert_eq!(d_bar[0], DVec3::ZERO);
+    assert_eq!(bars.direction[0], DVec3::ZERO);
     for (j, parameter) in parameters.iter().enumerate() {
         let moved = |h: f64| {
             let mut moved = model.clone();
@@ -128,18 +122,8 @@ fn a_shadow_blocks_its_light_in_the_derivative_too() {
     let model = lambert(true);
     let shader = model.build::<f64>(&ball, BOUNDS).unwrap();
     let mut parameters = vec![0.0; shader.parameter_count()];
-    let mut bars = [[DVec3::ZERO]; 3];
-    let [x_bar, n_bar, d_bar] = &mut bars;
-    shader.vjp(
-        &[behind],
-        &[DVec3::Z],
-        &[DVec3::Z],
-        &[DVec3::ONE],
-        x_bar,
-        n_bar,
-        d_bar,
-        &mut parameters,
-    );
+    let point = SurfaceBatch { x: &[behind], normal: &[DVec3::Z], direction: &[DVec3::Z] };
+    shader.vjp(&point, &[DVec3::ONE], &mut SurfaceAdjoint::zeros(1), &mut parameters);
     assert_eq!(&parameters[9..12], &[0.0; 3], "the blocked light's radiance changes nothing");
 }
 
@@ -149,6 +133,7 @@ fn poison_stays_poison() {
     let shader = lambert(false);
     let shader = shader.build::<f64>(&ball, BOUNDS).unwrap();
     let mut rgb = [DVec3::ZERO; 2];
-    shader.radiance(&[DVec3::ONE, DVec3::NAN], &[DVec3::NAN, DVec3::Z], &[DVec3::Z; 2], &mut rgb);
+    let (x, normal) = ([DVec3::ONE, DVec3::NAN], [DVec3::NAN, DVec3::Z]);
+    shader.radiance(&SurfaceBatch { x: &x, normal: &normal, direction: &[DVec3::Z; 2] }, &mut rgb);
     assert!(rgb.iter().all(|c| !c.is_finite()), "{rgb:?}");
 }

@@ -1,6 +1,6 @@
 //! The radiance head: what leaves a surface point towards the camera.
 
-use field::{Real, Vector3};
+use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
@@ -77,45 +77,35 @@ impl<R: Lane> RadianceHead<R> {
         self.mlp.set_window(window);
     }
 
-    /// Linear RGB at points `x` with unit normals `n`, seen along unit directions `d`.
-    pub fn radiance(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], rgb: &mut [R::Vec3]) {
-        dispatch(Radiance { head: self, x, n, d, rgb });
+    /// Linear RGB at every point of a batch.
+    pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        dispatch(Radiance { head: self, points: *points, rgb });
     }
 
-    /// VJP of (x, n, d; parameters) ↦ RGB: overwrites the adjoints of x (per world unit), n and d,
-    /// adds to `parameters`.
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "three inputs, one output, and an adjoint for each"
-    )]
+    /// VJP of (x, n, d; parameters) ↦ RGB: overwrites `bars` (for x, per world unit), adds to
+    /// `parameters`.
+    ///
+    /// # Panics
+    /// If `parameters` has not one element a parameter.
     pub fn vjp(
         &self,
-        x: &[R::Vec3],
-        n: &[R::Vec3],
-        d: &[R::Vec3],
+        points: &SurfaceBatch<'_, R>,
         adjoint: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     ) {
         assert_eq!(parameters.len(), self.mlp.parameters.len(), "parameters");
-        dispatch(Vjp {
-            head: self,
-            inputs: [x, n, d],
-            adjoint,
-            bars: [x_bar, n_bar, d_bar],
-            parameters,
-        });
+        dispatch(Vjp { head: self, points: *points, adjoint, bars, parameters });
     }
 
     #[inline(always)]
-    fn inputs<I: Isa>(&self, x: &[R::Vec3], n: &[R::Vec3], d: &[R::Vec3], features: &mut [Row<R>]) {
+    fn inputs<I: Isa>(&self, points: SurfaceBatch<'_, R>, features: &mut [Row<R>]) {
+        let SurfaceBatch { x, normal, direction } = points;
         self.encoder.encode::<I>(x, features);
         let start = self.encoding.features();
         for l in 0..LANES {
             let at = l.min(x.len() - 1);
-            let (n, d) = (n[at].to_array(), d[at].to_array());
+            let (n, d) = (normal[at].to_array(), direction[at].to_array());
             for c in 0..3 {
                 features[start + c].0[l] = n[c];
                 features[start + 3 + c].0[l] = d[c];
@@ -136,9 +126,7 @@ fn squash<R: Lane, I: Isa>(y: R) -> (R, R) {
 
 struct Radiance<'a, R: Real> {
     head: &'a RadianceHead<R>,
-    x: &'a [R::Vec3],
-    n: &'a [R::Vec3],
-    d: &'a [R::Vec3],
+    points: SurfaceBatch<'a, R>,
     rgb: &'a mut [R::Vec3],
 }
 
@@ -146,9 +134,10 @@ impl<R: Lane> Pass for Radiance<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let mut s = self.head.mlp.scratch(false, false, false);
-        let chunks = self.x.chunks(LANES).zip(self.n.chunks(LANES)).zip(self.d.chunks(LANES));
-        for (((x, n), d), rgb) in chunks.zip(self.rgb.chunks_mut(LANES)) {
-            self.head.inputs::<I>(x, n, d, &mut s.features[0]);
+        let count = self.points.len();
+        for (first, rgb) in (0..count).step_by(LANES).zip(self.rgb.chunks_mut(LANES)) {
+            let block = self.points.range(first..(first + LANES).min(count));
+            self.head.inputs::<I>(block, &mut s.features[0]);
             self.head.mlp.forward::<I, LANES, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
                 *rgb = R::Vec3::from_array(std::array::from_fn(|c| {
@@ -161,27 +150,20 @@ impl<R: Lane> Pass for Radiance<'_, R> {
 
 struct Vjp<'a, R: Real> {
     head: &'a RadianceHead<R>,
-    inputs: [&'a [R::Vec3]; 3],
+    points: SurfaceBatch<'a, R>,
     adjoint: &'a [R::Vec3],
-    bars: [&'a mut [R::Vec3]; 3],
+    bars: &'a mut SurfaceAdjoint<R>,
     parameters: &'a mut [R],
 }
 
 impl<R: Lane> Pass for Vjp<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let [x, n, d] = self.inputs;
-        let [x_bar, n_bar, d_bar] = self.bars;
         let (mlp, start) = (&self.head.mlp, self.head.encoding.features());
         let mut s = mlp.scratch(true, false, true);
-        for first in (0..x.len()).step_by(LANES) {
-            let block = first..(first + LANES).min(x.len());
-            self.head.inputs::<I>(
-                &x[block.clone()],
-                &n[block.clone()],
-                &d[block.clone()],
-                &mut s.features[0],
-            );
+        for first in (0..self.points.len()).step_by(LANES) {
+            let block = first..(first + LANES).min(self.points.len());
+            self.head.inputs::<I>(self.points.range(block.clone()), &mut s.features[0]);
             mlp.forward::<I, LANES, true, false>(&mut s);
             for l in 0..LANES {
                 let adjoint =
@@ -195,9 +177,9 @@ impl<R: Lane> Pass for Vjp<'_, R> {
             let rows = |at: usize| [s.adjoint[0][at], s.adjoint[0][at + 1], s.adjoint[0][at + 2]];
             let (n_rows, d_rows) = (rows(start), rows(start + 3));
             for (l, i) in block.enumerate() {
-                x_bar[i] = lane(&x_rows, l);
-                n_bar[i] = lane(&n_rows, l);
-                d_bar[i] = lane(&d_rows, l);
+                self.bars.x[i] = lane(&x_rows, l);
+                self.bars.normal[i] = lane(&n_rows, l);
+                self.bars.direction[i] = lane(&d_rows, l);
             }
         }
         mlp.collect_gradient(&s, self.parameters);

@@ -3,6 +3,7 @@
 
 use approx::assert_relative_eq;
 use field::{Dual, Field, Scalar};
+use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
@@ -295,16 +296,16 @@ fn the_heads_adjoints_match_differences() {
         let adjoint = points(n + 5)[5..].to_vec();
         let total = |head: &RadianceHead<f64>, x: &[DVec3], normal: &[DVec3], d: &[DVec3]| {
             let mut rgb = vec![DVec3::ZERO; n];
-            head.radiance(x, normal, d, &mut rgb);
+            let direction = d;
+            head.radiance(&SurfaceBatch { x, normal, direction }, &mut rgb);
             assert!(rgb.iter().all(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0));
             rgb.iter().zip(&adjoint).map(|(c, a)| c.dot(*a)).sum::<f64>()
         };
-        let zero = || vec![DVec3::ZERO; n];
-        let (mut bars, mut theta) = ([zero(), zero(), zero()], vec![0.0; head.parameters().len()]);
-        let [xb, nb, db] = &mut bars;
-        head.vjp(&x, &normal, &d, &adjoint, xb, nb, db, &mut theta);
+        let (mut bars, mut theta) = (SurfaceAdjoint::zeros(n), vec![0.0; head.parameters().len()]);
+        let batch = SurfaceBatch { x: &x, normal: &normal, direction: &d };
+        head.vjp(&batch, &adjoint, &mut bars, &mut theta);
         let h = 1e-6;
-        for (input, bar) in bars.iter().enumerate() {
+        for (input, bar) in [&bars.x, &bars.normal, &bars.direction].into_iter().enumerate() {
             for c in 0..3 {
                 let moved = |h: f64| {
                     let mut inputs = [x.clone(), normal.clone(), d.clone()];

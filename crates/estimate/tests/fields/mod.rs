@@ -1,6 +1,6 @@
 //! Fields and a shader for the checks of extremes.
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Field, Real, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
 use render::Shader;
 
 /// Radiance 1 everywhere.
@@ -10,21 +10,17 @@ impl<R: Real> Shader<R> for White {
     fn parameter_count(&self) -> usize {
         0
     }
-    fn radiance(&self, _: &[R::Vec3], _: &[R::Vec3], _: &[R::Vec3], rgb: &mut [R::Vec3]) {
+    fn radiance(&self, _: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         rgb.fill(R::Vec3::new(R::one(), R::one(), R::one()));
     }
     fn vjp(
         &self,
+        points: &SurfaceBatch<'_, R>,
         _: &[R::Vec3],
-        _: &[R::Vec3],
-        _: &[R::Vec3],
-        _: &[R::Vec3],
-        x_bar: &mut [R::Vec3],
-        n_bar: &mut [R::Vec3],
-        d_bar: &mut [R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
         _: &mut [R],
     ) {
-        [x_bar, n_bar, d_bar].into_iter().for_each(|bar| bar.fill(R::Vec3::zero()));
+        *bars = SurfaceAdjoint::zeros(points.len());
     }
 }
 
