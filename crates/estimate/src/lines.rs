@@ -3,7 +3,7 @@
 use field::{Real, SurfaceBatch, Vector3};
 use glam::DVec2;
 use rustc_hash::FxHashMap;
-use trace::{Outcome, Start, Tangency, Turn, tangencies};
+use trace::{Outcome, RayFamily, Start, Tangency, tangencies};
 
 use super::neighbours::Neighbours;
 use super::pixels::{check_valid, first_invalid};
@@ -121,7 +121,7 @@ struct Fans<'a, R: Real> {
     lines: Vec<Line>,
 }
 
-impl<R: Real> Turn<R> for Fans<'_, R> {
+impl<R: Real> RayFamily<R> for Fans<'_, R> {
     fn origin(&self, index: usize) -> R::Vec3 {
         R::Vec3::of(self.setup.cameras[self.lines[index].camera].eye)
     }

@@ -2,7 +2,7 @@
 
 use field::{Field, Real};
 
-use crate::refine::{Approach, Bracket, Next, line_bound, vertex};
+use crate::root::{Approach, Bracket, Next, line_bound, vertex};
 use crate::{Options, Ray};
 
 /// How a ray ended.

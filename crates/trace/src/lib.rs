@@ -55,7 +55,7 @@ mod derivative;
 mod intersect;
 mod options;
 mod ray;
-mod refine;
+mod root;
 mod silhouette;
 mod visit;
 
@@ -64,5 +64,5 @@ pub use field;
 pub use intersect::{Intersection, Outcome, intersect};
 pub use options::{InvalidOptions, Options};
 pub use ray::Ray;
-pub use silhouette::{Start, Tangency, Turn, tangencies};
+pub use silhouette::{RayFamily, Start, Tangency, tangencies};
 pub use visit::{Visited, Visits, visit};

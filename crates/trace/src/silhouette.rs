@@ -4,7 +4,7 @@ use field::{Field, Real, Vector3};
 
 /// A ray that turns about its origin: its direction at the angle parameter s, of length 1, and the
 /// direction's derivative by s. Estimators let s be a film coordinate in pixels.
-pub trait Turn<R: Real> {
+pub trait RayFamily<R: Real> {
     /// The origin that the rays of search `index` share.
     fn origin(&self, index: usize) -> R::Vec3;
     /// The direction of search `index` at `s`, and its derivative.
@@ -131,25 +131,28 @@ enum Step<R: Real> {
 /// that nothing hides the point.
 pub fn tangencies<R: Real>(
     field: &(impl Field<R> + ?Sized),
-    turn: &(impl Turn<R> + ?Sized),
+    family: &(impl RayFamily<R> + ?Sized),
     starts: &[Start<R>],
     tolerance: R,
 ) -> Vec<Option<Tangency<R>>> {
     let mut out = vec![None; starts.len()];
-    let mut active: Vec<Search<R>> =
-        starts.iter().enumerate().map(|(index, start)| Search::new(turn, index, *start)).collect();
+    let mut active: Vec<Search<R>> = starts
+        .iter()
+        .enumerate()
+        .map(|(index, start)| Search::new(family, index, *start))
+        .collect();
     let (mut x, mut f, mut gradient) =
         (Vec::new(), vec![R::zero(); starts.len()], vec![R::Vec3::zero(); starts.len()]);
     while !active.is_empty() {
         x.clear();
-        x.extend(active.iter().map(|s| turn.origin(s.index) + s.direction * s.t));
+        x.extend(active.iter().map(|s| family.origin(s.index) + s.direction * s.t));
         let (f, gradient) = (&mut f[..x.len()], &mut gradient[..x.len()]);
         field.value_gradient(&x, f, gradient);
         let mut values = f.iter().zip(gradient.iter());
         active.retain_mut(|search| {
             let Some((&f, &gradient)) = values.next() else { return false };
             let point = Point { t: search.t, f, slope: gradient.dot(search.direction), gradient };
-            match search.advance(turn, point, tolerance) {
+            match search.advance(family, point, tolerance) {
                 Step::Evaluate => true,
                 Step::Found(tangency) => {
                     out[search.index] = Some(tangency);
@@ -163,8 +166,8 @@ pub fn tangencies<R: Real>(
 }
 
 impl<R: Real> Search<R> {
-    fn new(turn: &(impl Turn<R> + ?Sized), index: usize, start: Start<R>) -> Self {
-        let (direction, rate) = turn.direction(index, start.s);
+    fn new(family: &(impl RayFamily<R> + ?Sized), index: usize, start: Start<R>) -> Self {
+        let (direction, rate) = family.direction(index, start.s);
         Search {
             index,
             start,
@@ -185,7 +188,12 @@ impl<R: Real> Search<R> {
         }
     }
 
-    fn advance(&mut self, turn: &(impl Turn<R> + ?Sized), p: Point<R>, tolerance: R) -> Step<R> {
+    fn advance(
+        &mut self,
+        family: &(impl RayFamily<R> + ?Sized),
+        p: Point<R>,
+        tolerance: R,
+    ) -> Step<R> {
         self.inner += 1;
         if !p.f.is_finite() || !p.gradient.is_finite() || self.inner > INNER_LIMIT {
             return Step::Failed;
@@ -211,7 +219,7 @@ impl<R: Real> Search<R> {
         let known =
             minimum.gap <= known.max(rounding) && !(self.close && self.differ(a, b, tolerance));
         if known || next <= a.t || next >= b.t {
-            return self.turn_on(turn, a, b, &minimum, tolerance);
+            return self.newton_step(family, a, b, &minimum, tolerance);
         }
         self.t = next;
         Step::Evaluate
@@ -219,7 +227,7 @@ impl<R: Real> Search<R> {
 
     /// Whether two points are on faces that differ, and not where these meet.
     fn differ(&self, a: Point<R>, b: Point<R>, tolerance: R) -> bool {
-        faces(a, b) && b.t - a.t > tolerance * R::of(TIGHT) * self.turn.length() * b.t
+        on_different_faces(a, b) && b.t - a.t > tolerance * R::of(TIGHT) * self.turn.length() * b.t
     }
 
     /// The next place to look for the minimum: where the slope is expected to vanish, or where the
@@ -235,9 +243,9 @@ impl<R: Real> Search<R> {
     }
 
     /// Newton's step in s.
-    fn turn_on(
+    fn newton_step(
         &mut self,
-        turn: &(impl Turn<R> + ?Sized),
+        family: &(impl RayFamily<R> + ?Sized),
         a: Point<R>,
         b: Point<R>,
         minimum: &Minimum<R>,
@@ -259,7 +267,7 @@ impl<R: Real> Search<R> {
                 self.t = self.between(a, b, minimum);
                 return Step::Evaluate;
             }
-            let at = |t: R| turn.origin(self.index) + self.direction * t;
+            let at = |t: R| family.origin(self.index) + self.direction * t;
             let found = Tangency {
                 s: next,
                 t: minimum.t,
@@ -267,7 +275,7 @@ impl<R: Real> Search<R> {
                 weights: [R::one() - minimum.share, minimum.share],
                 gradient: minimum.gradient,
                 slope: rate,
-                edge: faces(a, b),
+                edge: on_different_faces(a, b),
                 bend: (b.slope - a.slope) / (b.t - a.t).max(R::min_positive_value()),
             };
             let steepest = a.gradient.length().max(b.gradient.length());
@@ -275,8 +283,8 @@ impl<R: Real> Search<R> {
                 return Step::Found(found);
             }
             self.doubted = Some(found);
-            self.look_from(
-                turn,
+            self.restart_at(
+                family,
                 next - tolerance * R::of(INSIDE) * rate.signum(),
                 minimum.t,
                 b.t - a.t,
@@ -305,20 +313,20 @@ impl<R: Real> Search<R> {
         }
         let step =
             (b.t - a.t).max(m.abs() / minimum.gradient.length().max(R::min_positive_value()));
-        self.look_from(turn, next, minimum.t, step);
+        self.restart_at(family, next, minimum.t, step);
         Step::Evaluate
     }
 
     /// Goes to the ray at s, to look for its minimum from t with a step to its other side.
-    fn look_from(&mut self, turn: &(impl Turn<R> + ?Sized), s: R, t: R, step: R) {
+    fn restart_at(&mut self, family: &(impl RayFamily<R> + ?Sized), s: R, t: R, step: R) {
         (self.s, self.t, self.step) = (s, t, step);
-        (self.direction, self.turn) = turn.direction(self.index, s);
+        (self.direction, self.turn) = family.direction(self.index, s);
         (self.before, self.after, self.inner) = (None, None, 0);
     }
 }
 
 /// Whether two points are on faces that differ.
-fn faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
+fn on_different_faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
     let steepest = a.gradient.length().max(b.gradient.length());
     (b.gradient - a.gradient).length() > steepest * R::of(FACES)
 }

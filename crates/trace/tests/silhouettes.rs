@@ -5,7 +5,7 @@ use approx::assert_relative_eq;
 use field::{Counted, Csg, Field, Kind, Operation, Real, Shape, Vector3};
 use glam::DVec3;
 use proptest::prelude::*;
-use trace::{Start, Tangency, Turn, tangencies};
+use trace::{RayFamily, Start, Tangency, tangencies};
 
 /// A ray that turns in the plane of two orthogonal unit vectors: s is the angle from the first.
 struct Plane {
@@ -14,7 +14,7 @@ struct Plane {
     aside: DVec3,
 }
 
-impl<R: Real> Turn<R> for Plane {
+impl<R: Real> RayFamily<R> for Plane {
     fn origin(&self, _: usize) -> R::Vec3 {
         R::Vec3::of(self.origin)
     }
@@ -51,7 +51,7 @@ fn aside() -> impl Strategy<Value = DVec3> {
 
 /// min f along the ray at s, by brute force around distance 4.
 fn lowest(field: &dyn Field<f64>, turn: &Plane, s: f64) -> f64 {
-    let (d, _) = Turn::<f64>::direction(turn, 0, s);
+    let (d, _) = RayFamily::<f64>::direction(turn, 0, s);
     let x: Vec<DVec3> =
         (0..40_001).map(|i| turn.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
     let mut f = vec![0.0; x.len()];
@@ -89,7 +89,7 @@ proptest! {
         };
         let turn = plane(aside);
         if let Some(found) = find(&*field, &turn, s) {
-            let (d, _) = Turn::<f64>::direction(&turn, 0, found.s);
+            let (d, _) = RayFamily::<f64>::direction(&turn, 0, found.s);
             prop_assert!(found.gradient.dot(d).abs() < 1e-5 * found.gradient.length().max(1.0));
             let value = |x: DVec3| { let mut f = [0.0]; field.value(&[x], &mut f); f[0] };
             prop_assert!(value(turn.origin + d * found.t).abs() < 1e-4, "f {}", value(turn.origin + d * found.t));
@@ -135,7 +135,7 @@ proptest! {
         // silhouette.
         let turn = plane(aside);
         let exact = 0.2f64.asin();
-        let (d, _) = Turn::<f64>::direction(&turn, 0, exact);
+        let (d, _) = RayFamily::<f64>::direction(&turn, 0, exact);
         let touch = turn.origin + d * (16.0f64 - 0.64).sqrt();
         let (radius, chord) = (0.3f64, 0.01f64);
         let across = d.cross(touch).normalize();

@@ -4,7 +4,7 @@ use field::{Csg, Field, Kind, Shape, Sphere};
 use glam::DVec3;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use trace::{Start, Tangency, Turn, tangencies};
+use trace::{RayFamily, Start, Tangency, tangencies};
 use warp::{Kept, Options, WarpedRay, evaluate};
 
 use crate::scene::{Pinhole, Scene};
@@ -12,7 +12,7 @@ use crate::scene::{Pinhole, Scene};
 /// Rays along a row of the film.
 struct Row<'a>(&'a Pinhole, f64);
 
-impl Turn<f64> for Row<'_> {
+impl RayFamily<f64> for Row<'_> {
     fn origin(&self, _: usize) -> DVec3 {
         self.0.eye
     }
