@@ -2,50 +2,63 @@
 
 use field::{Field, Real, Vector3};
 
+use crate::warp::{SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 use crate::weights::{Entry, Quadrature, normalise_rates};
-use crate::{Kept, Motion, Options, Projection, WarpedRay, Weighting};
+use crate::{Motion, Projection, WarpedRay, Weighting};
 
-/// Evaluates the warp of a batch of rays; `projection` has one chart a ray, or one for all.
+/// V of a batch of rays, from the k points of largest weight on each; `charts` has one chart a ray,
+/// or one for all.
 ///
-/// With `divergence` the field is asked for two Hessian–vector products at every kept point and at
-/// the point by whose weight a ray's weights are shifted, in two batches over all rays; without,
-/// for nothing. A ray with a number that is not finite, or that leads to one, contributes nothing
-/// (see [`Kept::valid`]); the others do not notice.
+/// Asks the field for nothing: the rays' records hold all that V needs. A ray with a number that is
+/// not finite, or that leads to one, has no samples; the other rays are not affected.
 ///
 /// # Panics
 /// If there are neither as many charts as rays nor one, or if the slices of a ray differ in length.
 pub fn evaluate<R: Real, P: Projection<R> + ?Sized>(
-    field: &(impl Field<R> + ?Sized),
-    options: &Options<R>,
-    projection: &[&P],
+    weighting: &dyn Weighting<R>,
+    k: usize,
+    charts: &[&P],
     rays: &[WarpedRay<'_, R>],
-    divergence: bool,
-) -> Kept<R> {
-    evaluate_with(field, options, options, projection, rays, divergence)
+) -> Warp<R> {
+    let charts = Charts::new(charts, rays);
+    let mut warp = Warp { samples: Vec::new(), valid: valid(rays) };
+    let quadrature = Quadrature::of(weighting, k, rays, &warp.valid);
+    for group in quadrature.entries.chunk_by(|a, b| a.ray == b.ray) {
+        let number = group[0].ray;
+        let start = warp.samples.len();
+        for entry in group.iter().filter(|entry| entry.weight > R::zero()) {
+            let place = Place::new(entry, &rays[number], charts.of(number));
+            warp.samples.push(place.sample(entry));
+        }
+        if !warp.samples[start..].iter().all(|s| s.a.iter().all(|a| a.is_finite())) {
+            warp.samples.truncate(start);
+            warp.valid[number] = false;
+        }
+    }
+    warp
 }
 
-/// The same with weights of one's own: of the options, k and the relaxation are used.
+/// V of a batch of rays, as [`evaluate`], with the exact ∇_u·V of that V.
+///
+/// Asks the field for two Hessian–vector products at every sample, and at the point of each ray
+/// whose weight is subtracted from the others, in two batches over all rays.
 ///
 /// # Panics
 /// As [`evaluate`].
-pub fn evaluate_with<R: Real, P: Projection<R> + ?Sized>(
+pub fn evaluate_with_divergence<R: Real, P: Projection<R> + ?Sized>(
     field: &(impl Field<R> + ?Sized),
-    options: &Options<R>,
     weighting: &dyn Weighting<R>,
-    projection: &[&P],
+    k: usize,
+    charts: &[&P],
     rays: &[WarpedRay<'_, R>],
-    divergence: bool,
-) -> Kept<R> {
-    let charts = projection.len();
-    assert!(charts == 1 || charts == rays.len(), "{charts} charts for {} rays", rays.len());
-    let chart = |ray: usize| projection[if charts == 1 { 0 } else { ray }];
-    let mut kept = Kept::of_rays(rays.iter().map(|ray| ray.valid && ray.is_finite()).collect());
-    let mut quadrature = Quadrature::default();
-    for (number, ray) in rays.iter().enumerate().filter(|(number, _)| kept.valid[*number]) {
-        quadrature.add(weighting, options.k, ray, number);
-    }
-    let entries = &quadrature.entries;
-    let motions = if divergence { motions(field, options, rays, entries) } else { Vec::new() };
+) -> WarpWithDivergence<R> {
+    let charts = Charts::new(charts, rays);
+    let mut out = WarpWithDivergence {
+        warp: Warp { samples: Vec::new(), valid: valid(rays) },
+        derivatives: Vec::new(),
+    };
+    let entries = Quadrature::of(weighting, k, rays, &out.warp.valid).entries;
+    let motions = motions(field, rays, &entries);
     let mut rates: Vec<[R; 2]> = entries
         .iter()
         .zip(&motions)
@@ -55,24 +68,42 @@ pub fn evaluate_with<R: Real, P: Projection<R> + ?Sized>(
         .collect();
     let mut next = 0;
     for group in entries.chunk_by(|a, b| a.ray == b.ray) {
-        let (start, first, number) = (kept.points.len(), next, group[0].ray);
+        let (start, first, number) = (out.warp.samples.len(), next, group[0].ray);
         next += group.len();
-        if divergence {
-            normalise_rates(group, &mut rates[first..next]);
-        }
+        normalise_rates(group, &mut rates[first..next]);
         for (at, entry) in (first..).zip(group).filter(|(_, entry)| entry.weight > R::zero()) {
-            let place = Place::new(entry, &rays[number], chart(number));
-            kept.push(entry, &place);
-            if divergence {
-                kept.push_derivatives(entry, &place, chart(number), rates[at], &motions[at]);
-            }
+            let chart = charts.of(number);
+            let place = Place::new(entry, &rays[number], chart);
+            let sample = place.sample(entry);
+            out.derivatives.push(place.divergence(&sample, chart, rates[at], &motions[at]));
+            out.warp.samples.push(sample);
         }
-        kept.drop_if_not_finite(start, number);
+        out.drop_if_not_finite(start, number);
     }
-    kept
+    out
 }
 
-/// What is known of a point without second derivatives.
+/// For each ray, whether its record is finite.
+fn valid<R: Real>(rays: &[WarpedRay<'_, R>]) -> Vec<bool> {
+    rays.iter().map(|ray| ray.valid && ray.is_finite()).collect()
+}
+
+/// One chart a ray, or one for all.
+struct Charts<'a, P: ?Sized>(&'a [&'a P]);
+
+impl<'a, P: ?Sized> Charts<'a, P> {
+    fn new<R: Real>(charts: &'a [&'a P], rays: &[WarpedRay<'_, R>]) -> Self {
+        let count = charts.len();
+        assert!(count == 1 || count == rays.len(), "{count} charts for {} rays", rays.len());
+        Charts(charts)
+    }
+
+    fn of(&self, ray: usize) -> &'a P {
+        self.0[if self.0.len() == 1 { 0 } else { ray }]
+    }
+}
+
+/// A point with its first derivatives.
 struct Place<R: Real> {
     x: R::Vec3,
     jacobian: [R::Vec3; 2],
@@ -88,7 +119,7 @@ impl<R: Real> Place<R> {
         Place { x, jacobian: chart.jacobian(x), gradient, square }
     }
 
-    /// m = ∇f/|∇f|²: how a level set moves per unit that f falls.
+    /// m = ∇f/|∇f|²: the motion of the level set through the point as f falls by one.
     fn inverse(&self) -> R::Vec3 {
         self.gradient * (R::one() / self.square)
     }
@@ -98,13 +129,47 @@ impl<R: Real> Place<R> {
         let along = self.gradient.dot(gradient) / self.square;
         (gradient - self.gradient * (along + along)) * (R::one() / self.square)
     }
+
+    /// The sample of an entry: a = ŵ J m.
+    fn sample(&self, entry: &Entry<R>) -> WarpSample<R> {
+        let Entry { ray, index, weight, .. } = *entry;
+        let m = self.inverse();
+        WarpSample {
+            ray,
+            index,
+            x: self.x,
+            weight,
+            a: self.jacobian.map(|row| row.dot(m) * weight),
+        }
+    }
+
+    /// ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e m)] and b = Σ_e a_e ∂_e x of a sample.
+    fn divergence<P: Projection<R> + ?Sized>(
+        &self,
+        sample: &WarpSample<R>,
+        chart: &P,
+        weight_du: [R; 2],
+        motion: &[Motion<R>; 2],
+    ) -> SampleDivergence<R> {
+        let m = self.inverse();
+        let (mut divergence_a, mut b) = (R::zero(), R::Vec3::zero());
+        for e in 0..2 {
+            let moved = chart.jacobian_derivative(self.x, motion[e].x)[e].dot(m);
+            let turned = self.jacobian[e].dot(self.inverse_derivative(motion[e].gradient));
+            divergence_a +=
+                weight_du[e] * self.jacobian[e].dot(m) + sample.weight * (moved + turned);
+            b += motion[e].x * sample.a[e];
+        }
+        SampleDivergence { divergence_a, b }
+    }
 }
 
-/// How every entry's point moves with the film. t_{i+1} = t_i + ρ f(x_i) moves with all points
-/// before, by their recorded gradients; only the entries need second derivatives.
+/// How every entry's point moves with the film position.
+///
+/// t_{i+1} = t_i + ρ f(x_i) moves with all points before it, by their recorded gradients; only the
+/// entries need second derivatives.
 fn motions<R: Real>(
     field: &(impl Field<R> + ?Sized),
-    options: &Options<R>,
     rays: &[WarpedRay<'_, R>],
     entries: &[Entry<R>],
 ) -> Vec<[Motion<R>; 2]> {
@@ -126,17 +191,17 @@ fn motions<R: Real>(
                 }));
             }
             for e in 0..2 {
-                dt[e] += options.relaxation * ray.gradient[i].dot(dx[e]);
+                dt[e] += ray.relaxation * ray.gradient[i].dot(dx[e]);
             }
         }
     }
     let x: Vec<R::Vec3> = entries.iter().map(|e| rays[e.ray].x(e.index)).collect();
-    turn_gradients(field, &x, &mut motions);
+    set_gradient_motions(field, &x, &mut motions);
     motions
 }
 
-/// ∂∇f = ∇²f ∂x, in one batch a film axis.
-fn turn_gradients<R: Real>(
+/// Sets ∂∇f = ∇²f ∂x of every motion, in one batch a film axis.
+fn set_gradient_motions<R: Real>(
     field: &(impl Field<R> + ?Sized),
     x: &[R::Vec3],
     motions: &mut [[Motion<R>; 2]],
@@ -149,61 +214,21 @@ fn turn_gradients<R: Real>(
     for e in 0..2 {
         dx.iter_mut().zip(&*motions).for_each(|(dx, motion)| *dx = motion[e].x);
         field.hessian_vector(x, &dx, &mut gradient, &mut product);
-        motions
-            .iter_mut()
-            .zip(&product)
-            .for_each(|(motion, product)| motion[e].gradient = *product);
+        let pairs = motions.iter_mut().zip(&product);
+        pairs.for_each(|(motion, product)| motion[e].gradient = *product);
     }
 }
 
-impl<R: Real> Kept<R> {
-    /// Adds a point: a = ŵ J m.
-    fn push(&mut self, entry: &Entry<R>, place: &Place<R>) {
-        let m = place.inverse();
-        self.points.push(place.x);
-        self.ray.push(entry.ray);
-        self.index.push(entry.index);
-        self.weight.push(entry.weight);
-        self.a.push(place.jacobian.map(|row| row.dot(m) * entry.weight));
-    }
-
-    /// Adds the divergence of the point just added, ∇·a = Σ_e [∂_e ŵ J_e·m + ŵ (∂_e J_e·m + J_e·∂_e
-    /// m)], and its b.
-    fn push_derivatives<P: Projection<R> + ?Sized>(
-        &mut self,
-        entry: &Entry<R>,
-        place: &Place<R>,
-        chart: &P,
-        weight_du: [R; 2],
-        motion: &[Motion<R>; 2],
-    ) {
-        let (m, a) = (place.inverse(), self.a[self.a.len() - 1]);
-        let (mut divergence, mut b) = (R::zero(), R::Vec3::zero());
-        for e in 0..2 {
-            let moved = chart.jacobian_derivative(place.x, motion[e].x)[e].dot(m);
-            let turned = place.jacobian[e].dot(place.inverse_derivative(motion[e].gradient));
-            divergence += weight_du[e] * place.jacobian[e].dot(m) + entry.weight * (moved + turned);
-            b += motion[e].x * a[e];
-        }
-        self.divergence_a.push(divergence);
-        self.b.push(b);
-    }
-
-    /// Takes back the points of ray `number`, from `start` on, if any number is not finite.
+impl<R: Real> WarpWithDivergence<R> {
+    /// Removes the samples of ray `number`, from `start` on, if any of their numbers is not finite.
     fn drop_if_not_finite(&mut self, start: usize, number: usize) {
-        let finite = self.a[start..].iter().flatten().all(|a| a.is_finite())
-            && self.divergence_a.get(start..).is_none_or(|d| d.iter().all(|d| d.is_finite()))
-            && self.b.get(start..).is_none_or(|b| b.iter().all(|b| b.is_finite()));
+        let (samples, derivatives) = (&mut self.warp.samples, &mut self.derivatives);
+        let finite = samples[start..].iter().all(|s| s.a.iter().all(|a| a.is_finite()))
+            && derivatives[start..].iter().all(|d| d.divergence_a.is_finite() && d.b.is_finite());
         if !finite {
-            self.points.truncate(start);
-            self.ray.truncate(start);
-            self.index.truncate(start);
-            self.weight.truncate(start);
-            self.a.truncate(start);
-            self.divergence_a.truncate(start);
-            self.b.truncate(start);
-            self.valid[number] = false;
-            self.invalid += 1;
+            samples.truncate(start);
+            derivatives.truncate(start);
+            self.warp.valid[number] = false;
         }
     }
 }

@@ -1,39 +1,104 @@
-//! Settings of the warp.
+//! The settings of the published warp, as a user gives them.
 
 use field::Real;
 
-/// Settings of the weights; METHOD's symbols. The published ones are γ = 3 and k between 2 and all
-/// of N = 22.
+use crate::PublishedWeighting;
+
+/// N, k, γ, λ_d and ε of the published warp (Bangaru et al. 2022, supplement, sections 1 and 3).
+///
+/// Lengths are in bounding radii, so that the same numbers mean the same for a scene of any size.
+/// `dsdf gradient` starts from [`WarpOptions::PUBLISHED`], `dsdf fit` from [`WarpOptions::FIT`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Options<R> {
-    /// k: the points that are weighed, 2 or more; the smallest of them is what the others are
-    /// shifted by, so k − 1 keep a weight. A ray of fewer than k points keeps all, unshifted: k
-    /// above N turns the selection off. 3 is the least that gives a continuous V (see the crate's
-    /// page).
-    pub k: usize,
-    /// γ: the exponent. Above 2 the weights tend to a delta at a silhouette.
-    pub gamma: R,
-    /// λ_d: the weight of |∇f·d| beside |f|, in world units.
-    pub lambda_d: R,
-    /// ε: added to S, in world units.
-    pub epsilon: R,
-    /// ρ: the fraction of f that a step of the recursion took.
-    pub relaxation: R,
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct WarpOptions {
+    /// N: points of the quadrature along a ray (only the warps use this and the next four options)
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.steps))]
+    pub steps: usize,
+    /// k: points that are weighed; the smallest weight is subtracted, so k − 1 keep one
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.top_k))]
+    pub top_k: usize,
+    /// γ: exponent of the weights
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.gamma))]
+    pub gamma: f64,
+    /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.lambda_d))]
+    pub lambda_d: f64,
+    /// ε: length added to |f| + λ_d |∇f·d|, in bounding radii
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.epsilon))]
+    pub epsilon: f64,
 }
 
-impl<R: Real> Default for Options<R> {
-    fn default() -> Self {
-        Options {
-            k: 14,
-            gamma: R::of(3.0),
-            lambda_d: R::one(),
-            epsilon: R::of(1e-6),
-            relaxation: R::one(),
+/// The largest N: as many samples as any other option accepts.
+const MAX_STEPS: usize = 65_536;
+
+impl WarpOptions {
+    /// The defaults of derivative images: γ = 3 and N = 22 are published; k, λ_d and ε are not.
+    ///
+    /// - N = 22: over 150 fits N = 6 has 1.59 times the Chamfer distance of 22, N = 10 1.12 times,
+    ///   N = 64 1.15 times and N = 200 1.22 times (`cargo xtask ablate steps-epsilon`).
+    /// - γ = 3: γ = 1 has 3.0 times its Chamfer distance; 6 and 8 cannot be told apart from it
+    ///   (`cargo xtask ablate k-gamma`).
+    /// - ε = 1e-6: 0, 1e-8 and 1e-4 give the same Chamfer distance within 3 %, 1e-2 gives 1.22
+    ///   times as much (`cargo xtask ablate steps-epsilon`).
+    pub const PUBLISHED: WarpOptions =
+        WarpOptions { steps: 22, top_k: 14, gamma: 3.0, lambda_d: 1.0, epsilon: 1e-6 };
+
+    /// The defaults of fits.
+    ///
+    /// - λ_d = 0.02: with λ_d = 1 the gradient of a fit's loss was 25 % off its finite differences,
+    ///   with 0.02 it is 9 % off; the Chamfer distance on `spot` after one minute fell from 2.0 to
+    ///   0.7 %.
+    /// - k = 7: k = 14 costs twice the second derivatives for a Chamfer distance 1.01 times as
+    ///   large (0.89 to 1.16); k = 4 gives 1.19 times, k = 2 gives 1.16 times as much
+    ///   (`cargo xtask ablate k-gamma`).
+    pub const FIT: WarpOptions = WarpOptions { top_k: 7, lambda_d: 0.02, ..Self::PUBLISHED };
+
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// On the first setting that cannot work.
+    pub fn validate(&self) -> Result<(), InvalidOptions> {
+        let finite_from =
+            |value: f64, zero: bool| value.is_finite() && (value > 0.0 || (zero && value == 0.0));
+        let length =
+            |name, value: f64| (name, value.to_string(), finite_from(value, true), "0 or more");
+        let checks = [
+            ("steps", self.steps.to_string(), (1..=MAX_STEPS).contains(&self.steps), "1 to 65536"),
+            (
+                "top_k",
+                self.top_k.to_string(),
+                self.top_k >= 2,
+                "2 or more: the smallest weight is subtracted, so one point alone keeps none",
+            ),
+            ("gamma", self.gamma.to_string(), finite_from(self.gamma, false), "a number above 0"),
+            length("lambda_d", self.lambda_d),
+            length("epsilon", self.epsilon),
+        ];
+        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
+            Some((name, found, _, expected)) => Err(InvalidOptions { name, found, expected }),
+            None => Ok(()),
+        }
+    }
+
+    /// The weighting in world units, for a bounding sphere of `radius`.
+    pub fn weighting<R: Real>(&self, radius: f64) -> PublishedWeighting<R> {
+        PublishedWeighting {
+            gamma: R::of(self.gamma),
+            lambda_d: R::of(self.lambda_d * radius),
+            epsilon: R::of(self.epsilon * radius),
         }
     }
 }
 
-/// A setting that leaves no warp.
+impl Default for WarpOptions {
+    fn default() -> Self {
+        Self::PUBLISHED
+    }
+}
+
+/// A setting that cannot work.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name} is {found}, expected {expected}")]
 pub struct InvalidOptions {
@@ -41,53 +106,6 @@ pub struct InvalidOptions {
     pub name: &'static str,
     /// Its value.
     pub found: String,
-    /// What it should be.
+    /// The values that are accepted.
     pub expected: &'static str,
-}
-
-impl<R: Real> Options<R> {
-    /// Checks every setting.
-    ///
-    /// # Errors
-    /// On the first that cannot work.
-    pub fn validate(&self) -> Result<(), InvalidOptions> {
-        let zero = R::zero();
-        let finite = |v: R| v.is_finite();
-        let checks = [
-            (
-                "top_k",
-                self.k.to_string(),
-                self.k >= 2,
-                "2 or more: the shift by the smallest weight leaves one point none",
-            ),
-            (
-                "gamma",
-                self.gamma.to_string(),
-                self.gamma > zero && finite(self.gamma),
-                "a number above 0",
-            ),
-            (
-                "lambda_d",
-                self.lambda_d.to_string(),
-                self.lambda_d >= zero && finite(self.lambda_d),
-                "0 or more",
-            ),
-            (
-                "epsilon",
-                self.epsilon.to_string(),
-                self.epsilon >= zero && finite(self.epsilon),
-                "0 or more",
-            ),
-            (
-                "relaxation",
-                self.relaxation.to_string(),
-                self.relaxation > zero && finite(self.relaxation),
-                "a number above 0",
-            ),
-        ];
-        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
-            Some((name, found, _, expected)) => Err(InvalidOptions { name, found, expected }),
-            None => Ok(()),
-        }
-    }
 }

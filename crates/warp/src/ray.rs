@@ -1,19 +1,9 @@
-//! What the warp reads: a chart of the film, and the record of a ray.
+//! The record of a ray, as the warp reads it.
 
 use field::{Real, Vector3};
 
-/// The chart between world and film: u = projection of x, in pixels.
-pub trait Projection<R: Real> {
-    /// The rows ∂u_x/∂x and ∂u_y/∂x, in pixels per world unit.
-    fn jacobian(&self, x: R::Vec3) -> [R::Vec3; 2];
-    /// The change of those rows as the point moves along `dx`.
-    fn jacobian_derivative(&self, x: R::Vec3, dx: R::Vec3) -> [R::Vec3; 2];
-}
-
-/// A ray with the points that the tracer's recursion visited, and how it moves with the film
-/// position.
-///
-/// The slices have one length, and one element a point: t_{i+1} = t_i + ρ f_i.
+/// A ray with the points that the recursion t_{i+1} = t_i + ρ f_i visited, and its motion with the
+/// film position u. The slices have one element a point.
 #[derive(Clone, Copy, Debug)]
 pub struct WarpedRay<'a, R: Real> {
     /// o, the same for all film positions.
@@ -22,21 +12,23 @@ pub struct WarpedRay<'a, R: Real> {
     pub direction: R::Vec3,
     /// ∂d/∂u_x and ∂d/∂u_y, per pixel.
     pub direction_du: [R::Vec3; 2],
-    /// ∂t_0/∂u: of where the recursion starts, world units per pixel.
+    /// ∂t_0/∂u of the first point, world units per pixel.
     pub entry_du: [R; 2],
-    /// ∂t/∂u of the interval's end, used where the last step was cut off there.
+    /// ∂t/∂u of the interval's end, used where the last step ends there.
     pub exit_du: [R; 2],
+    /// ρ: the fraction of f that a step of the recursion took.
+    pub relaxation: R,
     /// Distances of the points.
     pub t: &'a [R],
     /// f at the points.
     pub f: &'a [R],
     /// ∇f at the points.
     pub gradient: &'a [R::Vec3],
-    /// Δ at the points, |ρ f| or what is left of the interval; 0 or more.
+    /// Δ at the points: |ρ f|, or the rest of the interval if that is less; 0 or more.
     pub step: &'a [R],
-    /// Whether the last Δ was cut off at the interval's end.
+    /// Whether the last Δ ends with the interval.
     pub clamped: bool,
-    /// Whether the record is free of NaNs; what is here is checked again.
+    /// Whether the record is free of NaNs; all slices are checked again.
     pub valid: bool,
 }
 
@@ -45,7 +37,7 @@ impl<R: Real> WarpedRay<'_, R> {
         self.origin + self.direction * self.t[i]
     }
 
-    /// Whether the length of point `i` ends with the interval, and not with the step.
+    /// Whether the length of point `i` ends with the interval instead of the step.
     pub(crate) fn is_cut_off(&self, i: usize) -> bool {
         self.clamped && i + 1 == self.t.len()
     }

@@ -1,8 +1,8 @@
-//! What makes one warp different from another: how much a point weighs.
+//! The density of a warp's weights along a ray: the part in which warps differ.
 
 use field::{Real, Vector3};
 
-use crate::{Options, WarpedRay};
+use crate::WarpedRay;
 
 /// How a point moves as u moves along one film axis.
 #[derive(Clone, Copy, Debug)]
@@ -20,28 +20,43 @@ pub struct Motion<R: Real> {
 }
 
 /// The density ρ of a warp's weights along a ray: w = ρ Δ, for the length Δ that a point stands
-/// for. What is made of them (the k largest, shifted and normalised) is the same for all.
+/// for.
 ///
-/// [`Options`] are the published one, ρ = S^−γ. For another, see [`crate::evaluate_with`]. ρ should
-/// tend to infinity at silhouette points, faster than 1/S², and nowhere else.
+/// The selection of the k largest weights, the shift and the normalisation are the same for every
+/// density. ρ should tend to infinity at silhouette points, faster than 1/S², and nowhere else; S
+/// is that of [`PublishedWeighting`].
 pub trait Weighting<R: Real>: Send + Sync {
-    /// ln ρ of point `i` of a ray of finite numbers. No more than differences matter, so that
-    /// nothing overflows.
+    /// ln ρ of point `i` of a ray of finite numbers. Only differences matter, so no exponent
+    /// overflows.
     fn log_density(&self, ray: &WarpedRay<'_, R>, i: usize) -> R;
 
     /// ∂ ln ρ as the point moves, per pixel.
     fn log_density_rate(&self, ray: &WarpedRay<'_, R>, i: usize, motion: &Motion<R>) -> R;
 }
 
-/// S = |f| + λ_d |∇f·d| + ε, kept away from zero: ln 0 would be infinite.
-fn spread<R: Real>(options: &Options<R>, ray: &WarpedRay<'_, R>, i: usize) -> R {
-    let facing = ray.gradient[i].dot(ray.direction).abs();
-    (ray.f[i].abs() + options.lambda_d * facing + options.epsilon).max(R::min_positive_value())
+/// The published density ρ = S^−γ with S = |f| + λ_d |∇f·d| + ε (Bangaru et al. 2022, supplement,
+/// section 1). [`crate::WarpOptions::weighting`] makes one from lengths in bounding radii.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PublishedWeighting<R> {
+    /// γ. Above 2 the weights tend to a delta at a silhouette.
+    pub gamma: R,
+    /// λ_d, in world units.
+    pub lambda_d: R,
+    /// ε, in world units.
+    pub epsilon: R,
 }
 
-impl<R: Real> Weighting<R> for Options<R> {
+impl<R: Real> PublishedWeighting<R> {
+    /// S, kept away from zero: ln 0 would be infinite.
+    fn spread(&self, ray: &WarpedRay<'_, R>, i: usize) -> R {
+        let facing = ray.gradient[i].dot(ray.direction).abs();
+        (ray.f[i].abs() + self.lambda_d * facing + self.epsilon).max(R::min_positive_value())
+    }
+}
+
+impl<R: Real> Weighting<R> for PublishedWeighting<R> {
     fn log_density(&self, ray: &WarpedRay<'_, R>, i: usize) -> R {
-        -self.gamma * spread(self, ray, i).ln()
+        -self.gamma * self.spread(ray, i).ln()
     }
 
     fn log_density_rate(&self, ray: &WarpedRay<'_, R>, i: usize, motion: &Motion<R>) -> R {
@@ -51,6 +66,6 @@ impl<R: Real> Weighting<R> for Options<R> {
             motion.gradient.dot(ray.direction) + ray.gradient[i].dot(motion.direction);
         let facing_sign = sign(ray.gradient[i].dot(ray.direction));
         let spread_rate = sign(ray.f[i]) * f_rate + self.lambda_d * facing_sign * facing_rate;
-        -(self.gamma * spread_rate / spread(self, ray, i))
+        -(self.gamma * spread_rate / self.spread(ray, i))
     }
 }

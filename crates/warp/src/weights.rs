@@ -1,4 +1,4 @@
-//! The quadrature weights of rays' points, kept as logarithms until only ratios are left.
+//! The quadrature weights of the points of rays, as logarithms until only ratios matter.
 
 use std::cmp::Ordering;
 
@@ -6,11 +6,10 @@ use field::{Real, Vector3};
 
 use crate::{Motion, WarpedRay, Weighting};
 
-/// A point that takes part in the weights of its ray: one that keeps a weight, or the floor.
+/// A point that keeps a weight, or the *floor*: the point of the smallest of the k largest weights.
 ///
-/// With w_0 the floor, the smallest of the k largest weights, and Σ = Σ_j (w_j − w_0), the share is
-/// p_i = w_i/Σ and the weight ŵ_i = p_i − p_0. The floor itself is the entry of weight 0. The
-/// entries of a ray are in order along it.
+/// With w_0 the floor's weight and Σ = Σ_j (w_j − w_0), the share is p_i = w_i/Σ and the weight
+/// ŵ_i = p_i − p_0. The floor is the entry of weight 0. The entries of a ray are in order along it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry<R> {
     pub(crate) ray: usize,
@@ -19,8 +18,8 @@ pub(crate) struct Entry<R> {
     share: R,
 }
 
-/// The weights of many rays, one after the other; the vectors besides `entries` are scratch.
-#[derive(Debug, Default)]
+/// The entries of many rays, ray after ray; the other vectors are scratch memory.
+#[derive(Debug)]
 pub(crate) struct Quadrature<R> {
     pub(crate) entries: Vec<Entry<R>>,
     log: Vec<R>,
@@ -28,17 +27,27 @@ pub(crate) struct Quadrature<R> {
 }
 
 impl<R: Real> Quadrature<R> {
-    /// Adds the entries of a ray of finite numbers: the k largest weights, less the smallest of
-    /// those.
+    /// The entries of all valid rays.
+    pub(crate) fn of(
+        weighting: &dyn Weighting<R>,
+        k: usize,
+        rays: &[WarpedRay<'_, R>],
+        valid: &[bool],
+    ) -> Self {
+        let mut quadrature = Quadrature { entries: Vec::new(), log: Vec::new(), order: Vec::new() };
+        for (number, ray) in rays.iter().enumerate().filter(|(number, _)| valid[*number]) {
+            quadrature.add(weighting, k, ray, number);
+        }
+        quadrature
+    }
+
+    /// Adds the entries of a ray of finite numbers: its k largest weights, less the smallest of
+    /// them.
     ///
-    /// A ray with fewer than k points is filled up with points of weight zero, so its weights are
-    /// shifted by nothing. That makes them continuous where a ray gains a point: the new one lies
-    /// at the end of the interval and has Δ = 0.
-    ///
-    /// If the kept weights all tie, the shift leaves nothing: the tied points then share the weight
-    /// evenly, and keep it as u moves. They are one point in practice, a root that the recursion
-    /// has converged on.
-    pub(crate) fn add(
+    /// A ray with fewer than k points counts as filled up with points of weight zero: the floor is
+    /// zero. So the weights are continuous where a ray gains a point, since the new point lies at
+    /// the end of the interval and has Δ = 0.
+    fn add(
         &mut self,
         weighting: &dyn Weighting<R>,
         k: usize,
@@ -54,32 +63,31 @@ impl<R: Real> Quadrature<R> {
         let lowest = floor.map_or(R::zero(), ratio);
         let sum = self.order.iter().fold(R::zero(), |sum, &i| sum + (ratio(i) - lowest));
         if sum <= R::zero() {
-            let weight = R::one() / R::of(self.order.len() as f64);
-            let tied = self.order.iter().map(|&index| Entry {
-                ray: number,
-                index,
-                weight,
-                share: R::zero(),
-            });
-            return self.entries.extend(tied);
+            return self.add_tied(number);
         }
         for &index in &self.order {
             let ratio = ratio(index);
             if ratio > lowest || (Some(index) == floor && lowest > R::zero()) {
-                self.entries.push(Entry {
-                    ray: number,
-                    index,
-                    weight: (ratio - lowest) / sum,
-                    share: ratio / sum,
-                });
+                let (weight, share) = ((ratio - lowest) / sum, ratio / sum);
+                self.entries.push(Entry { ray: number, index, weight, share });
             }
         }
     }
 
-    /// Computes ln w = ln ρ + ln Δ and orders the points that stand for a length from the largest
-    /// to the smallest.
+    /// Adds the points in `order` with equal weights that do not move with u.
+    ///
+    /// This is for weights that tie exactly, where subtracting the floor leaves nothing. In
+    /// practice such points are one point: a root that the recursion has converged on.
+    fn add_tied(&mut self, number: usize) {
+        let weight = R::one() / R::of(self.order.len() as f64);
+        let tied = |&index| Entry { ray: number, index, weight, share: R::zero() };
+        self.entries.extend(self.order.iter().map(tied));
+    }
+
+    /// Computes ln w = ln ρ + ln Δ, and orders the points with Δ > 0 from the largest weight to the
+    /// smallest.
     fn rank(&mut self, weighting: &dyn Weighting<R>, ray: &WarpedRay<'_, R>) {
-        // A NaN weighs nothing: it could not be ordered.
+        // A NaN gets the weight 0: it could not be ordered.
         let log_weight = |i: usize| {
             let log = weighting.log_density(ray, i) + ray.step[i].ln();
             if log.is_nan() { R::neg_infinity() } else { log }
@@ -87,7 +95,7 @@ impl<R: Real> Quadrature<R> {
         self.log.clear();
         self.log.extend((0..ray.t.len()).map(log_weight));
         self.order.clear();
-        // A denormal length is none: the derivative of its logarithm would overflow.
+        // A denormal Δ counts as 0: the derivative of its logarithm would overflow.
         self.order.extend((0..ray.t.len()).filter(|&i| ray.step[i] >= R::min_positive_value()));
         // Ties by position, so that the order is the same on every machine.
         let log = &self.log;
@@ -110,7 +118,7 @@ impl<R: Real> Entry<R> {
         }
         let i = self.index;
         let f_rate = ray.gradient[i].dot(motion.x);
-        // Δ is |f| times the relaxation, which drops out.
+        // Δ = ρ |f|, and ρ cancels.
         let length = if ray.is_cut_off(i) {
             (motion.exit - motion.t) / ray.step[i]
         } else {

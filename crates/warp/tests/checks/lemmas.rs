@@ -1,11 +1,11 @@
-//! The supplement's lemmas over random smooth fields and rays.
+//! The lemmas of Bangaru et al. 2022, supplement, section 3, over random smooth fields and rays.
 
 use field::{Csg, Field, Kind, Shape, Sphere};
 use glam::DVec3;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use trace::{RayFamily, Start, Tangency, tangencies};
-use warp::{Kept, Options, WarpedRay, evaluate};
+use warp::{Warp, WarpOptions, WarpedRay, evaluate};
 
 use crate::scene::{Pinhole, Scene};
 
@@ -38,8 +38,9 @@ fn build((a, b, c, radius, k): ([f64; 3], [f64; 3], [f64; 3], f64, f64)) -> Box<
 
 fn scene(field: Box<dyn Field<f64>>, points: usize, gamma: f64) -> Scene {
     let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
-    let options = Options { k: points + 1, gamma, ..Options::default() };
-    Scene { field, camera, bounds: Sphere { center: DVec3::ZERO, radius: 1.6 }, points, options }
+    let options = WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::PUBLISHED };
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.6 };
+    Scene { field, camera, bounds, options, relaxation: 1.0 }
 }
 
 /// A silhouette on a row of the film that no part of the solid comes close to hiding, from the
@@ -62,9 +63,9 @@ fn outline(scene: &Scene, row: f64) -> Option<Tangency<f64>> {
     None
 }
 
-fn kept_at(scene: &Scene, u: [f64; 2]) -> Option<Kept<f64>> {
+fn warp_at(scene: &Scene, u: [f64; 2]) -> Option<Warp<f64>> {
     let record = scene.record(u)?;
-    Some(evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false))
+    Some(scene.warp(&[record.ray()]))
 }
 
 /// ∂f at points along a tangent that touches every parameter.
@@ -83,17 +84,11 @@ fn at_the_outline(scene: &Scene, row: f64, found: &Tangency<f64>) -> Option<(f64
     let x = scene.camera.eye + direction * found.t;
     let rise = scene.camera.direction_du([found.s, row]).map(|du| found.gradient.dot(du) * found.t);
     let square = rise[0] * rise[0] + rise[1] * rise[1];
-    let kept = kept_at(scene, [found.s + 1e-6 * rise[0].signum(), row])?;
-    let v = kept.velocity(&along(scene.field.as_ref(), &kept.points))[0];
+    let warp = warp_at(scene, [found.s + 1e-6 * rise[0].signum(), row])?;
+    let v = warp.velocity(&along(scene.field.as_ref(), &warp.points()))[0];
     let expected = -along(scene.field.as_ref(), &[x])[0] / square.sqrt();
     let normal = (v[0] * rise[0] + v[1] * rise[1]) / square.sqrt();
-    let far: f64 = kept
-        .points
-        .iter()
-        .zip(&kept.weight)
-        .filter(|(p, _)| p.distance(x) > 0.1)
-        .map(|(_, w)| w)
-        .sum();
+    let far: f64 = warp.samples.iter().filter(|s| s.x.distance(x) > 0.1).map(|s| s.weight).sum();
     Some(((normal - expected).abs() / (expected.abs() + 1.0 / square.sqrt()), far))
 }
 
@@ -117,7 +112,7 @@ fn the_warp_is_boundary_consistent_for_random_fields() {
         let results: Option<Vec<(f64, f64)>> = counts
             .iter()
             .map(|&n| {
-                (scene.points, scene.options.k) = (n, n + 1);
+                (scene.options.steps, scene.options.top_k) = (n, n + 1);
                 at_the_outline(&scene, row, &found)
             })
             .collect();
@@ -156,13 +151,13 @@ fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
         if record.f.iter().any(|f| *f < 0.05) {
             return None;
         }
-        let kept =
-            evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
+        let out = scene.warp_with_divergence(&[record.ray()]);
+        let x = out.warp.points();
         let tangent: Vec<f64> =
             (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
-        let (mut f, mut g) = (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
-        scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
-        let divergence = kept.divergence(&f, &g)[0];
+        let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
+        scene.field.parameter_jvp(&x, &tangent, &mut f, &mut g);
+        let divergence = out.divergence(&f, &g)[0];
         area += divergence * (side / n as f64).powi(2);
         scale += divergence.abs() * (side / n as f64).powi(2);
     }
@@ -176,13 +171,13 @@ fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
             ([corner[0] + along_edge, corner[1] + side], 1, 1.0),
         ];
         for (u, axis, sign) in edges {
-            let kept = kept_at(scene, u)?;
+            let warp = warp_at(scene, u)?;
+            let x = warp.points();
             let tangent: Vec<f64> =
                 (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
-            let (mut f, mut g) =
-                (vec![0.0; kept.points.len()], vec![DVec3::ZERO; kept.points.len()]);
-            scene.field.parameter_jvp(&kept.points, &tangent, &mut f, &mut g);
-            border += sign * kept.velocity(&f)[0][axis] * side / f64::from(m);
+            let (mut f, mut g) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
+            scene.field.parameter_jvp(&x, &tangent, &mut f, &mut g);
+            border += sign * warp.velocity(&f)[0][axis] * side / f64::from(m);
         }
     }
     Some([area, border, scale])
@@ -197,7 +192,7 @@ fn the_divergence_over_a_pixel_is_the_flux_through_its_border() {
             .new_tree(&mut runner);
         let (numbers, x, y, k) = tree.expect("a field").current();
         let mut scene = scene(build(numbers), 22, 3.0);
-        scene.options.k = k;
+        scene.options.top_k = k;
         let Some([area, border, scale]) = balance(&scene, [x, y], 1.0) else { continue };
         seen += 1;
         assert!(
@@ -213,7 +208,11 @@ proptest! {
     /// distance δ from the tangent point goes as δ^(2 − γ): without bound above γ = 2, to nothing
     /// below.
     #[test]
-    fn weights_at_a_tangent_grow_above_an_exponent_of_two(gamma in 1.0..5.0f64, radius in 0.2..1.5f64, near in -4.0..-2.5f64) {
+    fn weights_at_a_tangent_grow_above_an_exponent_of_two(
+        gamma in 1.0..5.0f64,
+        radius in 0.2..1.5f64,
+        near in -4.0..-2.5f64,
+    ) {
         let ball = Shape::<f64>::sphere([0.0; 3], radius);
         let (eye, d) = (DVec3::new(radius, 0.0, 5.0), -DVec3::Z);
         let delta = [f64::powf(10.0, near + 0.5), f64::powf(10.0, near)];
@@ -221,15 +220,27 @@ proptest! {
         let x = t.map(|t| eye + t * d);
         let (mut f, mut g) = ([0.0; 2], [DVec3::ZERO; 2]);
         ball.value_gradient(&x, &mut f, &mut g);
-        let camera = Pinhole { eye, right: DVec3::X, down: -DVec3::Y, forward: d, focal: 64.0, principal: [16.0, 16.0] };
+        let camera = warp::Pinhole::looking_at(eye, eye + d, DVec3::Y, 64.0);
         let ray = WarpedRay {
-            origin: eye, direction: d, direction_du: [DVec3::X, -DVec3::Y], entry_du: [0.0; 2], exit_du: [0.0; 2],
-            t: &t, f: &f, gradient: &g, step: &f, clamped: false, valid: true,
+            origin: eye,
+            direction: d,
+            direction_du: [DVec3::X, -DVec3::Y],
+            entry_du: [0.0; 2],
+            exit_du: [0.0; 2],
+            relaxation: 1.0,
+            t: &t,
+            f: &f,
+            gradient: &g,
+            step: &f,
+            clamped: false,
+            valid: true,
         };
-        let options = Options { k: 9, gamma, epsilon: 0.0, ..Options::default() };
-        let kept = evaluate(&ball, &options, &[&camera], &[ray], false);
-        let slope = (kept.weight[1] / kept.weight[0]).ln() / (delta[1] / delta[0]).ln();
+        let options = WarpOptions { gamma, epsilon: 0.0, ..WarpOptions::PUBLISHED };
+        let warp = evaluate(&options.weighting::<f64>(1.0), 9, &[&camera], &[ray]);
+        let [further, nearer] = [0, 1].map(|i| warp.samples[i].weight);
+        let slope = (nearer / further).ln() / (delta[1] / delta[0]).ln();
         prop_assert!((slope - (2.0 - gamma)).abs() < 0.02 * gamma, "δ^{slope} for γ = {gamma}");
-        prop_assert_eq!(kept.weight[1] > kept.weight[0], gamma > 2.0 + 0.02 * gamma || (gamma > 2.0 && slope < 0.0));
+        let grows = gamma > 2.0 + 0.02 * gamma || (gamma > 2.0 && slope < 0.0);
+        prop_assert_eq!(nearer > further, grows);
     }
 }

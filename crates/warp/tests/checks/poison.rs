@@ -3,7 +3,10 @@
 use field::{Real, Shape, Vector3};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use warp::{Kept, Options, Projection, WarpedRay, evaluate};
+use warp::{
+    Projection, Warp, WarpOptions, WarpWithDivergence, WarpedRay, evaluate,
+    evaluate_with_divergence,
+};
 
 use crate::scene::{FIELDS, Pinhole, Record, Scene, field};
 
@@ -17,17 +20,20 @@ impl Projection<f32> for Pinhole {
     }
 }
 
-fn finite<R: Real>(kept: &Kept<R>) -> bool {
-    kept.a.iter().flatten().chain(&kept.divergence_a).chain(&kept.weight).all(|v| v.is_finite())
-        && kept.b.iter().chain(&kept.points).all(|v| v.is_finite())
+fn finite<R: Real>(out: &WarpWithDivergence<R>) -> bool {
+    let sample = |s: &warp::WarpSample<R>| {
+        s.weight.is_finite() && s.a.iter().all(|a| a.is_finite()) && s.x.is_finite()
+    };
+    out.warp.samples.iter().all(sample)
+        && out.derivatives.iter().all(|d| d.divergence_a.is_finite() && d.b.is_finite())
 }
 
 fn single(values: &[f64]) -> Vec<f32> {
     values.iter().map(|v| *v as f32).collect()
 }
 
-/// The kept points of a record rounded to single precision.
-fn in_single(record: &Record, options: Options<f64>, radius: f64) -> Kept<f32> {
+/// The warp of a record that is rounded to single precision.
+fn in_single(record: &Record, options: WarpOptions, radius: f64) -> WarpWithDivergence<f32> {
     let (t, f, step) = (single(&record.t), single(&record.f), single(&record.step));
     let gradient: Vec<Vec3> = record.gradient.iter().map(|g| g.as_vec3()).collect();
     let ray = WarpedRay::<f32> {
@@ -36,6 +42,7 @@ fn in_single(record: &Record, options: Options<f64>, radius: f64) -> Kept<f32> {
         direction_du: record.du.map(|d| d.as_vec3()),
         entry_du: record.entry_du.map(|d| d as f32),
         exit_du: record.exit_du.map(|d| d as f32),
+        relaxation: record.relaxation as f32,
         t: &t,
         f: &f,
         gradient: &gradient,
@@ -43,15 +50,9 @@ fn in_single(record: &Record, options: Options<f64>, radius: f64) -> Kept<f32> {
         clamped: record.clamped,
         valid: true,
     };
-    let options = Options {
-        k: options.k,
-        gamma: options.gamma as f32,
-        lambda_d: options.lambda_d as f32,
-        epsilon: options.epsilon as f32,
-        relaxation: options.relaxation as f32,
-    };
     let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
-    evaluate(&Shape::<f32>::sphere([0.05, 0.03, 0.0], radius), &options, &[&camera], &[ray], true)
+    let (ball, k) = (Shape::<f32>::sphere([0.05, 0.03, 0.0], radius), options.top_k);
+    evaluate_with_divergence(&ball, &options.weighting::<f32>(1.0), k, &[&camera], &[ray])
 }
 
 proptest! {
@@ -62,27 +63,31 @@ proptest! {
         k in 2usize..26,
         epsilon in prop_oneof![Just(0.0), Just(1e-6), Just(1e-3)],
     ) {
-        let options = Options { k, gamma, epsilon, ..Options::default() };
-        if let Some(record) = Scene::new(field(0), 22, options).record(u) {
-            let kept = in_single(&record, options, 0.7);
-            prop_assert!(finite(&kept) && kept.invalid == 0, "{kept:?}");
-            let sum: f32 = kept.weight.iter().sum();
+        let options = WarpOptions { top_k: k, gamma, epsilon, ..WarpOptions::PUBLISHED };
+        if let Some(record) = Scene::new(field(0), options).record(u) {
+            let out = in_single(&record, options, 0.7);
+            prop_assert!(finite(&out) && out.warp.invalid() == 0, "{out:?}");
+            let sum: f32 = out.warp.samples.iter().map(|s| s.weight).sum();
             prop_assert!((sum - 1.0).abs() < 1e-4, "{sum}");
         }
     }
 
     #[test]
     fn single_precision_agrees_with_double(u in prop::array::uniform2(8.0..24.0f64), k in 3usize..26) {
-        let options = Options { k, epsilon: 1e-2, ..Options::default() };
-        let scene = Scene::new(field(0), 12, options);
+        let options =
+            WarpOptions { steps: 12, top_k: k, epsilon: 1e-2, ..WarpOptions::PUBLISHED };
+        let scene = Scene::new(field(0), options);
         let Some(record) = scene.record(u) else { return Ok(()) };
-        let double = evaluate(scene.field.as_ref(), &options, &[&scene.camera], &[record.ray()], true);
+        let double = scene.warp_with_divergence(&[record.ray()]);
         let single = in_single(&record, options, 0.7);
-        prop_assume!(double.index == single.index);
-        let largest = double.divergence_a.iter().fold(1.0f64, |m, d| m.max(d.abs()));
-        for p in 0..double.points.len() {
-            prop_assert!((double.a[p][0] - f64::from(single.a[p][0])).abs() < 1e-2);
-            prop_assert!((double.divergence_a[p] - f64::from(single.divergence_a[p])).abs() < 2e-2 * largest);
+        let double_index: Vec<usize> = double.warp.samples.iter().map(|s| s.index).collect();
+        let single_index: Vec<usize> = single.warp.samples.iter().map(|s| s.index).collect();
+        prop_assume!(double_index == single_index);
+        let largest = double.derivatives.iter().fold(1.0f64, |m, d| m.max(d.divergence_a.abs()));
+        for (p, (d, s)) in double.warp.samples.iter().zip(&single.warp.samples).enumerate() {
+            prop_assert!((d.a[0] - f64::from(s.a[0])).abs() < 1e-2);
+            let (d, s) = (double.derivatives[p].divergence_a, single.derivatives[p].divergence_a);
+            prop_assert!((d - f64::from(s)).abs() < 2e-2 * largest);
         }
     }
 
@@ -94,10 +99,14 @@ proptest! {
         slot in 0usize..9,
         at in 0usize..64,
         axis in 0usize..3,
-        poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-30, 5e-324, 0.0]),
+        poison in prop::sample::select(vec![
+            f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-30, 5e-324, 0.0,
+        ]),
     ) {
-        let scene = Scene::new(field(kind), 22, Options { k: 7, ..Options::default() });
-        let (good, mut bad) = (scene.record([15.0, 14.0]).unwrap(), scene.record([17.3, 20.0]).unwrap());
+        let options = WarpOptions { top_k: 7, ..WarpOptions::PUBLISHED };
+        let scene = Scene::new(field(kind), options);
+        let good = scene.record([15.0, 14.0]).unwrap();
+        let mut bad = scene.record([17.3, 20.0]).unwrap();
         let at = at % bad.t.len();
         match slot {
             0 => bad.t[at] = poison,
@@ -110,18 +119,21 @@ proptest! {
             7 => bad.exit_du[at % 2] = poison,
             _ => bad.origin[axis] = poison,
         }
-        let alone = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[good.ray()], true);
-        let both = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[bad.ray(), good.ray()], true);
+        let alone = scene.warp_with_divergence(&[good.ray()]);
+        let both = scene.warp_with_divergence(&[bad.ray(), good.ray()]);
         prop_assert!(finite(&both), "{both:?}");
-        let own: Vec<usize> = (0..both.points.len()).filter(|&p| both.ray[p] == 0).collect();
-        prop_assert_eq!(both.valid[1], true);
-        prop_assert_eq!(both.invalid, usize::from(!both.valid[0]));
-        prop_assert!(both.valid[0] || own.is_empty());
+        let own = both.warp.samples.iter().filter(|s| s.ray == 0).count();
+        prop_assert_eq!(both.warp.valid[1], true);
+        prop_assert_eq!(both.warp.invalid(), usize::from(!both.warp.valid[0]));
+        prop_assert!(both.warp.valid[0] || own == 0);
         if !poison.is_finite() && (slot != 7 || bad.clamped) {
-            prop_assert!(!both.valid[0], "slot {slot} took {poison}");
+            prop_assert!(!both.warp.valid[0], "slot {slot} took {poison}");
         }
-        prop_assert_eq!(&both.a[own.len()..], &alone.a[..]);
-        prop_assert_eq!(&both.divergence_a[own.len()..], &alone.divergence_a[..]);
+        let a = |samples: &[warp::WarpSample<f64>]| -> Vec<[f64; 2]> {
+            samples.iter().map(|s| s.a).collect()
+        };
+        prop_assert_eq!(a(&both.warp.samples[own..]), a(&alone.warp.samples));
+        prop_assert_eq!(&both.derivatives[own..], &alone.derivatives[..]);
     }
 }
 
@@ -136,6 +148,7 @@ fn exact_ties_share_the_weight() {
         direction_du: [DVec3::X / 64.0, -DVec3::Y / 64.0],
         entry_du: [0.0; 2],
         exit_du: [0.0; 2],
+        relaxation: 1.0,
         t: &t[..n],
         f: &f[..n],
         gradient: &gradient[..n],
@@ -145,11 +158,11 @@ fn exact_ties_share_the_weight() {
     };
     let camera = Pinhole::looking_at_origin(DVec3::new(0.0, 0.0, 4.0));
     for k in 2..6 {
-        let options = Options { k, ..Options::default() };
+        let weighting = WarpOptions::PUBLISHED.weighting::<f64>(1.0);
         for n in 1..=4 {
-            let kept = evaluate(&plane, &options, &[&camera], &[ray(n)], true);
-            assert!(finite(&kept) && kept.invalid == 0, "k = {k}, n = {n}: {kept:?}");
-            let sum: f64 = kept.weight.iter().sum();
+            let out = evaluate_with_divergence(&plane, &weighting, k, &[&camera], &[ray(n)]);
+            assert!(finite(&out) && out.warp.invalid() == 0, "k = {k}, n = {n}: {out:?}");
+            let sum: f64 = out.warp.samples.iter().map(|s| s.weight).sum();
             assert!((sum - 1.0).abs() < 1e-12, "k = {k}, n = {n}: {sum}");
         }
     }
@@ -157,7 +170,7 @@ fn exact_ties_share_the_weight() {
 
 #[test]
 fn rays_without_points_or_weights_have_no_warp() {
-    let scene = Scene::new(field(0), 22, Options::default());
+    let scene = Scene::new(field(0), WarpOptions::PUBLISHED);
     let empty = Record { origin: DVec3::Z, direction: -DVec3::Z, ..Record::default() };
     let still = Record {
         t: vec![1.0],
@@ -167,45 +180,47 @@ fn rays_without_points_or_weights_have_no_warp() {
         ..empty.clone()
     };
     let rays = [empty.ray(), still.ray()];
-    let kept = evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &rays, true);
-    assert_eq!((kept.points.len(), kept.invalid, kept.rays), (0, 0, 2));
-    assert_eq!(kept.velocity(&[]), vec![[0.0; 2]; 2]);
-    let none = evaluate::<f64, Pinhole>(scene.field.as_ref(), &scene.options, &[], &[], true);
-    assert_eq!(none.rays, 0);
+    let Warp { samples, valid } = &scene.warp_with_divergence(&rays).warp;
+    assert_eq!((samples.len(), valid), (0, &vec![true; 2]));
+    assert_eq!(scene.warp(&rays).velocity(&[]), vec![[0.0; 2]; 2]);
+    assert!(evaluate::<f64, Pinhole>(&scene.weighting(), 14, &[], &[]).valid.is_empty());
 }
 
 #[test]
 fn a_vanishing_gradient_is_finite() {
-    let scene = Scene::new(field(0), 22, Options::default());
+    let scene = Scene::new(field(0), WarpOptions::PUBLISHED);
     for length in [0.0, 1e-200, 5e-324] {
         let mut record = scene.record([15.0, 14.0]).unwrap();
         record.gradient.iter_mut().for_each(|g| *g *= length);
-        let kept =
-            evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], true);
+        let kept = scene.warp_with_divergence(&[record.ray()]);
         assert!(finite(&kept), "|∇f| = {length}: {kept:?}");
     }
 }
 
 #[test]
 fn one_point_is_refused_and_the_reason_is_given() {
-    let error = Options::<f32> { k: 1, ..Options::default() }.validate().unwrap_err();
+    let error = WarpOptions { top_k: 1, ..WarpOptions::PUBLISHED }.validate().unwrap_err();
     assert_eq!(
         error.to_string(),
-        "top_k is 1, expected 2 or more: the shift by the smallest weight leaves one point none"
+        "top_k is 1, expected 2 or more: the smallest weight is subtracted, so one point alone \
+         keeps none"
     );
-    type Change = fn(&mut Options<f32>, f32);
-    let fields: [(&str, Change, &[f32]); 4] = [
+    type Change = fn(&mut WarpOptions, f64);
+    let fields: [(&str, Change, &[f64]); 3] = [
         ("gamma", |o, v| o.gamma = v, &[0.0, -1.0]),
         ("lambda_d", |o, v| o.lambda_d = v, &[-1.0]),
         ("epsilon", |o, v| o.epsilon = v, &[-1e-6]),
-        ("relaxation", |o, v| o.relaxation = v, &[0.0, -1.0]),
     ];
     for (name, change, wrong) in fields {
-        for &value in wrong.iter().chain(&[f32::NAN, f32::INFINITY, f32::NEG_INFINITY]) {
-            let mut options = Options::default();
+        for &value in wrong.iter().chain(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]) {
+            let mut options = WarpOptions::PUBLISHED;
             change(&mut options, value);
             assert_eq!(options.validate().unwrap_err().name, name, "{value}");
         }
     }
-    assert_eq!(Options::<f64>::default().validate(), Ok(()));
+    for steps in [0, 65_537] {
+        let options = WarpOptions { steps, ..WarpOptions::PUBLISHED };
+        assert_eq!(options.validate().unwrap_err().name, "steps");
+    }
+    assert_eq!(WarpOptions::PUBLISHED.validate().and(WarpOptions::FIT.validate()), Ok(()));
 }

@@ -47,9 +47,9 @@ impl Reference {
     pub(crate) fn at(scene: &Scene, u: [f64; 2]) -> Option<Self> {
         let record = scene.record(u)?;
         let w = quadrature(scene, &record);
-        let top: Vec<usize> = ranking(&w).into_iter().take(scene.options.k).collect();
+        let top: Vec<usize> = ranking(&w).into_iter().take(scene.options.top_k).collect();
         // Points that are not there count as points of weight zero.
-        let floor = if top.len() == scene.options.k { w[*top.last()?] } else { 0.0 };
+        let floor = if top.len() == scene.options.top_k { w[*top.last()?] } else { 0.0 };
         let mut shifted = vec![0.0; w.len()];
         top.iter().for_each(|&i| shifted[i] = w[i] - floor);
         let sum: f64 = shifted.iter().sum();
@@ -67,7 +67,7 @@ impl Reference {
     pub(crate) fn branch(&self, scene: &Scene) -> Branch {
         let r = &self.record;
         let w = quadrature(scene, r);
-        let floor = ranking(&w).get(scene.options.k - 1).copied();
+        let floor = ranking(&w).get(scene.options.top_k - 1).copied();
         Branch {
             clamped: r.clamped,
             kept: self.weight.iter().map(|w| *w > 0.0).collect(),

@@ -3,7 +3,7 @@
 use field::Field;
 use glam::DVec3;
 use proptest::prelude::*;
-use warp::{Options, evaluate};
+use warp::WarpOptions;
 
 use crate::scene::{FIELDS, Record, Scene, field};
 
@@ -21,24 +21,24 @@ fn both_ways(
 ) -> [[f64; 2]; 2] {
     let rays: Vec<_> = records.iter().map(Record::ray).collect();
     let field = scene.field.as_ref();
-    let kept = evaluate(field, &scene.options, &[&scene.camera], &rays, true);
-    let n = kept.points.len();
+    let out = scene.warp_with_divergence(&rays);
+    let x = out.warp.points();
+    let n = x.len();
     let (mut f_dot, mut g_dot) = (vec![0.0; n], vec![DVec3::ZERO; n]);
-    field.parameter_jvp(&kept.points, tangent, &mut f_dot, &mut g_dot);
-    let (v, divergence) = (kept.velocity(&f_dot), kept.divergence(&f_dot, &g_dot));
+    field.parameter_jvp(&x, tangent, &mut f_dot, &mut g_dot);
+    let (v, divergence) = (out.warp.velocity(&f_dot), out.divergence(&f_dot, &g_dot));
 
     let forward: f64 = (0..rays.len())
         .map(|r| scalar[r] * divergence[r] + film[r][0] * v[r][0] + film[r][1] * v[r][1])
         .sum();
-    let (alpha, c) = kept.area_vjp(scalar, film);
-    let reverse = dot(&parameter_gradient(field, &kept.points, &alpha, &c), tangent);
+    let (alpha, c) = out.area_vjp(scalar, film);
+    let reverse = dot(&parameter_gradient(field, &x, &alpha, &c), tangent);
 
     // A boundary sample enters the pixel with −(L − c) V·n.
     let axis: Vec<usize> = (0..rays.len()).map(|r| r % 2).collect();
     let flux_forward: f64 = (0..rays.len()).map(|r| -scalar[r] * v[r][axis[r]]).sum();
-    let alpha = kept.flux_vjp(scalar, &axis);
-    let flux_reverse =
-        dot(&parameter_gradient(field, &kept.points, &alpha, &vec![DVec3::ZERO; n]), tangent);
+    let alpha = out.warp.flux_vjp(scalar, &axis);
+    let flux_reverse = dot(&parameter_gradient(field, &x, &alpha, &vec![DVec3::ZERO; n]), tangent);
     [[forward, reverse], [flux_forward, flux_reverse]]
 }
 
@@ -58,7 +58,8 @@ proptest! {
         adjoint in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 6),
         tangent in prop::collection::vec(-1.0..1.0f64, 16),
     ) {
-        let scene = Scene::new(field(kind), 22, Options { k, gamma, epsilon: 1e-3, ..Options::default() });
+        let options = WarpOptions { top_k: k, gamma, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
+        let scene = Scene::new(field(kind), options);
         let records: Vec<_> = u.iter().filter_map(|&u| scene.record(u)).collect();
         let (scalar, film): (Vec<f64>, Vec<_>) = adjoint.iter().map(|a| (a[0], [a[1], a[2]])).unzip();
         let tangent = &tangent[..scene.field.parameter_count()];

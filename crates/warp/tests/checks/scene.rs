@@ -2,7 +2,10 @@
 
 use field::{Csg, Field, Kind, Shape, Sphere};
 use glam::DVec3;
-use warp::{Options, Projection, WarpedRay};
+use warp::{
+    Projection, PublishedWeighting, Warp, WarpOptions, WarpWithDivergence, WarpedRay, evaluate,
+    evaluate_with_divergence,
+};
 
 /// A pinhole with focal length and principal point in pixels.
 #[derive(Clone, Copy, Debug)]
@@ -138,20 +141,46 @@ pub(crate) struct Scene {
     pub(crate) field: Box<dyn Field<f64>>,
     pub(crate) camera: Pinhole,
     pub(crate) bounds: Sphere<f64>,
-    pub(crate) points: usize,
-    pub(crate) options: Options<f64>,
+    /// Lengths are in world units: the radius of 1 is implied.
+    pub(crate) options: WarpOptions,
+    /// ρ.
+    pub(crate) relaxation: f64,
 }
 
 impl Scene {
-    pub(crate) fn new(field: Box<dyn Field<f64>>, points: usize, options: Options<f64>) -> Self {
+    pub(crate) fn new(field: Box<dyn Field<f64>>, options: WarpOptions) -> Self {
         let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
         Scene {
             field,
             camera,
             bounds: Sphere { center: DVec3::new(0.0, 0.05, 0.0), radius: 1.4 },
-            points,
             options,
+            relaxation: 1.0,
         }
+    }
+
+    pub(crate) fn weighting(&self) -> PublishedWeighting<f64> {
+        self.options.weighting(1.0)
+    }
+
+    pub(crate) fn warp(&self, rays: &[WarpedRay<'_, f64>]) -> Warp<f64> {
+        evaluate(&self.weighting(), self.options.top_k, &[&self.camera], rays)
+    }
+
+    pub(crate) fn warp_with_divergence(
+        &self,
+        rays: &[WarpedRay<'_, f64>],
+    ) -> WarpWithDivergence<f64> {
+        self.warp_of_field(self.field.as_ref(), rays)
+    }
+
+    pub(crate) fn warp_of_field(
+        &self,
+        field: &(impl Field<f64> + ?Sized),
+        rays: &[WarpedRay<'_, f64>],
+    ) -> WarpWithDivergence<f64> {
+        let (k, charts) = (self.options.top_k, [&self.camera]);
+        evaluate_with_divergence(field, &self.weighting(), k, &charts, rays)
     }
 
     /// The recursion t ← t + ρ f from where the ray enters the bounds, cut off where it leaves
@@ -159,13 +188,18 @@ impl Scene {
     pub(crate) fn record(&self, u: [f64; 2]) -> Option<Record> {
         let (origin, direction) = (self.camera.eye, self.camera.direction(u));
         let (near, far) = self.bounds.clip(origin, direction)?;
-        let mut r =
-            Record { origin, direction, du: self.camera.direction_du(u), ..Record::default() };
+        let mut r = Record {
+            origin,
+            direction,
+            du: self.camera.direction_du(u),
+            relaxation: self.relaxation,
+            ..Record::default()
+        };
         let mut t = near;
-        for _ in 0..self.points {
+        for _ in 0..self.options.steps {
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
             self.field.value_gradient(&[origin + t * direction], &mut f, &mut g);
-            let step = self.options.relaxation * f[0];
+            let step = self.relaxation * f[0];
             r.clamped = step >= far - t;
             r.t.push(t);
             r.f.push(f[0]);
@@ -193,6 +227,7 @@ pub(crate) struct Record {
     pub(crate) du: [DVec3; 2],
     pub(crate) entry_du: [f64; 2],
     pub(crate) exit_du: [f64; 2],
+    pub(crate) relaxation: f64,
     pub(crate) t: Vec<f64>,
     pub(crate) f: Vec<f64>,
     pub(crate) gradient: Vec<DVec3>,
@@ -208,6 +243,7 @@ impl Record {
             direction_du: self.du,
             entry_du: self.entry_du,
             exit_du: self.exit_du,
+            relaxation: self.relaxation,
             t: &self.t,
             f: &self.f,
             gradient: &self.gradient,

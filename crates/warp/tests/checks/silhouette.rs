@@ -2,7 +2,7 @@
 
 use field::{Shape, Sphere};
 use glam::DVec3;
-use warp::{Options, evaluate};
+use warp::WarpOptions;
 
 use crate::scene::{Pinhole, Scene};
 
@@ -16,8 +16,8 @@ fn scene(points: usize, gamma: f64) -> Scene {
         field: Box::new(Shape::sphere([0.0; 3], RADIUS)),
         camera: Pinhole::looking_at_origin(eye),
         bounds: Sphere { center: DVec3::ZERO, radius: 2.0 },
-        points,
-        options: Options { k: points + 1, gamma, ..Options::default() },
+        options: WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::PUBLISHED },
+        relaxation: 1.0,
     }
 }
 
@@ -33,8 +33,7 @@ fn errors(points: usize, gamma: f64) -> [f64; 3] {
     let record = scene
         .record([16.0 + outline(RADIUS, DISTANCE) + 1e-6, 16.0])
         .expect("a ray through the bounds");
-    let kept =
-        evaluate(scene.field.as_ref(), &scene.options, &[&scene.camera], &[record.ray()], false);
+    let warp = scene.warp(&[record.ray()]);
     let h = 1e-5;
     // Along x the circle becomes an ellipse; its rightmost point moves at F D/(D² − r²).
     let expected = [
@@ -45,10 +44,11 @@ fn errors(points: usize, gamma: f64) -> [f64; 3] {
     let parameters = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
     std::array::from_fn(|which| {
         let tangent = parameters[which];
-        let n = kept.points.len();
+        let x = warp.points();
+        let n = x.len();
         let (mut f_dot, mut g_dot) = (vec![0.0; n], vec![DVec3::ZERO; n]);
-        scene.field.parameter_jvp(&kept.points, &tangent, &mut f_dot, &mut g_dot);
-        (kept.velocity(&f_dot)[0][0] - expected[which]).abs() / expected[which].abs()
+        scene.field.parameter_jvp(&x, &tangent, &mut f_dot, &mut g_dot);
+        (warp.velocity(&f_dot)[0][0] - expected[which]).abs() / expected[which].abs()
     })
 }
 
