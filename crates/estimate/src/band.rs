@@ -1,32 +1,28 @@
 //! The boundary integral widened to a band.
 
 use field::{Real, SurfaceBatch, Vector3};
+use render::{InvalidField, Primary, Scene, TracedRay, normals, pixel_samples};
 use warp::Projection;
 
-use super::pixels::{check_valid, pixel_samples};
-use super::primary::normals;
-use super::record::Silhouettes;
-use super::warped::{means, plain_area};
-use super::{Estimator, Pixel, Primary, Record, Sample, Setup};
-use crate::InvalidField;
+use crate::estimator::{Batch, Estimator, SilhouetteMask};
+use crate::means::pixel_means;
+use crate::record::{Area, Record, Silhouettes, chart};
 
-/// The band's width, in pixels. Silhouettes count where they are, up to half of this further out: a
-/// bias. With it the variance falls.
+/// The width of the band, in pixels. Silhouettes count up to half of this further out, which is a
+/// bias; a wider band has less variance.
 const WIDTH: f64 = 0.2;
 
-/// Area samples; those whose ray passes the surface within a band carry the silhouette.
+/// Area samples, of which those whose ray passes the surface within a band carry the silhouette.
 ///
-/// A ray whose closest approach is m < w clears the silhouette by m/|∇_u m| pixels. As the
-/// silhouette moves with −∂_θ f/|∇_u m|, its integral along the curve becomes one over the area of
-/// the band, of ΔL (−∂_θ f)/w: no Jacobian is left (Wang, Deng, Zhang, Jakob and Marschner 2024,
-/// section 4). w is the world size of a fixed fraction of a pixel, times |∇f|.
+/// A ray whose closest approach has m < w clears the silhouette by m/|∇_u m| pixels. The silhouette
+/// moves by −∂_θ f/|∇_u m|, so its integral along the curve becomes an integral over the area of the
+/// band, of ΔL (−∂_θ f)/w, without a Jacobian. w is the world size of a fixed fraction of a pixel,
+/// times |∇f|. Source: Wang, Deng, Zhang, Jakob and Marschner, "A Simple Approach to Differentiable
+/// Rendering of SDFs", SIGGRAPH Asia 2024, section 4.
 #[derive(Clone, Copy, Debug)]
-pub struct Band {
-    /// Samples a pixel.
-    pub spp: u32,
-}
+pub struct Band;
 
-/// A closest approach within the band.
+/// The closest approach of a sample's ray, within the band.
 struct Approach<R: Real> {
     sample: usize,
     x: R::Vec3,
@@ -36,73 +32,66 @@ struct Approach<R: Real> {
 }
 
 /// The closest approaches of a batch of samples that may lie within the band.
-fn approaches<R: Real>(
-    setup: &Setup<'_, R>,
-    samples: &[Sample],
-    primary: &Primary<R>,
-) -> Vec<Approach<R>> {
+fn approaches<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>) -> Vec<Approach<R>> {
     let mut found = Vec::new();
-    for (i, sample) in samples.iter().enumerate() {
-        let (Some(ray), Some(hit)) = (&primary.rays[i], &primary.found[i]) else { continue };
+    for (i, sample) in primary.samples.iter().enumerate() {
+        let Some(TracedRay { ray, found: hit }) = &sample.traced else { continue };
         if hit.clearance.is_infinite() {
             continue;
         }
         let x = ray.at(hit.nearest);
-        let jacobian = Projection::<R>::jacobian(&setup.cameras[sample.camera], x);
+        let chart = chart(&scene.cameras[sample.sample.camera]);
+        let jacobian = Projection::<R>::jacobian(&chart, x);
         let scale = jacobian[0].length().max(jacobian[1].length());
         let width = R::of(WIDTH) / scale;
         if hit.clearance * hit.nearest < width {
-            found.push(Approach {
-                sample: i,
-                x,
-                direction: ray.direction,
-                inverse_width: R::one() / width,
-            });
+            let (direction, inverse_width) = (ray.direction, R::one() / width);
+            found.push(Approach { sample: i, x, direction, inverse_width });
         }
     }
     found
 }
 
+/// The silhouette points of a batch of samples.
+fn silhouettes<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, spp: u32) -> Silhouettes<R> {
+    let near = approaches(scene, primary);
+    let x: Vec<R::Vec3> = near.iter().map(|a| a.x).collect();
+    let direction: Vec<R::Vec3> = near.iter().map(|a| a.direction).collect();
+    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+    scene.field.value_gradient(&x, &mut f, &mut gradient);
+    let mut front = vec![R::Vec3::zero(); x.len()];
+    let normal = normals::<R>(&gradient);
+    let points = SurfaceBatch { x: &x, normal: &normal, direction: &direction };
+    scene.shader.radiance(&points, &mut front);
+    let weight = R::one() / R::of(f64::from(spp));
+    let mut silhouettes = Silhouettes::default();
+    for (i, (approach, front)) in near.iter().zip(front).enumerate() {
+        // w in units of f.
+        let inverse_width =
+            approach.inverse_width / gradient[i].length().max(R::min_positive_value());
+        if f[i] * inverse_width >= R::one() {
+            continue;
+        }
+        let behind = primary.samples[approach.sample].radiance;
+        let rgb = (front - behind) * (weight * inverse_width);
+        silhouettes.push(approach.sample as u32 / spp, approach.x, rgb);
+    }
+    silhouettes
+}
+
 impl<R: Real> Estimator<R> for Band {
     fn record(
         &self,
-        setup: &Setup<'_, R>,
-        pixels: &[Pixel],
-        seed: u64,
+        scene: &Scene<'_, R>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
-        let samples = pixel_samples(pixels.iter().copied(), &(0..self.spp), seed);
-        let primary = setup.primary(&samples);
-        check_valid(setup, &samples, primary.invalid)?;
-        let near = approaches(setup, &samples, &primary);
-        let x: Vec<R::Vec3> = near.iter().map(|a| a.x).collect();
-        let direction: Vec<R::Vec3> = near.iter().map(|a| a.direction).collect();
-        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-        setup.field.value_gradient(&x, &mut f, &mut gradient);
-        let mut front = vec![R::Vec3::zero(); x.len()];
-        let normal = normals::<R>(&gradient);
-        let points = SurfaceBatch { x: &x, normal: &normal, direction: &direction };
-        setup.shader.radiance(&points, &mut front);
-        let weight = R::one() / R::of(f64::from(self.spp));
-        let mut silhouettes = Silhouettes::default();
-        for (i, (approach, front)) in near.iter().zip(front).enumerate() {
-            // w in units of f.
-            let inverse_width =
-                approach.inverse_width / gradient[i].length().max(R::min_positive_value());
-            if f[i] * inverse_width >= R::one() {
-                continue;
-            }
-            let pixel = approach.sample as u32 / self.spp;
-            let rgb = (front - primary.radiance[approach.sample]) * (weight * inverse_width);
-            silhouettes.push(pixel, approach.x, rgb);
-        }
-        let radiance = means::<R>(&primary.radiance, self.spp);
-        let rays = samples.len() as u64;
-        Ok(Record {
-            radiance,
-            rays,
-            area: vec![plain_area(samples, primary, self.spp)],
-            border: None,
-            silhouettes,
-        })
+        let spp = batch.counts.spp;
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let primary = scene.primary(&samples)?;
+        let silhouettes = silhouettes(scene, &primary, spp);
+        let (radiance, rays) = (pixel_means(&primary, spp), samples.len() as u64);
+        let area = vec![Area::uniform(primary, spp)];
+        Ok(Record { radiance, rays, area, border: None, silhouettes })
     }
 }

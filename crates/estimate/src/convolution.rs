@@ -1,220 +1,239 @@
-//! Warps by convolution: V at a film position is a weighted mean of the velocities that auxiliary
-//! rays around it see.
+//! Warps by convolution: V at a film position is a weighted mean of the velocities of the surface
+//! points that auxiliary rays around it hit.
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use warp::{Kept, Projection};
-
-use super::pixels::{check_valid, first_invalid};
-use super::record::AreaWarp;
-use super::warped::{gaussian_samples, means, plain_area};
-use super::{Estimator, Pixel, Record, Sample, Setup, Warped};
-use crate::InvalidField;
 use random::{gaussian, mix, sobol};
+use render::{InvalidField, Sample, Scene};
+use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
-/// The width of the cloud of auxiliary rays, in pixels: its standard deviation.
+use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
+use crate::means::{gaussian_samples, pixel_means};
+use crate::record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
+
+/// The standard deviation of the cloud of auxiliary rays, in pixels.
 const DEVIATION: f64 = 0.2;
 
-/// Auxiliary rays of the harmonic mean. The quotient of two sums of n terms is off by about 1/n.
+/// Auxiliary rays of the harmonic mean. The quotient of two sums of n terms has a bias of about 1/n.
 const HARMONIC_RAYS: u32 = 16;
 
 /// Auxiliary rays of the plain mean, as published.
 const MEAN_RAYS: u32 = 4;
 
-/// The exponent of harmonic weights.
+/// The exponent γ of harmonic weights.
 const EXPONENT: f64 = 3.0;
 
-/// Of hits that see a surface edge-on, the boundary test would vanish.
-const LEAST: f64 = 1e-6;
+/// The least cos² in a weight: for a hit seen edge-on the boundary test would be zero.
+const LEAST_BOUNDARY: f64 = 1e-6;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Weights {
-    /// 1/(exp(D) − 1 + B)^γ, D the squared distance on the film in variances of the cloud, B = cos²
-    /// at a hit, which falls to zero at a silhouette, and 1 for a ray that misses (Bangaru, Li and
-    /// Durand 2020, section 5).
+    /// 1/(exp(D) − 1 + B)^γ. D is the squared distance on the film in variances of the cloud; B is
+    /// cos² at a hit, which falls to zero at a silhouette, and 1 for a ray that misses.
+    ///
+    /// Source: Bangaru, Li and Durand, "Unbiased Warped-Area Sampling for Differentiable
+    /// Rendering", SIGGRAPH Asia 2020, section 5.
     Harmonic,
-    /// The same for all hits; V belongs to a cloud about a point τ near the sample, and moves the
-    /// whole cloud (Loubet, Holzschuch and Jakob 2019, section 4). Silhouettes inside the cloud
-    /// move with their mean: biased.
+    /// Equal weights for all hits. V belongs to a cloud about a point near the sample, and moves
+    /// the whole cloud. Silhouettes inside the cloud move with the mean of its hits: a bias.
+    ///
+    /// Source: Loubet, Holzschuch and Jakob, "Reparameterizing Discontinuous Integrands for
+    /// Differentiable Rendering", SIGGRAPH Asia 2019, section 4.
     Mean,
 }
 
 /// A warp by convolution under a Gaussian pixel filter.
 #[derive(Clone, Copy, Debug)]
 pub struct Convolution {
-    spp: u32,
     rays: u32,
     weights: Weights,
 }
 
 /// A surface point that an auxiliary ray hits.
-struct Seen<R: Real> {
+struct AuxiliaryHit<R: Real> {
     x: R::Vec3,
-    /// J ∇f/|∇f|²: minus the film velocity per unit of ∂f.
+    /// J ∇f/|∇f|²: the film velocity per unit of −∂f.
     motion: [R; 2],
-    /// cos².
+    /// cos² of the angle between ray and normal.
     boundary: R,
 }
 
+/// The weight of an auxiliary ray and its derivative as the sample moves on the film.
+type Term<R> = (R, [R; 2]);
+
 impl Convolution {
-    /// Harmonic weights.
-    pub fn harmonic(spp: u32) -> Self {
-        Convolution { spp, rays: HARMONIC_RAYS, weights: Weights::Harmonic }
+    /// Harmonic weights (`was`).
+    pub fn harmonic() -> Self {
+        Convolution { rays: HARMONIC_RAYS, weights: Weights::Harmonic }
     }
 
-    /// The plain mean.
-    pub fn mean(spp: u32) -> Self {
-        Convolution { spp, rays: MEAN_RAYS, weights: Weights::Mean }
+    /// The plain mean (`loubet`).
+    pub fn mean() -> Self {
+        Convolution { rays: MEAN_RAYS, weights: Weights::Mean }
     }
 
-    /// A normal offset on the film, for sample `index`.
-    fn offset(index: u32, seed: u64) -> DVec2 {
-        DVec2::from(gaussian(sobol(index, seed))) * DEVIATION
+    /// The offset of auxiliary ray `index` on the film.
+    fn offset(index: u32, stream: u64) -> DVec2 {
+        DVec2::from(gaussian(sobol(index, stream))) * DEVIATION
+    }
+
+    /// The random stream of a sample: by its film position, so that samples of different tiles have
+    /// different offsets.
+    fn stream(sample: &Sample, seed: u64) -> u64 {
+        let [x, y] = sample.u.to_array().map(f64::to_bits);
+        mix(mix(mix(seed, 0xa0c5 + sample.camera as u64), x), y)
+    }
+
+    /// The offset of a sample's cloud from the sample.
+    fn shift(&self, stream: u64) -> DVec2 {
+        match self.weights {
+            Weights::Harmonic => DVec2::ZERO,
+            Weights::Mean => Self::offset(0, mix(stream, 1)),
+        }
     }
 
     fn warp<R: Real>(
         &self,
-        setup: &Setup<'_, R>,
+        scene: &Scene<'_, R>,
         samples: &[Sample],
         seed: u64,
-    ) -> Result<Warped<R>, InvalidField> {
-        // By place, not by number: a batch is a tile, and tiles are not to share their offsets.
-        let stream = |i: usize| {
-            let [x, y] = samples[i].u.to_array().map(f64::to_bits);
-            mix(mix(mix(seed, 0xa0c5 + samples[i].camera as u64), x), y)
-        };
-        let shift = |i: usize| match self.weights {
-            Weights::Harmonic => DVec2::ZERO,
-            Weights::Mean => Self::offset(0, mix(stream(i), 1)),
-        };
+    ) -> Result<FilmWarpWithDivergence<R>, InvalidField> {
         let rays: Vec<Sample> = samples
             .iter()
-            .enumerate()
-            .flat_map(|(i, sample)| {
-                let around = sample.u + shift(i);
+            .flat_map(|sample| {
+                let stream = Self::stream(sample, seed);
+                let around = sample.u + self.shift(stream);
                 (0..self.rays)
-                    .map(move |j| Sample { u: around + Self::offset(j, stream(i)), ..*sample })
+                    .map(move |j| Sample { u: around + Self::offset(j, stream), ..*sample })
             })
             .collect();
-        let seen = see(setup, &rays)?;
-        let mut kept =
-            Kept { rays: samples.len(), valid: vec![true; samples.len()], ..Kept::default() };
-        let per_sample = seen.chunks(self.rays as usize).zip(rays.chunks(self.rays as usize));
-        for (i, (seen, rays)) in per_sample.enumerate() {
-            let terms: Vec<(R, [R; 2])> = match self.weights {
-                Weights::Harmonic => seen
-                    .iter()
-                    .zip(rays)
-                    .map(|(s, ray)| harmonic(s, samples[i].u - ray.u))
-                    .collect(),
-                Weights::Mean => {
-                    let turn = (shift(i) / (DEVIATION * DEVIATION)).to_array();
-                    let hits = R::of(seen.iter().flatten().count().max(1) as f64);
-                    // ∇ ln of the cloud's density at the sample, which takes the place of the
-                    // weights' derivatives.
-                    seen.iter().map(|_| (R::one() / hits, turn.map(|v| R::of(v) / hits))).collect()
-                }
-            };
-            push(&mut kept, i, seen, &terms, self.weights == Weights::Harmonic);
+        let hits = auxiliary_hits(scene, &rays)?;
+        let mut out = WarpWithDivergence {
+            warp: Warp { samples: Vec::new(), valid: vec![true; samples.len()] },
+            derivatives: Vec::new(),
+        };
+        let n = self.rays as usize;
+        for (i, (hits, rays)) in hits.chunks(n).zip(rays.chunks(n)).enumerate() {
+            let terms = self.terms(&samples[i], seed, hits, rays);
+            push(&mut out, i, hits, &terms, self.weights == Weights::Harmonic);
         }
-        Ok(Warped::new(kept, (0..samples.len()).collect()))
+        Ok(FilmWarpWithDivergence::new(out, (0..samples.len()).collect()))
+    }
+
+    /// The weight of every auxiliary ray of a sample.
+    fn terms<R: Real>(
+        &self,
+        sample: &Sample,
+        seed: u64,
+        hits: &[Option<AuxiliaryHit<R>>],
+        rays: &[Sample],
+    ) -> Vec<Term<R>> {
+        match self.weights {
+            Weights::Harmonic => {
+                hits.iter().zip(rays).map(|(hit, ray)| harmonic(hit, sample.u - ray.u)).collect()
+            }
+            Weights::Mean => {
+                let shift = self.shift(Self::stream(sample, seed));
+                let turn = (shift / (DEVIATION * DEVIATION)).to_array();
+                let count = R::of(hits.iter().flatten().count().max(1) as f64);
+                // ∇ ln of the cloud's density at the sample takes the place of the derivatives of
+                // the weights.
+                let term = (R::one() / count, turn.map(|v| R::of(v) / count));
+                vec![term; hits.len()]
+            }
+        }
     }
 }
 
-/// A harmonic weight over the cloud's density, and its derivative as the sample moves; `off` from
-/// the ray to the sample.
-fn harmonic<R: Real>(seen: &Option<Seen<R>>, off: DVec2) -> (R, [R; 2]) {
+/// A harmonic weight over the cloud's density, and its derivative as the sample moves; `off` leads
+/// from the ray to the sample.
+fn harmonic<R: Real>(hit: &Option<AuxiliaryHit<R>>, off: DVec2) -> Term<R> {
     let grown = R::of((off.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp());
-    let boundary = seen.as_ref().map_or(R::one(), |s| s.boundary.max(R::of(LEAST)));
+    let boundary = hit.as_ref().map_or(R::one(), |s| s.boundary.max(R::of(LEAST_BOUNDARY)));
     let base = grown - R::one() + boundary;
     let weight = grown * base.powf(-R::of(EXPONENT));
     let rate = -R::of(EXPONENT) * weight * grown / base;
     (weight, (off / (DEVIATION * DEVIATION)).to_array().map(|v| R::of(v) * rate))
 }
 
-/// Adds the points of one sample. `terms` has a weight and its film gradient for each.
+/// Adds the points of one sample.
 fn push<R: Real>(
-    kept: &mut Kept<R>,
+    out: &mut WarpWithDivergence<R>,
     ray: usize,
-    seen: &[Option<Seen<R>>],
-    terms: &[(R, [R; 2])],
+    hits: &[Option<AuxiliaryHit<R>>],
+    terms: &[Term<R>],
     normalise: bool,
 ) {
     let (mut sum, mut rate) = (R::one(), [R::zero(); 2]);
     if normalise {
         sum = terms.iter().fold(R::zero(), |sum, (w, _)| sum + *w);
-        rate = std::array::from_fn(|e| terms.iter().fold(R::zero(), |sum, (_, du)| sum + du[e]));
+        rate = std::array::from_fn(|e| {
+            terms.iter().fold(R::zero(), |sum, (_, du)| sum + du[e])
+        });
     }
-    for (index, (seen, (weight, du))) in seen.iter().zip(terms).enumerate() {
-        let Some(seen) = seen else { continue };
+    for (index, (hit, (weight, du))) in hits.iter().zip(terms).enumerate() {
+        let Some(hit) = hit else { continue };
         let share = *weight / sum;
-        let divergence = |e: usize| (du[e] - share * rate[e]) / sum * seen.motion[e];
-        kept.points.push(seen.x);
-        kept.ray.push(ray);
-        kept.index.push(index);
-        kept.weight.push(share);
-        kept.a.push(seen.motion.map(|m| m * share));
-        kept.divergence_a.push(divergence(0) + divergence(1));
-        kept.b.push(R::Vec3::zero());
+        let divergence = |e: usize| (du[e] - share * rate[e]) / sum * hit.motion[e];
+        let a = hit.motion.map(|m| m * share);
+        out.warp.samples.push(WarpSample { ray, index, x: hit.x, weight: share, a });
+        let divergence_a = divergence(0) + divergence(1);
+        out.derivatives.push(SampleDivergence { divergence_a, b: R::Vec3::zero() });
     }
 }
 
 /// The surface points that rays hit.
-fn see<R: Real>(
-    setup: &Setup<'_, R>,
+fn auxiliary_hits<R: Real>(
+    scene: &Scene<'_, R>,
     samples: &[Sample],
-) -> Result<Vec<Option<Seen<R>>>, InvalidField> {
-    let (rays, found) = setup.find(samples);
-    check_valid(setup, samples, first_invalid(&found))?;
-    let mut x: Vec<R::Vec3> = Vec::new();
-    let hits: Vec<Option<usize>> = rays
+) -> Result<Vec<Option<AuxiliaryHit<R>>>, InvalidField> {
+    let traced = scene.trace(samples)?;
+    let rays: Vec<(usize, _, R)> = traced
         .iter()
-        .zip(&found)
-        .map(|(ray, found)| {
-            let (Some(ray), Some(found)) = (ray, found) else { return None };
-            (found.outcome == trace::Outcome::Hit).then(|| {
-                x.push(ray.at(found.t));
-                x.len() - 1
-            })
-        })
-        .collect();
-    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-    setup.field.value_gradient(&x, &mut f, &mut gradient);
-    Ok(hits
-        .into_iter()
         .enumerate()
-        .map(|(i, hit)| {
-            let (hit, direction) = (hit?, rays[i]?.direction);
-            let g = gradient[hit];
-            let square = g.dot(g).max(R::min_positive_value());
-            let jacobian = Projection::<R>::jacobian(&setup.cameras[samples[i].camera], x[hit]);
-            let facing = g.dot(direction);
-            Some(Seen {
-                x: x[hit],
-                motion: jacobian.map(|row| row.dot(g) / square),
-                boundary: facing * facing / square,
-            })
-        })
-        .collect())
+        .filter_map(|(i, traced)| traced.and_then(|t| Some((i, t.ray, t.depth()?))))
+        .collect();
+    let x: Vec<R::Vec3> = rays.iter().map(|(_, ray, t)| ray.at(*t)).collect();
+    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+    scene.field.value_gradient(&x, &mut f, &mut gradient);
+    let mut out: Vec<Option<AuxiliaryHit<R>>> = samples.iter().map(|_| None).collect();
+    for ((i, ray, _), (x, g)) in rays.into_iter().zip(x.into_iter().zip(gradient)) {
+        let square = g.dot(g).max(R::min_positive_value());
+        let chart = chart(&scene.cameras[samples[i].camera]);
+        let jacobian = Projection::<R>::jacobian(&chart, x);
+        let facing = g.dot(ray.direction);
+        out[i] = Some(AuxiliaryHit {
+            x,
+            motion: jacobian.map(|row| row.dot(g) / square),
+            boundary: facing * facing / square,
+        });
+    }
+    Ok(out)
 }
 
 impl<R: Real> Estimator<R> for Convolution {
+    fn filter(&self) -> Filter {
+        Filter::Gaussian
+    }
+
     fn record(
         &self,
-        setup: &Setup<'_, R>,
-        pixels: &[Pixel],
-        seed: u64,
+        scene: &Scene<'_, R>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
-        let (samples, filter_du) = gaussian_samples(pixels, self.spp, seed);
-        let primary = setup.primary(&samples);
-        check_valid(setup, &samples, primary.invalid)?;
-        let warped = self.warp(setup, &samples, seed)?;
-        let excess = primary.radiance.iter().map(|l| setup.excess(*l)).collect();
-        let radiance = means::<R>(&primary.radiance, self.spp);
+        let spp = batch.counts.spp;
+        let (samples, filter_du) = gaussian_samples(batch.pixels, spp, batch.seed);
+        let primary = scene.primary(&samples)?;
+        let film_warp = self.warp(scene, &samples, batch.seed)?;
+        let radiance_minus_baseline =
+            primary.samples.iter().map(|s| s.radiance - scene.background).collect();
+        let radiance = pixel_means(&primary, spp);
         let rays = samples.len() as u64 * u64::from(1 + self.rays);
-        let warp = Some(AreaWarp { warped, excess, filter_du });
-        let area = super::Area { warp, ..plain_area(samples, primary, self.spp) };
-        Ok(Record { radiance, rays, area: vec![area], ..Record::default() })
+        let filter_du = Some(filter_du);
+        let warp = Some(AreaWarp { film_warp, radiance_minus_baseline, filter_du });
+        let area = vec![Area { warp, ..Area::uniform(primary, spp) }];
+        Ok(Record { radiance, rays, area, ..Record::default() })
     }
 }
 
@@ -222,47 +241,54 @@ impl<R: Real> Estimator<R> for Convolution {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use glam::DVec3;
 
-    /// Hits at (0.1, 0.2) and so on, one ray that misses.
-    fn cloud() -> Vec<(Option<Seen<f64>>, DVec2)> {
-        let seen =
-            |x: f64, motion, boundary| Some(Seen { x: glam::DVec3::splat(x), motion, boundary });
-        vec![
-            (seen(0.1, [2.0, -1.0], 0.3), DVec2::new(0.1, 0.2)),
-            (seen(0.2, [-0.5, 3.0], 0.01), DVec2::new(-0.15, 0.05)),
-            (None, DVec2::new(0.3, -0.2)),
-            (seen(0.3, [1.0, 1.0], 0.8), DVec2::new(-0.2, -0.25)),
-        ]
+    /// Three hits and a miss with the film positions of their rays.
+    fn cloud() -> (Vec<Option<AuxiliaryHit<f64>>>, Vec<DVec2>) {
+        let hit = |x: f64, motion, boundary| {
+            Some(AuxiliaryHit { x: DVec3::splat(x), motion, boundary })
+        };
+        let hits = vec![
+            hit(0.1, [2.0, -1.0], 0.3),
+            hit(0.2, [-0.5, 3.0], 0.01),
+            None,
+            hit(0.3, [1.0, 1.0], 0.8),
+        ];
+        let places = [[0.1, 0.2], [-0.15, 0.05], [0.3, -0.2], [-0.2, -0.25]];
+        (hits, places.map(DVec2::from).to_vec())
     }
 
-    fn kept(u: DVec2) -> Kept<f64> {
-        // The auxiliary rays stay where they are, and so do the densities that they were drawn by.
-        let (seen, places): (Vec<_>, Vec<_>) = cloud().into_iter().unzip();
+    /// The warp of a sample at u. The auxiliary rays and the densities that they were drawn from
+    /// stay the same for every u.
+    fn warp_at(u: DVec2) -> WarpWithDivergence<f64> {
+        let (hits, places) = cloud();
         let density = |at: &DVec2| (-at.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp();
-        let terms: Vec<(f64, [f64; 2])> = seen
+        let terms: Vec<Term<f64>> = hits
             .iter()
             .zip(&places)
-            .map(|(seen, at)| {
-                // `harmonic` takes the density at the sample; here it is that at the origin.
-                let (weight, du) = harmonic(seen, u - *at);
-                let here = (-(u - *at).length_squared() / (2.0 * DEVIATION * DEVIATION)).exp()
-                    / density(at);
+            .map(|(hit, at)| {
+                // `harmonic` divides by the density at the sample; here it is that at the origin.
+                let (weight, du) = harmonic(hit, u - *at);
+                let here = density(&(u - *at)) / density(at);
                 (weight * here, du.map(|v| v * here))
             })
             .collect();
-        let mut kept = Kept { rays: 1, valid: vec![true], ..Kept::default() };
-        push(&mut kept, 0, &seen, &terms, true);
-        kept
+        let mut out = WarpWithDivergence {
+            warp: Warp { samples: Vec::new(), valid: vec![true] },
+            derivatives: Vec::new(),
+        };
+        push(&mut out, 0, &hits, &terms, true);
+        out
     }
 
     #[test]
     fn the_divergence_of_harmonic_weights_matches_differences() {
         let f_dot = [0.7, -1.3, 0.4];
-        let (h, here) = (1e-6, kept(DVec2::ZERO));
-        let velocity = |u: DVec2| kept(u).velocity(&f_dot)[0];
+        let (h, here) = (1e-6, warp_at(DVec2::ZERO));
+        let velocity = |u: DVec2| warp_at(u).warp.velocity(&f_dot)[0];
         let difference = (velocity(DVec2::X * h)[0] - velocity(-DVec2::X * h)[0]) / (2.0 * h)
             + (velocity(DVec2::Y * h)[1] - velocity(-DVec2::Y * h)[1]) / (2.0 * h);
-        let divergence = here.divergence(&f_dot, &[glam::DVec3::ZERO; 3])[0];
+        let divergence = here.divergence(&f_dot, &[DVec3::ZERO; 3])[0];
         assert!(difference.abs() > 0.1);
         assert_relative_eq!(divergence, difference, max_relative = 1e-6);
     }

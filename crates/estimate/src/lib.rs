@@ -1,43 +1,37 @@
-//! Estimators: radiance of film samples, and its derivatives forward (to images) and in reverse (to
-//! parameters).
+#![doc = include_str!("../README.md")]
 
-mod adjoints;
 mod band;
 mod contour;
 mod convolution;
-mod difference;
+mod derivative_image;
+mod differences;
 mod estimator;
-mod image;
-mod invalid;
-mod lines;
-mod near;
-mod neighbours;
-mod parallel;
-mod pixels;
-mod primary;
-mod record;
+mod film_line;
+mod interior;
+mod means;
+mod ordered_sum;
+pub mod record;
 mod refined;
-mod surface;
-mod target;
+mod registry;
+mod replicates;
+mod silhouette_margin;
+mod smooth_part;
+mod target_gradient;
 mod warped;
-mod warping;
 
-pub use adjoints::Adjoints;
 pub use band::Band;
 pub use contour::Contour;
 pub use convolution::Convolution;
-pub use difference::finite_difference;
-pub use estimator::{Estimator, Filter, Method, Pixel, Survey};
-pub use image::{Derivative, Direction, Sampling, differentiate, random_unit};
-pub use invalid::InvalidField;
-pub use near::{Doubt, near_silhouettes};
-pub use parallel::ordered_sum;
-pub use pixels::check_valid;
-pub use pixels::{Render, render};
-pub use primary::{Primary, Sample, Setup};
-pub use record::{Area, AreaWarp, Border, Pass, Record, Silhouettes};
+pub use derivative_image::{Derivative, Direction, differentiate, random_unit};
+pub use differences::finite_difference;
+pub use estimator::{
+    Batch, Estimator, FILTER_DEVIATION, Filter, SampleCounts, SilhouetteMask, Terms,
+};
+pub use interior::Interior;
+pub use ordered_sum::ordered_sum;
 pub use refined::Refined;
-pub use surface::SurfaceAdjoint;
-pub use target::{TargetGradient, target_gradient};
-pub use warped::{Control, FILTER_DEVIATION, WarpedArea};
-pub use warping::Warped;
+pub use registry::{Constructor, Entry, EstimatorOptions, EstimatorPrecision, Registry};
+pub use replicates::Sampling;
+pub use silhouette_margin::{SilhouetteMargin, near_silhouettes};
+pub use target_gradient::{TargetGradient, target_gradient};
+pub use warped::{Baseline, WarpedArea};

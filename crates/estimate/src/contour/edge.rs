@@ -1,0 +1,194 @@
+//! Edges of the grid, and where they cross silhouettes.
+
+use field::{Real, Vector3};
+use glam::DVec2;
+use render::{InvalidField, Sample, Scene};
+
+/// Halvings of an edge: an edge of 1/16 pixel ends 1e-9 pixels long.
+const HALVINGS: u32 = 26;
+
+/// A jump in depth that is left after all halvings is a silhouette, in [`Scene::tracing_scale`].
+/// Where a surface is seen edge-on its depth changes by the square root of the edge's length: 1e-4.
+const JUMP: f64 = 3e-3;
+
+/// The distance before and behind a silhouette point at which its gradient is taken, in
+/// [`Scene::tracing_scale`].
+const BESIDE: f64 = 1e-4;
+
+/// Tries to find the minimum of f around a silhouette point; each is three times as wide.
+const STRADDLE_TRIES: u32 = 6;
+
+/// A place where an edge of a cell crosses a silhouette.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SilhouetteEvent<R: Real> {
+    pub(super) u: DVec2,
+    /// The depth of the silhouette.
+    pub(super) t: R,
+    /// Two points between which f has its minimum along the ray.
+    pub(super) points: [R::Vec3; 2],
+    /// Their weights, which sum to 1.
+    pub(super) weights: [R; 2],
+    /// |∇_u m| of m = min_t f, per pixel.
+    pub(super) film_slope: R,
+    /// The radiance inside less the radiance outside.
+    pub(super) contrast: R::Vec3,
+    /// Whether the solid is left along the edge.
+    pub(super) leaves: bool,
+}
+
+/// An edge of the grid.
+pub(super) struct GridEdge<R: Real> {
+    camera: usize,
+    /// The film positions of its ends.
+    pub(super) ends: [DVec2; 2],
+    /// Its silhouette, if it crosses one.
+    pub(super) event: Option<SilhouetteEvent<R>>,
+}
+
+impl<R: Real> GridEdge<R> {
+    pub(super) fn new(camera: usize, ends: [DVec2; 2]) -> Self {
+        GridEdge { camera, ends, event: None }
+    }
+}
+
+/// A part of an edge whose ends see different surfaces.
+struct Interval<R> {
+    /// The edge, by its number.
+    edge: usize,
+    camera: usize,
+    ends: [DVec2; 2],
+    /// The depths at the ends; infinite for none.
+    depth: [R; 2],
+}
+
+impl<R: Real> Interval<R> {
+    fn middle(&self) -> DVec2 {
+        (self.ends[0] + self.ends[1]) * 0.5
+    }
+
+    /// The end with the nearer surface.
+    fn near(&self) -> usize {
+        usize::from(self.depth[1] < self.depth[0])
+    }
+
+    fn sample(&self, end: usize) -> Sample {
+        Sample { camera: self.camera, u: self.ends[end] }
+    }
+
+    fn jumps(&self, scene: &Scene<'_, R>) -> bool {
+        let [a, b] = self.depth;
+        a != b && (a - b).abs() > scene.tracing_scale(self.camera, a.min(b)) * R::of(JUMP)
+    }
+
+    /// Keeps the half with the larger jump; `t` is the depth at the middle.
+    fn halve(&mut self, t: R) {
+        // Infinite beside a hit, 0 between two misses.
+        let jump = |a: R, b: R| if a == b { R::zero() } else { (a - b).abs() };
+        let moved = usize::from(jump(self.depth[0], t) >= jump(t, self.depth[1]));
+        (self.ends[moved], self.depth[moved]) = (self.middle(), t);
+    }
+}
+
+/// The depths at film positions; infinite where there is nothing.
+fn depths<R: Real>(scene: &Scene<'_, R>, samples: &[Sample]) -> Result<Vec<R>, InvalidField> {
+    let traced = scene.trace(samples)?;
+    let depth = |traced: Option<render::TracedRay<R>>| traced.and_then(|traced| traced.depth());
+    Ok(traced.into_iter().map(|traced| depth(traced).unwrap_or(R::infinity())).collect())
+}
+
+/// Finds the silhouettes that the edges cross.
+pub(super) fn locate<R: Real>(
+    scene: &Scene<'_, R>,
+    edges: &mut [GridEdge<R>],
+) -> Result<(), InvalidField> {
+    let ends = |end: usize| {
+        let samples: Vec<Sample> =
+            edges.iter().map(|e| Sample { camera: e.camera, u: e.ends[end] }).collect();
+        depths(scene, &samples)
+    };
+    let (first, second) = (ends(0)?, ends(1)?);
+    let mut open: Vec<Interval<R>> = edges
+        .iter()
+        .zip(first.into_iter().zip(second))
+        .enumerate()
+        .map(|(edge, (GridEdge { camera, ends, .. }, (a, b)))| Interval {
+            edge,
+            camera: *camera,
+            ends: *ends,
+            depth: [a, b],
+        })
+        .filter(|interval| interval.jumps(scene))
+        .collect();
+    for _ in 0..HALVINGS {
+        let samples: Vec<Sample> =
+            open.iter().map(|i| Sample { camera: i.camera, u: i.middle() }).collect();
+        for (interval, t) in open.iter_mut().zip(depths(scene, &samples)?) {
+            interval.halve(t);
+        }
+        open.retain(|interval| interval.jumps(scene));
+    }
+    describe(scene, edges, &open)
+}
+
+/// Sets contrast, silhouette point and gradient of the edges that were halved to the end.
+fn describe<R: Real>(
+    scene: &Scene<'_, R>,
+    edges: &mut [GridEdge<R>],
+    open: &[Interval<R>],
+) -> Result<(), InvalidField> {
+    let inside: Vec<Sample> = open.iter().map(|i| i.sample(i.near())).collect();
+    let outside: Vec<Sample> = open.iter().map(|i| i.sample(1 - i.near())).collect();
+    let (front, back) = (scene.primary(&inside)?, scene.primary(&outside)?);
+    for (k, interval) in open.iter().enumerate() {
+        let (t, u) = (interval.depth[interval.near()], interval.ends[interval.near()]);
+        let camera = &scene.cameras[interval.camera];
+        let (d, du) = camera.direction_du(u);
+        let scale = scene.tracing_scale(interval.camera, t);
+        let eye = R::Vec3::of(camera.eye);
+        let Some(minimum) = minimum_around(scene, eye, R::Vec3::of(d), t, scale) else { continue };
+        let film = du.map(|du| minimum.gradient.dot(R::Vec3::of(du)) * t);
+        edges[interval.edge].event = Some(SilhouetteEvent {
+            u,
+            t,
+            points: minimum.points,
+            weights: minimum.weights,
+            film_slope: (film[0] * film[0] + film[1] * film[1]).sqrt(),
+            contrast: front.samples[k].radiance - back.samples[k].radiance,
+            leaves: interval.near() == 0,
+        });
+    }
+    Ok(())
+}
+
+/// A minimum of f along a ray, between two points.
+struct Minimum<R: Real> {
+    points: [R::Vec3; 2],
+    weights: [R; 2],
+    /// The mean gradient by the weights, orthogonal to the ray.
+    gradient: R::Vec3,
+}
+
+/// The minimum of f near the distance `t` of a ray, if two points around it enclose one.
+fn minimum_around<R: Real>(
+    scene: &Scene<'_, R>,
+    eye: R::Vec3,
+    d: R::Vec3,
+    t: R,
+    scale: R,
+) -> Option<Minimum<R>> {
+    let mut beside = scale * R::of(BESIDE);
+    for _ in 0..STRADDLE_TRIES {
+        let points = [eye + d * (t - beside), eye + d * (t + beside)];
+        let (mut f, mut g) = ([R::zero(); 2], [R::Vec3::zero(); 2]);
+        scene.field.value_gradient(&points, &mut f, &mut g);
+        let slope = g.map(|g| g.dot(d));
+        if slope[0] < R::zero() && slope[1] > R::zero() {
+            let share = -slope[0] / (slope[1] - slope[0]);
+            let weights = [R::one() - share, share];
+            let gradient = g[0] * weights[0] + g[1] * weights[1];
+            return Some(Minimum { points, weights, gradient });
+        }
+        beside *= R::of(3.0);
+    }
+    None
+}

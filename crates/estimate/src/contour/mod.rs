@@ -1,0 +1,161 @@
+//! Ground truth: silhouettes traced on a fine grid of the film.
+
+mod cell;
+mod edge;
+
+use field::{Real, Vector3};
+use glam::DVec2;
+use render::{InvalidField, Pixel, Scene};
+
+use crate::estimator::{Batch, Estimator, SilhouetteMask};
+use crate::film_line::{Crossing, FilmLine};
+use crate::record::Record;
+use crate::smooth_part::{Stratification, add_smooth_part};
+use cell::{Piece, pieces};
+use edge::{GridEdge, SilhouetteEvent, locate};
+
+/// Silhouettes as polygons through the edges of a grid of cells, and the smooth part along the
+/// grid's lines.
+///
+/// An edge of a cell whose ends see different surfaces is halved until it is 1e-9 pixels long; the
+/// views from its two ends then give contrast and silhouette point. The polygon's length is exact to
+/// the square of the size of a cell. It shares no search and no random number with the other
+/// estimators, and is slow.
+#[derive(Clone, Copy, Debug)]
+pub struct Contour;
+
+/// The grid of every pixel.
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    /// Cells along a side of a pixel.
+    cells: u32,
+}
+
+/// The least and the largest number of cells along a side of a pixel.
+const CELLS: [u32; 2] = [4, 256];
+
+impl Grid {
+    /// A grid with as many cells as samples.
+    fn of(spp: u32) -> Self {
+        Grid { cells: (f64::from(spp).sqrt().ceil() as u32).clamp(CELLS[0], CELLS[1]) }
+    }
+
+    /// The edges of one pixel's grid: along x row by row, then along y column by column.
+    fn edges<R: Real>(self, pixel: &Pixel) -> Vec<GridEdge<R>> {
+        let (n, corner) = (self.cells, pixel.corner());
+        let at = |axis: usize, line: u32, along: u32| {
+            let (a, b) = (f64::from(along) / f64::from(n), f64::from(line) / f64::from(n));
+            corner + if axis == 0 { DVec2::new(a, b) } else { DVec2::new(b, a) }
+        };
+        let ends = move |axis, line, along| [at(axis, line, along), at(axis, line, along + 1)];
+        (0..2)
+            .flat_map(|axis| {
+                (0..=n).flat_map(move |line| (0..n).map(move |along| (axis, line, along)))
+            })
+            .map(|(axis, line, along)| GridEdge::new(pixel.camera, ends(axis, line, along)))
+            .collect()
+    }
+
+    /// The index of an edge among its pixel's.
+    fn index(self, axis: u32, line: u32, along: u32) -> usize {
+        let n = self.cells;
+        ((axis * (n + 1) + line) * n + along) as usize
+    }
+
+    /// Adds the polygon's part in every cell of one pixel.
+    fn add_cells<R: Real>(self, pixel: u32, edges: &[GridEdge<R>], record: &mut Record<R>) {
+        for y in 0..self.cells {
+            for x in 0..self.cells {
+                let four = [
+                    self.index(0, y, x),
+                    self.index(1, x + 1, y),
+                    self.index(0, y + 1, x),
+                    self.index(1, x, y),
+                ];
+                let events: Vec<SilhouetteEvent<R>> =
+                    four.iter().filter_map(|&e| edges[e].event).collect();
+                pieces(&events).iter().for_each(|piece| add_piece(pixel, piece, record));
+            }
+        }
+    }
+
+    /// Adds the smooth part: the grid's lines by the trapezoid rule.
+    fn add_smooth<R: Real>(
+        self,
+        scene: &Scene<'_, R>,
+        pixels: &[Pixel],
+        edges: &[Vec<GridEdge<R>>],
+        record: &mut Record<R>,
+    ) -> Result<(), InvalidField> {
+        let (mut lines, mut crossings) = (Vec::new(), Vec::new());
+        for (index, (pixel, edges)) in pixels.iter().zip(edges).enumerate() {
+            for (axis, line) in
+                (0..2).flat_map(|axis| (0..=self.cells).map(move |line| (axis, line)))
+            {
+                let of_line = (0..self.cells).map(|along| self.index(axis, line, along));
+                let events = of_line.filter_map(|index| edges[index].event);
+                let number = lines.len();
+                crossings.extend(events.map(|e| crossing(number, axis as usize, pixel, &e)));
+                let end = line == 0 || line == self.cells;
+                lines.push(FilmLine {
+                    pixel: index as u32,
+                    camera: pixel.camera,
+                    axis: axis as usize,
+                    start: edges[self.index(axis, line, 0)].ends[0],
+                    share: if end { 0.5 } else { 1.0 } / f64::from(self.cells),
+                });
+            }
+        }
+        let stratification =
+            Stratification { offset: &vec![0.5; lines.len()], per_pixel: self.cells };
+        add_smooth_part(scene, &lines, stratification, &crossings, record)
+    }
+}
+
+/// The crossing of a grid's line at an event. Its film gradient is not used.
+fn crossing<R: Real>(
+    line: usize,
+    axis: usize,
+    pixel: &Pixel,
+    event: &SilhouetteEvent<R>,
+) -> Crossing<R> {
+    let SilhouetteEvent { u, points, weights, contrast, leaves, .. } = *event;
+    let s = (u - pixel.corner())[axis];
+    Crossing { line, s, leaves, points, weights, film_gradient: [R::zero(); 2], contrast }
+}
+
+/// Adds ΔL/|∇_u m| over the length of a piece, half at each of its ends.
+fn add_piece<R: Real>(pixel: u32, piece: &Piece<R>, record: &mut Record<R>) {
+    for event in &piece.ends {
+        let slope = event.film_slope.max(R::min_positive_value());
+        let rgb = event.contrast * (R::of(0.5 * piece.length) / slope);
+        for (x, weight) in event.points.into_iter().zip(event.weights) {
+            record.silhouettes.push(pixel, x, rgb * weight);
+        }
+    }
+}
+
+impl<R: Real> Estimator<R> for Contour {
+    fn record(
+        &self,
+        scene: &Scene<'_, R>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
+    ) -> Result<Record<R>, InvalidField> {
+        let grid = Grid::of(batch.counts.spp);
+        let mut record = Record::black(batch.pixels.len());
+        let mut all = Vec::with_capacity(batch.pixels.len());
+        for (index, pixel) in batch.pixels.iter().enumerate() {
+            let mut edges = grid.edges::<R>(pixel);
+            locate(scene, &mut edges)?;
+            grid.add_cells(index as u32, &edges, &mut record);
+            all.push(edges);
+        }
+        grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
+        Ok(record)
+    }
+
+    fn depends_on_seed(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,31 @@
+//! The estimator without a silhouette term.
+
+use field::Real;
+use render::{InvalidField, Scene, pixel_samples};
+
+use crate::estimator::{Batch, Estimator, SilhouetteMask};
+use crate::means::pixel_means;
+use crate::record::{Area, Record};
+
+/// Backpropagation through the hit point: silhouettes are left out.
+#[derive(Clone, Copy, Debug)]
+pub struct Interior;
+
+impl<R: Real> Estimator<R> for Interior {
+    fn record(
+        &self,
+        scene: &Scene<'_, R>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
+    ) -> Result<Record<R>, InvalidField> {
+        let spp = batch.counts.spp;
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let primary = scene.primary(&samples)?;
+        Ok(Record {
+            radiance: pixel_means(&primary, spp),
+            rays: samples.len() as u64,
+            area: vec![Area::uniform(primary, spp)],
+            ..Record::default()
+        })
+    }
+}

@@ -1,0 +1,153 @@
+//! Samples of the areas of pixels.
+
+use field::{Real, Vector3};
+use render::{Primary, Scene, retain_flagged};
+
+use super::Pass;
+use super::adjoints::{Adjoints, PointAdjoint};
+use super::film_warp::FilmWarpWithDivergence;
+use super::surface::{SurfaceCoefficients, surface_vjp};
+
+/// The part that a sample has in its pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Share<R> {
+    /// The pixel, by its number in the batch.
+    pub pixel: u32,
+    /// The weight of the sample in the pixel's value.
+    pub weight: R,
+}
+
+/// Film samples with their hits, and a warp if there is one.
+pub struct Area<R: Real> {
+    /// The samples and their hits.
+    pub primary: Primary<R>,
+    /// The share of every sample.
+    pub shares: Vec<Share<R>>,
+    /// The warp at every sample.
+    pub warp: Option<AreaWarp<R>>,
+}
+
+/// A warp at film samples.
+pub struct AreaWarp<R: Real> {
+    /// V and ∇·V.
+    pub film_warp: FilmWarpWithDivergence<R>,
+    /// L − c of each sample, for the constant c of its pixel.
+    pub radiance_minus_baseline: Vec<R::Vec3>,
+    /// ∇ ln k of the pixel filter k at each sample, per pixel; `None` where k is constant.
+    pub filter_du: Option<Vec<[R; 2]>>,
+}
+
+/// The adjoints of one sample: of ∇·V, of V, and the sum of its coefficients of f.
+struct SampleAdjoints<R> {
+    divergence: Vec<R>,
+    film: Vec<[R; 2]>,
+    total: Vec<R>,
+}
+
+impl<R: Real> Area<R> {
+    /// `spp` samples a pixel, in the order of the pixels, without a warp.
+    pub fn uniform(primary: Primary<R>, spp: u32) -> Self {
+        let weight = R::one() / R::of(f64::from(spp));
+        let share = |i: usize| Share { pixel: i as u32 / spp, weight };
+        let shares = (0..primary.samples.len()).map(share).collect();
+        Area { primary, shares, warp: None }
+    }
+
+    /// VJP of parameters ↦ the part of these samples in the pixel values; see
+    /// [`super::Record::vjp`].
+    pub fn vjp(
+        &self,
+        scene: &Scene<'_, R>,
+        delta: &[R::Vec3],
+        pass: Pass<R>,
+        shader: &mut [R],
+        out: &mut Adjoints<R>,
+    ) {
+        let delta: Vec<R::Vec3> =
+            self.shares.iter().map(|s| delta[s.pixel as usize] * s.weight).collect();
+        let adjoint: Vec<R::Vec3> =
+            self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
+        let surface = surface_vjp(scene, &self.primary, &adjoint, shader);
+        let mut adjoints = self.sample_adjoints(&delta, &surface);
+        let scale = self.scale(scene, &delta, pass, &mut adjoints);
+        for (i, (hit, surface)) in self.primary.hits.iter().zip(surface).enumerate() {
+            let scale = scale[hit.sample];
+            out.push(PointAdjoint {
+                pixel: self.shares[hit.sample].pixel,
+                x: self.primary.surface.x[i],
+                alpha: surface.alpha * scale,
+                c: surface.c * scale,
+            });
+        }
+        if let Some(warp) = &self.warp {
+            let SampleAdjoints { mut divergence, mut film, .. } = adjoints;
+            divergence.iter_mut().zip(&scale).for_each(|(s, k)| *s *= *k);
+            film.iter_mut().zip(&scale).for_each(|(f, k)| *f = f.map(|v| v * *k));
+            let pixel = |sample: usize| self.shares[sample].pixel;
+            warp.film_warp.area_vjp(&divergence, &film, pixel, out);
+        }
+    }
+
+    fn sample_adjoints(
+        &self,
+        delta: &[R::Vec3],
+        surface: &[SurfaceCoefficients<R>],
+    ) -> SampleAdjoints<R> {
+        let n = self.shares.len();
+        let mut divergence = vec![R::zero(); n];
+        let (mut film, mut total) = (vec![[R::zero(); 2]; n], vec![R::zero(); n]);
+        for (hit, surface) in self.primary.hits.iter().zip(surface) {
+            (film[hit.sample], total[hit.sample]) = (surface.film, surface.alpha);
+        }
+        if let Some(warp) = &self.warp {
+            for i in 0..n {
+                divergence[i] = delta[i].dot(warp.radiance_minus_baseline[i]);
+                if let Some(du) = &warp.filter_du {
+                    film[i] = std::array::from_fn(|e| film[i][e] + divergence[i] * du[i][e]);
+                }
+            }
+        }
+        SampleAdjoints { divergence, film, total }
+    }
+
+    /// The factor on every sample's coefficients that keeps the limit of [`Pass::Limited`].
+    fn scale(
+        &self,
+        scene: &Scene<'_, R>,
+        delta: &[R::Vec3],
+        pass: Pass<R>,
+        adjoints: &mut SampleAdjoints<R>,
+    ) -> Vec<R> {
+        let Pass::Limited(limit) = pass else { return vec![R::one(); delta.len()] };
+        let SampleAdjoints { divergence, film, total } = adjoints;
+        if let Some(warp) = &self.warp {
+            warp.film_warp.add_area_totals(divergence, film, total);
+        }
+        (0..delta.len())
+            .map(|i| {
+                let limit = limit * self.silhouette_coefficient(scene, i, delta[i]);
+                limit / total[i].abs().max(limit).max(R::min_positive_value())
+            })
+            .collect()
+    }
+
+    /// The coefficient of f of a silhouette that crosses the whole pixel at full contrast.
+    ///
+    /// The tails of the estimators have no finite variance (1/distance next to a silhouette,
+    /// 1/cosine at a grazing hit): without a limit, single samples undo a hundred iterations of a
+    /// fit.
+    fn silhouette_coefficient(&self, scene: &Scene<'_, R>, i: usize, delta: R::Vec3) -> R {
+        let sample = &self.primary.samples[i];
+        let camera = &scene.cameras[sample.sample.camera];
+        let t = sample.traced.map_or(R::infinity(), |traced| traced.found.t);
+        R::of(camera.focal.max_element()) / t.max(R::min_positive_value()) * delta.length()
+    }
+
+    /// Keeps the samples of some pixels. Samples with a warp cannot be taken apart.
+    pub(crate) fn retain(&mut self, keep: impl Fn(u32) -> bool) {
+        debug_assert!(self.warp.is_none());
+        let keep: Vec<bool> = self.shares.iter().map(|share| keep(share.pixel)).collect();
+        self.primary.retain(&keep);
+        retain_flagged(&mut self.shares, &keep);
+    }
+}

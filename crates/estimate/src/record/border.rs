@@ -1,0 +1,54 @@
+//! Samples of the borders of pixels.
+
+use boundary::Edge;
+use field::{Real, Vector3};
+
+use super::Pass;
+use super::adjoints::Adjoints;
+use super::film_warp::FilmWarp;
+
+/// A sample on an edge between pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct BorderSample<R: Real> {
+    /// The edge; its pixels are numbers in the batch.
+    pub edge: Edge,
+    /// The radiance through the sample, linear RGB.
+    pub radiance: R::Vec3,
+}
+
+/// Samples of the borders of pixels.
+pub struct Border<R: Real> {
+    /// The samples.
+    pub samples: Vec<BorderSample<R>>,
+    /// The constant c of each pixel.
+    pub baseline: Vec<R::Vec3>,
+    /// V at every sample.
+    pub film_warp: FilmWarp<R>,
+    /// The weight of one sample in the mean over its edge.
+    pub weight: R,
+}
+
+impl<R: Real> Border<R> {
+    pub(super) fn vjp(&self, delta: &[R::Vec3], pass: Pass<R>, out: &mut Adjoints<R>) {
+        let axis: Vec<usize> = self.samples.iter().map(|s| s.edge.axis()).collect();
+        let carried = |sample: &BorderSample<R>, p: usize| {
+            delta[p].dot(sample.radiance - self.baseline[p]) * self.weight
+        };
+        if pass == Pass::PerPixel {
+            let sides: [fn(&Edge) -> Option<usize>; 2] = [Edge::inside, Edge::outside];
+            for (side, sign) in sides.into_iter().zip([R::one(), -R::one()]) {
+                let flux = |s: &BorderSample<R>| {
+                    side(&s.edge).map_or(R::zero(), |p| sign * carried(s, p))
+                };
+                let flux: Vec<R> = self.samples.iter().map(flux).collect();
+                let pixel: Vec<u32> =
+                    self.samples.iter().map(|s| side(&s.edge).unwrap_or(0) as u32).collect();
+                self.film_warp.flux_vjp(&flux, &axis, &pixel, out);
+            }
+        } else {
+            let gather = |s: &BorderSample<R>| s.edge.gather(|p| carried(s, p));
+            let flux: Vec<R> = self.samples.iter().map(gather).collect();
+            self.film_warp.flux_vjp(&flux, &axis, &vec![0; flux.len()], out);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The warp of film samples: from the tracer's record to coefficients of f and ∇f.
+
+use field::{Real, Sphere, Vector3};
+use render::{Camera, Scene, TracedSample};
+use trace::{Ray, Visits, entry_derivative, exit_derivative, visit};
+use warp::{
+    Pinhole, Warp, WarpWithDivergence, WarpedRay, Weighting, evaluate, evaluate_with_divergence,
+};
+
+use super::adjoints::{Adjoints, PointAdjoint};
+
+/// V at film samples. Samples whose line of sight misses the ball of rays have none.
+pub struct FilmWarp<R: Real> {
+    warp: Warp<R>,
+    /// The sample of every ray of `warp`.
+    sample: Vec<usize>,
+}
+
+/// V and ∇·V at film samples.
+pub struct FilmWarpWithDivergence<R: Real> {
+    warp: WarpWithDivergence<R>,
+    /// The sample of every ray of `warp`.
+    sample: Vec<usize>,
+}
+
+/// The chart of a camera.
+pub(crate) fn chart(camera: &Camera) -> Pinhole {
+    let (axes, focal) = ([camera.right, -camera.up], camera.focal.to_array());
+    Pinhole { eye: camera.eye, forward: camera.forward, axes, focal }
+}
+
+/// The rays of film samples with the N points that the plain recursion visits along each.
+struct VisitedRays<'a, R: Real> {
+    scene: &'a Scene<'a, R>,
+    samples: &'a [TracedSample<R>],
+    /// The samples that have a ray.
+    with_ray: Vec<usize>,
+    rays: Vec<Ray<R>>,
+    visits: Visits<R>,
+    charts: Vec<Pinhole>,
+}
+
+impl<'a, R: Real> VisitedRays<'a, R> {
+    fn new(scene: &'a Scene<'a, R>, samples: &'a [TracedSample<R>], points: usize) -> Self {
+        let (with_ray, rays): (Vec<usize>, Vec<Ray<R>>) = samples
+            .iter()
+            .enumerate()
+            .filter_map(|(i, sample)| sample.traced.map(|traced| (i, traced.ray)))
+            .unzip();
+        let visits = visit(scene.field, &rays, points, scene.tracing.options.relaxation);
+        let charts = scene.cameras.iter().map(chart).collect();
+        VisitedRays { scene, samples, with_ray, rays, visits, charts }
+    }
+
+    fn charts(&self) -> Vec<&Pinhole> {
+        self.with_ray.iter().map(|&i| &self.charts[self.samples[i].sample.camera]).collect()
+    }
+
+    fn warped(&self) -> Vec<WarpedRay<'_, R>> {
+        let ball = self.scene.bounding_ball();
+        (0..self.rays.len()).map(|r| self.warped_ray(r, &ball)).collect()
+    }
+
+    fn warped_ray(&self, r: usize, ball: &Sphere<R>) -> WarpedRay<'_, R> {
+        let (ray, sample) = (&self.rays[r], self.samples[self.with_ray[r]].sample);
+        let (_, du) = self.scene.cameras[sample.camera].direction_du(sample.u);
+        let du = du.map(|du| R::Vec3::of(du));
+        let visited = self.visits.ray(r);
+        WarpedRay {
+            origin: ray.origin,
+            direction: ray.direction,
+            direction_du: du,
+            entry_du: du.map(|du| entry_derivative(ray, ball, du)),
+            exit_du: du.map(|du| exit_derivative(ray, ball, du)),
+            relaxation: self.scene.tracing.options.relaxation,
+            t: visited.t,
+            f: visited.f,
+            gradient: visited.gradient,
+            step: visited.step,
+            clamped: visited.clamped,
+            valid: visited.valid,
+        }
+    }
+}
+
+/// V of film samples, over `points` points a ray of which the `k` largest are weighed.
+pub fn warp_samples<R: Real>(
+    scene: &Scene<'_, R>,
+    samples: &[TracedSample<R>],
+    points: usize,
+    weighting: &dyn Weighting<R>,
+    k: usize,
+) -> FilmWarp<R> {
+    let visited = VisitedRays::new(scene, samples, points);
+    let warp = evaluate(weighting, k, &visited.charts(), &visited.warped());
+    FilmWarp { warp, sample: visited.with_ray }
+}
+
+/// V and ∇·V of film samples, over `points` points a ray of which the `k` largest are weighed.
+pub fn warp_samples_with_divergence<R: Real>(
+    scene: &Scene<'_, R>,
+    samples: &[TracedSample<R>],
+    points: usize,
+    weighting: &dyn Weighting<R>,
+    k: usize,
+) -> FilmWarpWithDivergence<R> {
+    let visited = VisitedRays::new(scene, samples, points);
+    let (charts, rays) = (visited.charts(), visited.warped());
+    let warp = evaluate_with_divergence(scene.field, weighting, k, &charts, &rays);
+    FilmWarpWithDivergence { warp, sample: visited.with_ray }
+}
+
+/// The elements of `values` at the samples of the rays.
+fn pick<T: Copy>(values: &[T], sample: &[usize]) -> Vec<T> {
+    sample.iter().map(|&i| values[i]).collect()
+}
+
+impl<R: Real> FilmWarpWithDivergence<R> {
+    /// The warp of a batch of points; `sample` is the film sample of each of its rays.
+    pub fn new(warp: WarpWithDivergence<R>, sample: Vec<usize>) -> Self {
+        FilmWarpWithDivergence { warp, sample }
+    }
+
+    /// Reverse mode of area samples; see [`WarpWithDivergence::area_vjp`]. One adjoint and one
+    /// pixel a sample.
+    pub(super) fn area_vjp(
+        &self,
+        scalar: &[R],
+        film: &[[R; 2]],
+        pixel: impl Fn(usize) -> u32,
+        out: &mut Adjoints<R>,
+    ) {
+        let (alpha, c) = self.coefficients(scalar, film);
+        for ((point, alpha), c) in self.warp.warp.samples.iter().zip(alpha).zip(c) {
+            out.push(PointAdjoint { pixel: pixel(self.sample[point.ray]), x: point.x, alpha, c });
+        }
+    }
+
+    /// Adds to each sample's entry of `total` the sum of the coefficients of f that
+    /// [`area_vjp`](Self::area_vjp) gives it.
+    pub(super) fn add_area_totals(&self, scalar: &[R], film: &[[R; 2]], total: &mut [R]) {
+        let (alpha, _) = self.coefficients(scalar, film);
+        for (point, alpha) in self.warp.warp.samples.iter().zip(alpha) {
+            total[self.sample[point.ray]] += alpha;
+        }
+    }
+
+    fn coefficients(&self, scalar: &[R], film: &[[R; 2]]) -> (Vec<R>, Vec<R::Vec3>) {
+        self.warp.area_vjp(&pick(scalar, &self.sample), &pick(film, &self.sample))
+    }
+}
+
+impl<R: Real> FilmWarp<R> {
+    /// Reverse mode of boundary samples; see [`Warp::flux_vjp`]. One adjoint, one axis and one
+    /// pixel a sample.
+    pub(super) fn flux_vjp(
+        &self,
+        flux: &[R],
+        axis: &[usize],
+        pixel: &[u32],
+        out: &mut Adjoints<R>,
+    ) {
+        let alpha = self.warp.flux_vjp(&pick(flux, &self.sample), &pick(axis, &self.sample));
+        for (point, alpha) in self.warp.samples.iter().zip(alpha) {
+            let pixel = pixel[self.sample[point.ray]];
+            out.push(PointAdjoint { pixel, x: point.x, alpha, c: R::Vec3::zero() });
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Searches for silhouettes along lines of the film.
+
+use field::{Real, Vector3};
+use render::Scene;
+use trace::{RayFamily, Start, Tangency, tangencies};
+
+use crate::film_line::{FilmLine, tolerance};
+
+/// Searches: where each starts, and the line that it belongs to.
+pub(super) struct Searches<R> {
+    starts: Vec<Start<R>>,
+    origins: Vec<Origin>,
+}
+
+/// The line of a search.
+#[derive(Clone, Copy, Debug)]
+struct Origin {
+    line: usize,
+    /// A silhouette counts if it lies between these values of s.
+    between: [f64; 2],
+}
+
+impl<R: Real> Searches<R> {
+    pub(super) fn new() -> Self {
+        Searches { starts: Vec::new(), origins: Vec::new() }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.starts.is_empty()
+    }
+
+    /// Adds a search along `line`. `start.range` is also the range in which a silhouette counts.
+    pub(super) fn push(&mut self, line: usize, between: [f64; 2], start: Start<R>) {
+        self.starts.push(Start { range: between.map(R::of), ..start });
+        self.origins.push(Origin { line, between });
+    }
+}
+
+/// The rays of searches: one film line each.
+struct SearchRays<'a, R: Real> {
+    scene: &'a Scene<'a, R>,
+    lines: Vec<FilmLine>,
+}
+
+impl<R: Real> RayFamily<R> for SearchRays<'_, R> {
+    fn origin(&self, index: usize) -> R::Vec3 {
+        R::Vec3::of(self.scene.cameras[self.lines[index].camera].eye)
+    }
+    fn direction(&self, index: usize, s: R) -> (R::Vec3, R::Vec3) {
+        let line = &self.lines[index];
+        let sample = line.at(s.to_double());
+        let (d, du) = self.scene.cameras[sample.camera].direction_du(sample.u);
+        (R::Vec3::of(d), R::Vec3::of(du[line.axis]))
+    }
+}
+
+/// A silhouette that a line crosses, visible or not.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LineTangency<R: Real> {
+    pub(super) line: usize,
+    pub(super) tangency: Tangency<R>,
+}
+
+/// The silhouettes that lines cross, as far as they are known.
+pub(super) struct KnownTangencies<R: Real> {
+    all: Vec<LineTangency<R>>,
+    of_line: Vec<Vec<usize>>,
+}
+
+/// The most silhouettes of one line. On a surface without inner points a search would find ever
+/// more of them.
+const MAX_TANGENCIES: usize = 64;
+
+/// Silhouettes of one line are the same if they are this close in depth, in
+/// [`Scene::tracing_scale`], and closer on the film than their positions are known.
+pub(super) const SAME_DEPTH: f64 = 0.02;
+
+/// The width of a minimum of f along a ray, in bounding radii, that a search starts from; the size
+/// of a pixel if that is less.
+const FIRST_REACH: f64 = 0.02;
+
+/// The width of a minimum at the distance `t` that a search starts from, world units.
+pub(super) fn first_reach<R: Real>(scene: &Scene<'_, R>, camera: usize, t: R) -> R {
+    let pixel = R::of(scene.cameras[camera].pixel_angle()) * t;
+    (scene.radius() * R::of(FIRST_REACH)).min(pixel)
+}
+
+impl<R: Real> KnownTangencies<R> {
+    pub(super) fn new(lines: usize) -> Self {
+        KnownTangencies { all: Vec::new(), of_line: vec![Vec::new(); lines] }
+    }
+
+    /// Those of a line.
+    pub(super) fn of(&self, line: usize) -> impl Iterator<Item = &Tangency<R>> {
+        self.of_line[line].iter().map(|&i| &self.all[i].tangency)
+    }
+
+    /// The number of all.
+    pub(super) fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    /// All but the first `known`.
+    pub(super) fn since(&self, known: usize) -> &[LineTangency<R>] {
+        &self.all[known..]
+    }
+
+    /// Runs searches, and adds the silhouettes that are new.
+    pub(super) fn search(
+        &mut self,
+        scene: &Scene<'_, R>,
+        lines: &[FilmLine],
+        searches: &Searches<R>,
+    ) {
+        let Searches { starts, origins } = searches;
+        let rays = SearchRays { scene, lines: origins.iter().map(|o| lines[o.line]).collect() };
+        let found = tangencies(scene.field, &rays, starts, R::of(tolerance::<R>()));
+        for (tangency, origin) in found.into_iter().zip(origins) {
+            let Some(tangency) = tangency else { continue };
+            let s = tangency.s.to_double();
+            if s >= origin.between[0] && s <= origin.between[1] && (0.0..1.0).contains(&s) {
+                let camera = lines[origin.line].camera;
+                let same = scene.tracing_scale(camera, tangency.t) * R::of(SAME_DEPTH);
+                self.add(LineTangency { line: origin.line, tangency }, same);
+            }
+        }
+    }
+
+    /// Adds a silhouette unless one of the line lies within `same` of its depth at its place.
+    fn add(&mut self, found: LineTangency<R>, same: R) {
+        let near = |other: &Tangency<R>| {
+            (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()
+                && (other.t - found.tangency.t).abs() < same
+        };
+        let of_line = &self.of_line[found.line];
+        if of_line.len() < MAX_TANGENCIES && !self.of(found.line).any(near) {
+            self.of_line[found.line].push(self.all.len());
+            self.all.push(found);
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Which pixels a silhouette may cross, from the pixels' own samples and their corners.
+
+use std::ops::Range;
+
+use field::Real;
+use render::{InvalidField, Pixel, Sample, Scene, TracedSample, pixel_samples};
+use rustc_hash::FxHashMap;
+use trace::Outcome;
+
+use crate::estimator::{Batch, SilhouetteMask};
+use crate::record::{Area, Record, Share};
+use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
+
+/// A corner's ray that passes a surface by less than this, in pixels, marks its pixels: every place
+/// in a pixel is within √½ of a corner.
+const CORNER_REACH: f64 = 0.75;
+
+/// A ray that clears all surfaces by more than this, in pixels, shows that no silhouette crosses its
+/// pixel. √2 is enough if f is a distance; the rest is room for f that is none.
+const FAR: f64 = 3.2;
+
+/// Samples the pixels that no silhouette is known near with the samples `range`, and marks those
+/// near which they show one. Returns the unmarked pixels without a ray that is far from all
+/// surfaces.
+pub(super) fn sample_unmarked<R: Real>(
+    scene: &Scene<'_, R>,
+    batch: &Batch<'_>,
+    range: Range<u32>,
+    record: &mut Record<R>,
+    mask: &mut SilhouetteMask,
+) -> Result<Vec<u32>, InvalidField> {
+    let unmarked: Vec<u32> =
+        (0..batch.pixels.len() as u32).filter(|&i| !mask.may_cross[i as usize]).collect();
+    let pixels = unmarked.iter().map(|&i| batch.pixels[i as usize]);
+    let primary = scene.primary(&pixel_samples(pixels, &range, batch.seed))?;
+    record.rays += primary.samples.len() as u64;
+    let near = near_silhouettes(scene, &primary, SilhouetteMargin::SMALL);
+    let hit = primary.hit_mask();
+    let count = range.len();
+    let mixed = |own: &[bool]| own.contains(&true) && own.contains(&false);
+    let mut not_far = Vec::new();
+    for (i, &pixel) in unmarked.iter().enumerate() {
+        let own = i * count..(i + 1) * count;
+        if near[own.clone()].contains(&true) || mixed(&hit[own.clone()]) {
+            mask.may_cross[pixel as usize] = true;
+        } else if !primary.samples[own].iter().any(|sample| is_far(scene, sample)) {
+            not_far.push(pixel);
+        }
+    }
+    let weight = R::one() / R::of(f64::from(batch.counts.spp));
+    let share = |i: usize| Share { pixel: unmarked[i / count], weight };
+    let shares = (0..primary.samples.len()).map(share).collect();
+    record.area.push(Area { primary, shares, warp: None });
+    Ok(not_far)
+}
+
+/// Whether a ray clears everything by so much that no silhouette can cross its pixel.
+fn is_far<R: Real>(scene: &Scene<'_, R>, sample: &TracedSample<R>) -> bool {
+    let far = R::of(scene.cameras[sample.sample.camera].pixel_angle() * FAR);
+    match sample.traced.map(|traced| traced.found) {
+        Some(found) => {
+            found.outcome == Outcome::Miss && found.clearance > far && found.clearance.is_finite()
+        }
+        None => scene.passing(&sample.sample).1 > far,
+    }
+}
+
+/// The corners of some pixels, each once.
+struct Corners {
+    samples: Vec<Sample>,
+    /// The samples of each pixel's four corners.
+    of_pixel: Vec<[usize; 4]>,
+}
+
+impl Corners {
+    fn of(pixels: impl Iterator<Item = Pixel>) -> Self {
+        let (mut known, mut samples) = (FxHashMap::default(), Vec::new());
+        let mut corner = |camera: usize, x: u32, y: u32| {
+            *known.entry((camera, x, y)).or_insert_with(|| {
+                samples.push(Sample { camera, u: Pixel { camera, x, y }.corner() });
+                samples.len() - 1
+            })
+        };
+        let of_pixel = pixels
+            .map(|Pixel { camera, x, y }| {
+                [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| corner(camera, x, y))
+            })
+            .collect();
+        Corners { samples, of_pixel }
+    }
+}
+
+/// Marks the pixels among `which` whose corners see different surfaces, or pass one closely.
+///
+/// A silhouette without curvature (an edge of a solid) that cuts a corner may show in no other ray
+/// of the pixel.
+pub(super) fn mark_corners<R: Real>(
+    scene: &Scene<'_, R>,
+    batch: &Batch<'_>,
+    which: &[u32],
+    record: &mut Record<R>,
+    mask: &mut SilhouetteMask,
+) -> Result<(), InvalidField> {
+    let corners = Corners::of(which.iter().map(|&i| batch.pixels[i as usize]));
+    let traced = scene.trace(&corners.samples)?;
+    let traced: Vec<_> = corners.samples.iter().copied().zip(traced).collect();
+    record.rays += traced.len() as u64;
+    let hits = |i: usize| traced[i].1.is_some_and(|traced| traced.depth().is_some());
+    let mut passed: Vec<Option<Passage>> = traced.iter().map(|_| None).collect();
+    for passage in passages(scene, &traced, CORNER_REACH) {
+        let sample = passage.sample;
+        passed[sample] = Some(passage);
+    }
+    for (&index, four) in which.iter().zip(&corners.of_pixel) {
+        let pixel = &batch.pixels[index as usize];
+        let close = |i: usize| {
+            let passage = passed[i].as_ref();
+            passage.is_some_and(|p| p.crosses(&traced[i].0, pixel, SilhouetteMargin::SMALL))
+        };
+        mask.may_cross[index as usize] = four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
+    }
+    Ok(())
+}

@@ -1,0 +1,213 @@
+//! Which pixels a silhouette may cross, from one ray each.
+
+use field::{Real, Vector3};
+use glam::DVec2;
+use render::{Pixel, Primary, Sample, Scene, TracedRay};
+use trace::Outcome;
+
+/// The distance in pixels from a sample up to which a silhouette may cross the sample's pixel: the
+/// sample may sit in one corner and the silhouette pass through the opposite one, √2 away. The rest
+/// is room for the error of first order.
+const REACH: f64 = 1.6;
+
+/// The cosine between ray and normal above which a hit has no silhouette near: cos² = 2 s/r at the
+/// distance s from a silhouette of radius r, so this holds for r ≥ 8 pixels.
+pub(crate) const GRAZING: f64 = 0.65;
+
+/// How far the first-order distance of a silhouette is trusted.
+#[derive(Clone, Copy, Debug)]
+pub struct SilhouetteMargin {
+    /// The least and the largest multiple of its first-order distance at which a silhouette may be.
+    range: [f64; 2],
+    /// How far outside a pixel a silhouette still counts as inside, in pixels.
+    outside: f64,
+    /// Whether every pixel counts whose ray passes one surface and hits another.
+    gaps: bool,
+}
+
+impl SilhouetteMargin {
+    /// For estimators that also look at corners and at further samples: a ball of two and a half
+    /// pixels bends within this margin.
+    pub const SMALL: SilhouetteMargin =
+        SilhouetteMargin { range: [0.75, 1.35], outside: 0.1, gaps: false };
+
+    /// For a single ray a pixel. Fits of `spot` reach a Chamfer distance of 0.14 % with it, and of
+    /// 0.16 % with the small margin.
+    pub const LARGE: SilhouetteMargin =
+        SilhouetteMargin { range: [0.5, 2.0], outside: 0.25, gaps: true };
+}
+
+/// For every sample, whether a silhouette may cross its pixel.
+///
+/// Two tests to first order. A ray that passes a surface (before its hit, if it has one) has a
+/// silhouette about f/(t · pixel angle) pixels away, in the direction in which f falls. A ray that
+/// hits at the cosine c = −n·d has one where c² falls to zero, c/(2 |∂c/∂u|) pixels away. A
+/// silhouette counts if the straight line through its first-order position, across the way to it,
+/// meets the pixel. Of several surfaces that a ray passes, only the closest is tested.
+pub fn near_silhouettes<R: Real>(
+    scene: &Scene<'_, R>,
+    primary: &Primary<R>,
+    margin: SilhouetteMargin,
+) -> Vec<bool> {
+    let mut near = vec![false; primary.samples.len()];
+    mark_small_balls(scene, primary, &mut near);
+    let traced: Vec<_> = primary.samples.iter().map(|s| (s.sample, s.traced)).collect();
+    for passage in passages(scene, &traced, REACH) {
+        let pixel = pixel_of(&traced[passage.sample].0);
+        near[passage.sample] = passage.crosses(&traced[passage.sample].0, &pixel, margin);
+    }
+    mark_grazing(scene, primary, margin, &mut near);
+    near
+}
+
+/// The pixel that a sample lies in.
+fn pixel_of(Sample { camera, u }: &Sample) -> Pixel {
+    Pixel { camera: *camera, x: u.x as u32, y: u.y as u32 }
+}
+
+/// Marks samples that miss a ball of rays of less than a pixel: all of the solid may lie between
+/// the samples.
+fn mark_small_balls<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, near: &mut [bool]) {
+    let ball = &scene.tracing.ball;
+    let misses = primary.samples.iter().enumerate().filter(|(_, s)| s.traced.is_none());
+    for (i, sample) in misses {
+        let camera = &scene.cameras[sample.sample.camera];
+        let reach = R::of(camera.pixel_angle() * REACH);
+        if ball.radius < reach * (ball.center - R::Vec3::of(camera.eye)).length() {
+            let (nearest, clearance) = scene.passing(&sample.sample);
+            near[i] = clearance < reach && ball.radius < reach * nearest;
+        }
+    }
+}
+
+/// A surface that a ray passes, as seen on the film.
+pub(crate) struct Passage {
+    /// The sample, by its number in the batch.
+    pub(crate) sample: usize,
+    /// The direction towards it on the film.
+    towards: DVec2,
+    /// Its distance in pixels: at least, and to first order.
+    away: [f64; 2],
+    /// Whether the ray hits a surface behind it.
+    in_front_of_hit: bool,
+}
+
+/// The surfaces that rays pass within `reach` pixels, at most one a ray.
+pub(crate) fn passages<R: Real>(
+    scene: &Scene<'_, R>,
+    traced: &[(Sample, Option<TracedRay<R>>)],
+    reach: f64,
+) -> Vec<Passage> {
+    let (mut which, mut x) = (Vec::new(), Vec::new());
+    for (i, (sample, traced)) in traced.iter().enumerate() {
+        let reach = R::of(scene.cameras[sample.camera].pixel_angle() * reach);
+        if let Some(TracedRay { ray, found }) = traced
+            && found.clearance < reach
+        {
+            which.push((i, *found));
+            x.push(ray.at(found.nearest));
+        }
+    }
+    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+    scene.field.value_gradient(&x, &mut f, &mut gradient);
+    let mut passages = Vec::with_capacity(x.len());
+    for (((sample, found), f), gradient) in which.into_iter().zip(f).zip(gradient) {
+        let Sample { camera, u } = traced[sample].0;
+        let camera = &scene.cameras[camera];
+        let (_, du) = camera.direction_du(u);
+        let film_gradient = DVec2::from(
+            du.map(|du| (gradient.dot(R::Vec3::of(du)) * found.nearest).to_double()),
+        );
+        let least = found.clearance.to_double() / camera.pixel_angle();
+        let away = [least, (f.to_double() / film_gradient.length()).max(least)];
+        let in_front_of_hit = found.outcome == Outcome::Hit;
+        passages.push(Passage { sample, towards: -film_gradient, away, in_front_of_hit });
+    }
+    passages
+}
+
+impl Passage {
+    /// Whether the silhouette of the surface may cross `pixel`; `sample` is the ray's.
+    pub(crate) fn crosses(
+        &self,
+        sample: &Sample,
+        pixel: &Pixel,
+        margin: SilhouetteMargin,
+    ) -> bool {
+        // In a gap between two surfaces the silhouette of the further one may cross the pixel where
+        // that of the closer one does not.
+        (self.in_front_of_hit && margin.gaps)
+            || line_meets(sample.u, pixel.corner(), self.towards, self.away, margin)
+    }
+}
+
+/// Marks samples whose ray hits at a grazing angle.
+fn mark_grazing<R: Real>(
+    scene: &Scene<'_, R>,
+    primary: &Primary<R>,
+    margin: SilhouetteMargin,
+    near: &mut [bool],
+) {
+    let (normal, direction) = (&primary.surface.normal, &primary.surface.direction);
+    let grazing: Vec<usize> = (0..primary.hits.len())
+        .filter(|&h| -normal[h].dot(direction[h]) < R::of(GRAZING))
+        .collect();
+    let x: Vec<R::Vec3> = grazing.iter().map(|&h| primary.surface.x[h]).collect();
+    let across: Vec<R::Vec3> = grazing
+        .iter()
+        .map(|&h| {
+            let size = primary.hits[h].gradient.length().max(R::min_positive_value());
+            (direction[h] - normal[h] * normal[h].dot(direction[h])) * (R::one() / size)
+        })
+        .collect();
+    let (mut ignored, mut turn) = (across.clone(), across.clone());
+    scene.field.hessian_vector(&x, &across, &mut ignored, &mut turn);
+    for (&h, turn) in grazing.iter().zip(turn) {
+        let sample = &primary.samples[primary.hits[h].sample].sample;
+        let fall = cosine_fall(scene, primary, h, turn);
+        let away = -normal[h].dot(direction[h]).to_double() / (2.0 * fall.length());
+        // A NaN, where the slope vanishes too, counts as near; so does a ray that ends on the face
+        // behind a rim.
+        let corner = pixel_of(sample).corner();
+        near[primary.hits[h].sample] |= away.is_nan()
+            || away <= 0.0
+            || (away <= REACH && line_meets(sample.u, corner, fall, [away; 2], margin));
+    }
+}
+
+/// −∂c/∂u of the cosine c = −n·d at hit `h`; `turn` is ∇²f times the part of d across the normal,
+/// over |∇f|.
+fn cosine_fall<R: Real>(
+    scene: &Scene<'_, R>,
+    primary: &Primary<R>,
+    h: usize,
+    turn: R::Vec3,
+) -> DVec2 {
+    let (hit, normal, d) =
+        (&primary.hits[h], primary.surface.normal[h], primary.surface.direction[h]);
+    let sample = &primary.samples[hit.sample].sample;
+    let (_, du) = scene.cameras[sample.camera].direction_du(sample.u);
+    let (g, t) = (hit.gradient, hit.t);
+    DVec2::from(du.map(|du| {
+        let du = R::Vec3::of(du);
+        let dx = du * t - d * (t * g.dot(du) / g.dot(d));
+        (turn.dot(dx) + normal.dot(du)).to_double()
+    }))
+}
+
+/// Whether a line across `towards`, at a distance from `u` between the two of `away` within the
+/// margin, may meet the pixel whose least corner is `corner`.
+fn line_meets(
+    u: DVec2,
+    corner: DVec2,
+    towards: DVec2,
+    [least, most]: [f64; 2],
+    margin: SilhouetteMargin,
+) -> bool {
+    let Some(towards) = towards.try_normalize() else { return true };
+    let low = corner - u - margin.outside;
+    let high = low + (1.0 + 2.0 * margin.outside);
+    let nearest = (towards * low).min(towards * high).element_sum();
+    let furthest = (towards * low).max(towards * high).element_sum();
+    furthest >= least * margin.range[0] && nearest <= most * margin.range[1]
+}

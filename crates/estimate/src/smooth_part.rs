@@ -1,0 +1,119 @@
+//! The smooth part of pixels that a silhouette may cross, sampled along lines of the film.
+
+use field::{Real, Vector3};
+use render::{InvalidField, Sample, Scene};
+
+use crate::film_line::{Crossing, FilmLine};
+use crate::record::{Area, Record, Share};
+
+/// Where the samples of lines lie.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stratification<'a> {
+    /// A number in [0, 1) a line that places its samples.
+    pub(crate) offset: &'a [f64],
+    /// Samples per pixel of a line; a segment between two silhouettes has at least one.
+    pub(crate) per_pixel: u32,
+}
+
+/// Film samples between silhouettes.
+#[derive(Default)]
+struct SegmentSamples<R> {
+    samples: Vec<Sample>,
+    shares: Vec<Share<R>>,
+    /// The axis of each sample's line.
+    axis: Vec<usize>,
+}
+
+/// Adds stratified samples of the segments of lines between silhouettes.
+///
+/// At the distance s inside a silhouette the derivative of the hit grows as 1/√s, and its square has
+/// no finite mean. Samples whose density grows as 1/√s bound the product of weight and derivative.
+///
+/// A sample counts by the square of the component of the projected normal along its line, as a
+/// silhouette does: lines along a silhouette, which do not cross it, have no weight there.
+///
+/// `crossings` are in order along each line, lines in order.
+pub(crate) fn add_smooth_part<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    stratification: Stratification<'_>,
+    crossings: &[Crossing<R>],
+    record: &mut Record<R>,
+) -> Result<(), InvalidField> {
+    let SegmentSamples { samples, mut shares, axis } =
+        segment_samples::<R>(lines, stratification, crossings);
+    let primary = scene.primary(&samples)?;
+    record.rays += samples.len() as u64;
+    for (share, sample) in shares.iter_mut().zip(&primary.samples) {
+        // Both axes are sampled: each has half of the weight.
+        share.weight *= R::of(0.5);
+        record.radiance[share.pixel as usize] += sample.radiance * share.weight;
+    }
+    for (hit, normal) in primary.hits.iter().zip(&primary.surface.normal) {
+        let i = hit.sample;
+        let (_, du) = scene.cameras[samples[i].camera].direction_du(samples[i].u);
+        let slope = du.map(|du| normal.dot(R::Vec3::of(du)));
+        let square = slope[0] * slope[0] + slope[1] * slope[1];
+        if square > R::zero() {
+            shares[i].weight *= slope[axis[i]] * slope[axis[i]] / square * R::of(2.0);
+        }
+    }
+    record.area.push(Area { primary, shares, warp: None });
+    Ok(())
+}
+
+fn segment_samples<R: Real>(
+    lines: &[FilmLine],
+    Stratification { offset, per_pixel }: Stratification<'_>,
+    crossings: &[Crossing<R>],
+) -> SegmentSamples<R> {
+    let mut out =
+        SegmentSamples { samples: Vec::new(), shares: Vec::new(), axis: Vec::new() };
+    let mut next = crossings.iter().peekable();
+    for (i, line) in lines.iter().enumerate() {
+        let mut segment = |from: f64, to: f64, dense: [bool; 2]| {
+            let count = ((to - from) * f64::from(per_pixel)).ceil().max(1.0);
+            for j in 0..count as u32 {
+                let (s, sparsity) = placed((f64::from(j) + offset[i]) / count, dense);
+                let weight = R::of((to - from) * sparsity / count * line.share);
+                out.samples.push(line.at(from + (to - from) * s));
+                out.shares.push(Share { pixel: line.pixel, weight });
+                out.axis.push(line.axis);
+            }
+        };
+        let (mut from, mut dense) = (0.0, false);
+        while let Some(crossing) = next.next_if(|c| c.line == i) {
+            segment(from, crossing.s, [dense, crossing.leaves]);
+            (from, dense) = (crossing.s, !crossing.leaves);
+        }
+        segment(from, 1.0, [dense, false]);
+    }
+    out
+}
+
+/// The position in a segment of length 1 of the sample with the uniform number w, and the reciprocal
+/// of the density of samples there. Samples are denser towards the ends that are flagged.
+fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
+    match dense {
+        [false, false] => (w, 1.0),
+        [true, false] => (w * w, 2.0 * w),
+        [false, true] => (1.0 - (1.0 - w) * (1.0 - w), 2.0 * (1.0 - w)),
+        [true, true] => (w * w * (3.0 - 2.0 * w), 6.0 * w * (1.0 - w)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn placed_samples_integrate() {
+        for dense in [[false, false], [true, false], [false, true], [true, true]] {
+            let n = 1000;
+            let each = (0..n).map(|i| placed((f64::from(i) + 0.5) / f64::from(n), dense));
+            let sum: f64 = each.map(|(s, sparsity)| sparsity * s.cos()).sum();
+            assert_relative_eq!(sum / f64::from(n), 1f64.sin(), epsilon = 1e-5);
+        }
+    }
+}

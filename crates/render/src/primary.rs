@@ -1,0 +1,240 @@
+//! Camera rays: their hits, and the radiance they carry.
+
+use field::{Field, Real, SurfaceBatch, Vector3};
+use rustc_hash::FxHashMap;
+use trace::{Intersection, Outcome, Ray};
+
+use crate::{InvalidField, Sample, Scene};
+
+/// A ray with the tracer's result.
+#[derive(Clone, Copy, Debug)]
+pub struct TracedRay<R: Real> {
+    /// The ray.
+    pub ray: Ray<R>,
+    /// The result.
+    pub found: Intersection<R>,
+}
+
+impl<R: Real> TracedRay<R> {
+    /// The distance of the hit; `None` for a ray that hits nothing.
+    pub fn depth(&self) -> Option<R> {
+        (self.found.outcome == Outcome::Hit).then_some(self.found.t)
+    }
+}
+
+/// A film sample with its ray and its radiance.
+#[derive(Clone, Copy, Debug)]
+pub struct TracedSample<R: Real> {
+    /// The sample.
+    pub sample: Sample,
+    /// Its ray; `None` if the line of sight misses the ball of rays.
+    pub traced: Option<TracedRay<R>>,
+    /// The radiance through the sample, linear RGB.
+    pub radiance: R::Vec3,
+}
+
+/// The hit of a film sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit<R: Real> {
+    /// The sample, by its number in the batch.
+    pub sample: usize,
+    /// The distance from the eye.
+    pub t: R,
+    /// ∇f at the hit point.
+    pub gradient: R::Vec3,
+}
+
+/// The first hits of a batch of samples.
+#[derive(Clone, Debug)]
+pub struct Primary<R: Real> {
+    /// The samples.
+    pub samples: Vec<TracedSample<R>>,
+    /// The samples that hit, in order.
+    pub hits: Vec<Hit<R>>,
+    /// The surface at the hits, one element a hit.
+    pub surface: Surface<R>,
+}
+
+/// Columns of surface points: see [`SurfaceBatch`].
+#[derive(Clone, Debug, Default)]
+pub struct Surface<R: Real> {
+    /// The points, world units.
+    pub x: Vec<R::Vec3>,
+    /// The unit normals.
+    pub normal: Vec<R::Vec3>,
+    /// The unit view directions.
+    pub direction: Vec<R::Vec3>,
+}
+
+/// A camera inside the bounding ball, or this close to it in bounding radii, starts its rays
+/// half-way to the nearest surface: the chart of the film is singular at the eye.
+const AT_THE_EYE: f64 = 1e-3;
+
+/// A camera this close to the bounding ball, in bounding radii, may see surfaces that are small
+/// compared to the ball: the field tells how near they are.
+const CLOSE: f64 = 0.5;
+
+/// The least tracing scale, in bounding radii, for an eye on a surface.
+const LEAST_SCALE: f64 = 1e-6;
+
+impl<R: Real> Surface<R> {
+    /// The points as a shader takes them.
+    pub fn batch(&self) -> SurfaceBatch<'_, R> {
+        let Surface { x, normal, direction } = self;
+        SurfaceBatch { x, normal, direction }
+    }
+
+    /// Adds a point.
+    pub fn push(&mut self, x: R::Vec3, normal: R::Vec3, direction: R::Vec3) {
+        self.x.push(x);
+        self.normal.push(normal);
+        self.direction.push(direction);
+    }
+}
+
+impl<R: Real> Primary<R> {
+    /// For every sample, whether it hits.
+    pub fn hit_mask(&self) -> Vec<bool> {
+        let mut mask = vec![false; self.samples.len()];
+        self.hits.iter().for_each(|hit| mask[hit.sample] = true);
+        mask
+    }
+
+    /// Keeps the samples that are flagged.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let kept_hits: Vec<bool> = self.hits.iter().map(|hit| keep[hit.sample]).collect();
+        let mut kept_before = 0;
+        let number: Vec<usize> = keep
+            .iter()
+            .map(|keep| {
+                kept_before += usize::from(*keep);
+                kept_before.wrapping_sub(1)
+            })
+            .collect();
+        retain_flagged(&mut self.samples, keep);
+        retain_flagged(&mut self.hits, &kept_hits);
+        retain_flagged(&mut self.surface.x, &kept_hits);
+        retain_flagged(&mut self.surface.normal, &kept_hits);
+        retain_flagged(&mut self.surface.direction, &kept_hits);
+        self.hits.iter_mut().for_each(|hit| hit.sample = number[hit.sample]);
+    }
+}
+
+/// Keeps the elements that are flagged.
+pub fn retain_flagged<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    values.retain(|_| keep.next() == Some(&true));
+}
+
+/// Unit normals from gradients.
+pub fn normals<R: Real>(gradient: &[R::Vec3]) -> Vec<R::Vec3> {
+    gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect()
+}
+
+/// The distance from the eye to the nearest surface, as the field says.
+fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
+    let mut f = [R::zero()];
+    field.value(&[eye], &mut f);
+    f[0].max(R::zero())
+}
+
+impl<R: Real> Scene<'_, R> {
+    /// The ray of every sample; `None` for a line of sight that misses the ball of rays.
+    pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
+        let mut surface_distance = FxHashMap::default();
+        let radius = self.radius();
+        samples
+            .iter()
+            .map(|sample| {
+                let camera = &self.cameras[sample.camera];
+                let eye = R::Vec3::of(camera.eye);
+                let direction = R::Vec3::of(camera.direction(sample.u));
+                let mut ray = Ray::enter(eye, direction, &self.tracing.ball)?;
+                let mut nearest = ray.near;
+                if ray.near < radius * R::of(CLOSE) {
+                    let distance = *surface_distance
+                        .entry(sample.camera)
+                        .or_insert_with(|| distance_to_surface(self.field, eye));
+                    nearest = nearest.max(distance);
+                    if ray.near < radius * R::of(AT_THE_EYE) {
+                        ray.near = (distance * R::of(0.5)).max(ray.near).min(ray.far);
+                    }
+                }
+                let scale = self.tracing_scale(sample.camera, nearest);
+                ray.scale = scale.max(radius * R::of(LEAST_SCALE));
+                Some(ray)
+            })
+            .collect()
+    }
+
+    /// How a line of sight that misses the ball of rays passes it: the distance at which it passes
+    /// the centre, and the tangent of the angle by which it clears the ball. Zero and infinity
+    /// where the ball is behind the camera.
+    pub fn passing(&self, sample: &Sample) -> (R, R) {
+        let (camera, ball) = (&self.cameras[sample.camera], &self.tracing.ball);
+        let direction = R::Vec3::of(camera.direction(sample.u));
+        let away = ball.center - R::Vec3::of(camera.eye);
+        let nearest = away.dot(direction);
+        let gap = (away - direction * nearest).length() - ball.radius;
+        if nearest > R::zero() {
+            (nearest, gap.max(R::zero()) / nearest)
+        } else {
+            (R::zero(), R::infinity())
+        }
+    }
+
+    /// Traces a batch; `None` for a line of sight that misses the ball of rays.
+    ///
+    /// # Errors
+    /// If the field gives a NaN or an infinity.
+    pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
+        let rays = self.rays(samples);
+        let batch: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
+        let mut intersections = Vec::with_capacity(batch.len());
+        trace::intersect(self.field, &batch, &self.tracing.options, &mut intersections);
+        let mut next = intersections.into_iter();
+        let traced: Vec<Option<TracedRay<R>>> = rays
+            .into_iter()
+            .map(|ray| ray.and_then(|ray| next.next().map(|found| TracedRay { ray, found })))
+            .collect();
+        let invalid = |traced: &Option<TracedRay<R>>| {
+            traced.is_some_and(|traced| traced.found.outcome == Outcome::Invalid)
+        };
+        match traced.iter().position(invalid) {
+            None => Ok(traced),
+            Some(i) => Err(InvalidField::at(self.cameras, samples[i])),
+        }
+    }
+
+    /// Traces and shades a batch.
+    ///
+    /// # Errors
+    /// If the field gives a NaN or an infinity.
+    pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
+        let traced = self.trace(samples)?;
+        let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());
+        for (sample, traced) in traced.iter().enumerate() {
+            let Some(TracedRay { ray, found }) = traced else { continue };
+            if found.outcome == Outcome::Hit {
+                hits.push(Hit { sample, t: found.t, gradient: R::Vec3::zero() });
+                x.push(ray.origin + ray.direction * found.t);
+                direction.push(ray.direction);
+            }
+        }
+        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+        self.field.value_gradient(&x, &mut f, &mut gradient);
+        hits.iter_mut().zip(&gradient).for_each(|(hit, gradient)| hit.gradient = *gradient);
+        let surface = Surface { normal: normals::<R>(&gradient), x, direction };
+        let mut rgb = vec![R::Vec3::zero(); hits.len()];
+        self.shader.radiance(&surface.batch(), &mut rgb);
+        let mut samples: Vec<TracedSample<R>> = samples
+            .iter()
+            .zip(traced)
+            .map(|(&sample, traced)| TracedSample { sample, traced, radiance: self.background })
+            .collect();
+        for (hit, rgb) in hits.iter().zip(rgb) {
+            samples[hit.sample].radiance = rgb;
+        }
+        Ok(Primary { samples, hits, surface })
+    }
+}

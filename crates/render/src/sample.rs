@@ -1,0 +1,51 @@
+//! Positions on the film.
+
+use std::ops::Range;
+
+use glam::DVec2;
+use random::{mix, sobol};
+
+/// A pixel of one of a scene's cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pixel {
+    /// The index of the camera.
+    pub camera: usize,
+    /// The column.
+    pub x: u32,
+    /// The row.
+    pub y: u32,
+}
+
+impl Pixel {
+    /// The film position of the pixel's upper left corner.
+    pub fn corner(&self) -> DVec2 {
+        DVec2::new(f64::from(self.x), f64::from(self.y))
+    }
+}
+
+/// A position on the film of one camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// The index of the camera.
+    pub camera: usize,
+    /// The film position, in pixels.
+    pub u: DVec2,
+}
+
+/// Samples of every pixel, in order: the points `range` of a Sobol sequence in its unit square,
+/// scrambled by `seed` and the pixel.
+pub fn pixel_samples(
+    pixels: impl ExactSizeIterator<Item = Pixel>,
+    range: &Range<u32>,
+    seed: u64,
+) -> Vec<Sample> {
+    let mut samples = Vec::with_capacity(pixels.len() * range.len());
+    for pixel in pixels {
+        let stream = mix(seed, u64::from(pixel.y) << 32 | u64::from(pixel.x));
+        samples.extend(range.clone().map(|i| {
+            let u = pixel.corner() + DVec2::from(sobol::<2>(i, stream));
+            Sample { camera: pixel.camera, u }
+        }));
+    }
+    samples
+}

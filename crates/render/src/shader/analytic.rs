@@ -1,0 +1,152 @@
+//! Shaders in closed form: constant, Lambertian, and the normal as a colour.
+
+use field::{Dual, Real, Scalar, SurfaceAdjoint, SurfaceBatch, Vector3};
+
+use crate::{Precision, Shader};
+
+/// A light of a Lambertian scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light {
+    /// Parallel light; the direction is towards the light, of any length.
+    Directional,
+    /// A point that falls off with the square of the distance.
+    Point,
+}
+
+/// A closed form of radiance.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Formula {
+    /// The same radiance everywhere.
+    Constant,
+    /// albedo · (ambient + Σ light · max(0, n·l)).
+    Lambert {
+        /// The lights; their six numbers each stand behind albedo and ambient in the parameters.
+        lights: Vec<Light>,
+    },
+    /// n/2 + 1/2.
+    Normal,
+}
+
+/// The most lights that one scene may have: a mask has one bit a light.
+pub const MAX_LIGHTS: usize = 64;
+
+/// The mask of lights of which none is blocked.
+pub(super) const ALL_LIT: u64 = u64::MAX;
+
+/// A shader in closed form; derivatives come from dual numbers through one formula.
+pub struct Analytic<R> {
+    /// The formula.
+    pub formula: Formula,
+    /// Its numbers.
+    pub parameters: Vec<R>,
+}
+
+type V<S> = [S; 3];
+
+fn dot<S: Scalar>(a: V<S>, b: V<S>) -> S {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Cosine and strength factor of a light at x.
+fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
+    let zero = S::constant(S::Real::of(0.0));
+    match light {
+        Light::Directional => (dot(n, p) / dot(p, p).sqrt()).max(zero),
+        Light::Point => {
+            let to_light: V<S> = std::array::from_fn(|i| p[i] - x[i]);
+            let square = dot(to_light, to_light);
+            (dot(n, to_light) / (square.sqrt() * square)).max(zero)
+        }
+    }
+}
+
+impl<R: Precision> Analytic<R> {
+    /// Radiance in any arithmetic; bit i of `lit` is set if light i reaches the point.
+    pub(super) fn shade<S: Scalar<Real = R>>(
+        &self,
+        parameter: impl Fn(usize) -> S,
+        x: V<S>,
+        n: V<S>,
+        lit: u64,
+    ) -> V<S> {
+        let at = |i: usize| -> V<S> { std::array::from_fn(|c| parameter(i + c)) };
+        match &self.formula {
+            Formula::Constant => at(0),
+            Formula::Normal => {
+                n.map(|c| (c + S::constant(R::one())) * S::constant(<R as Real>::of(0.5)))
+            }
+            Formula::Lambert { lights } => {
+                let (albedo, mut arriving) = (at(0), at(3));
+                for (i, light) in lights.iter().enumerate().filter(|(i, _)| lit >> i & 1 == 1) {
+                    let factor = incident(*light, at(6 + 6 * i), x, n);
+                    let strength = at(9 + 6 * i);
+                    arriving = std::array::from_fn(|c| arriving[c] + strength[c] * factor);
+                }
+                std::array::from_fn(|c| albedo[c] * arriving[c])
+            }
+        }
+    }
+}
+
+impl<R: Precision> Analytic<R> {
+    /// Adjoints of x and n; adds to the parameters'. The lights in `lit` reach the point.
+    pub(super) fn point_vjp(
+        &self,
+        x: R::Vec3,
+        n: R::Vec3,
+        lit: u64,
+        adjoint: R::Vec3,
+        parameters: &mut [R],
+    ) -> [R::Vec3; 2] {
+        let (at, normal) = (x.to_array(), n.to_array());
+        for (j, out) in parameters.iter_mut().enumerate() {
+            let parameter = |i: usize| {
+                let value = self.parameters[i];
+                if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
+            };
+            let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift), lit);
+            *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
+        }
+        let seed = |v: V<R>, start: usize| {
+            std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i))
+        };
+        let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3), lit);
+        let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
+        [R::Vec3::new(along(0), along(1), along(2)), R::Vec3::new(along(3), along(4), along(5))]
+    }
+}
+
+impl<R: Precision> Shader<R> for Analytic<R> {
+    fn parameter_count(&self) -> usize {
+        self.parameters.len()
+    }
+
+    fn is_uniform(&self) -> bool {
+        self.formula == Formula::Constant
+    }
+
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        for ((x, n), rgb) in points.x.iter().zip(points.normal).zip(rgb) {
+            *rgb = R::Vec3::from_array(self.shade(
+                |i| self.parameters[i],
+                x.to_array(),
+                n.to_array(),
+                ALL_LIT,
+            ));
+        }
+    }
+
+    fn vjp(
+        &self,
+        points: &SurfaceBatch<'_, R>,
+        adjoint: &[R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
+        parameters: &mut [R],
+    ) {
+        bars.direction.fill(R::Vec3::zero());
+        for p in 0..points.len() {
+            [bars.x[p], bars.normal[p]] =
+                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, adjoint[p], parameters);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! A Lambertian shader with shadows.
+
+use field::{Field, Real, Scalar, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
+
+use super::analytic::{ALL_LIT, Analytic, Formula, Light};
+use crate::{Precision, Shader};
+
+/// A Lambertian shader whose lights are blocked by the solid itself. Its derivatives hold the
+/// visibility of the lights fixed.
+pub struct Shadowed<'a, R: Real> {
+    /// The shader without shadows.
+    pub analytic: Analytic<R>,
+    /// The field whose solid blocks light.
+    pub occluders: &'a dyn Field<R>,
+    /// The ball in which it does.
+    pub bounds: Sphere<R>,
+}
+
+/// The height above the surface at which a shadow ray starts, in bounding radii: more than the error
+/// of a hit in single precision, less than a picture shows.
+const SHADOW_OFFSET: f64 = 1e-3;
+
+impl<R: Precision> Shadowed<'_, R> {
+    /// The lights that reach each point, one bit a light.
+    fn lit(&self, x: &[R::Vec3], n: &[R::Vec3]) -> Vec<u64> {
+        let Formula::Lambert { lights } = &self.analytic.formula else {
+            return vec![ALL_LIT; x.len()];
+        };
+        let mut lit = vec![0; x.len()];
+        let offset = self.bounds.radius * <R as Real>::of(SHADOW_OFFSET);
+        for (l, light) in lights.iter().enumerate() {
+            let p = &self.analytic.parameters[6 + 6 * l..];
+            let p = R::Vec3::new(p[0], p[1], p[2]);
+            let (mut rays, mut owners, mut found) = (Vec::new(), Vec::new(), Vec::new());
+            for (i, (x, n)) in x.iter().zip(n).enumerate() {
+                let origin = *x + *n * offset;
+                let to_light = if *light == Light::Point { p - origin } else { p };
+                let direction = to_light * (R::one() / to_light.length());
+                lit[i] |= 1 << l;
+                if n.dot(direction) > R::zero()
+                    && let Some(mut ray) = trace::Ray::enter(origin, direction, &self.bounds)
+                {
+                    if *light == Light::Point {
+                        ray.far = Scalar::min(ray.far, to_light.length());
+                    }
+                    rays.push(ray);
+                    owners.push(i);
+                }
+            }
+            trace::intersect(self.occluders, &rays, &trace::Options::default(), &mut found);
+            for (i, found) in owners.into_iter().zip(found) {
+                if found.outcome != trace::Outcome::Miss {
+                    lit[i] &= !(1 << l);
+                }
+            }
+        }
+        lit
+    }
+}
+
+impl<R: Precision> Shader<R> for Shadowed<'_, R> {
+    fn parameter_count(&self) -> usize {
+        self.analytic.parameter_count()
+    }
+
+    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
+        let SurfaceBatch { x, normal: n, .. } = *points;
+        let parameters = &self.analytic.parameters;
+        for (i, lit) in self.lit(x, n).into_iter().enumerate() {
+            let shaded =
+                self.analytic.shade(|p| parameters[p], x[i].to_array(), n[i].to_array(), lit);
+            rgb[i] = R::Vec3::from_array(shaded);
+        }
+    }
+
+    fn vjp(
+        &self,
+        points: &SurfaceBatch<'_, R>,
+        adjoint: &[R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
+        parameters: &mut [R],
+    ) {
+        let SurfaceBatch { x, normal: n, .. } = *points;
+        bars.direction.fill(R::Vec3::zero());
+        for (p, lit) in self.lit(x, n).into_iter().enumerate() {
+            [bars.x[p], bars.normal[p]] =
+                self.analytic.point_vjp(x[p], n[p], lit, adjoint[p], parameters);
+        }
+    }
+}
