@@ -79,10 +79,10 @@ impl<R: Real> HitAdjoint<R> {
 
 /// VJP of parameters ↦ (hit point, unit normal), at a hit with ∇f = `gradient`.
 ///
-/// `point_bar` is x̂ = x̄ + ∇²f m: the adjoint x̄ of the hit point plus the term of the normal, which
-/// depends on the point. `m` is [`HitAdjoint::normal_coefficient`]. A change ḟ of f moves the point
-/// along the ray by −ḟ/(∇f·d), so α = −(x̂·d)/(∇f·d) and c = m. Pass both to `Field::parameter_vjp`
-/// at the hit point.
+/// `point_bar` is x̂ = x̄ + ∇²f m: the adjoint x̄ of the hit point plus the term of the normal,
+/// which depends on the point. `m` is [`HitAdjoint::normal_coefficient`]. A change ḟ of f moves
+/// the point along the ray by −ḟ/(∇f·d), so α = −(x̂·d)/(∇f·d) and c = m. Pass both to
+/// `Field::parameter_vjp` at the hit point.
 pub fn hit_vjp<R: Real>(
     gradient: R::Vec3,
     direction: R::Vec3,

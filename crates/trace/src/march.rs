@@ -50,37 +50,50 @@ impl<R: Real> RayState<R> {
     }
 }
 
+// Evidence: one constant changed at a time, in double precision. "Views": mean evaluations per ray
+// of 128 × 128 rays at each of the seven solids of tests/tracing.rs, 7.39 with the values below.
+// "Steep edge": 40 000 rays 1e-4 to 0.03 beside an edge of a box whose f is three times the
+// distance, with relaxation 1: 10.5 evaluations per ray, none decided wrongly. Changes that name no
+// wrong decision caused none there, nor for rays 1e-7 to 0.1 beside a ball's silhouette, nor for
+// balls whose f is 2, 5 and 20 times the distance. Networks were not measured.
+
 /// Longest first step, in units of `Ray::scale`. A field steeper than a distance then shows its
-/// slope before a step can jump over the whole solid. Without this limit, a ball whose f is five
-/// times the distance is not seen at all.
+/// slope before a step can jump over the whole solid. Without this limit and the next one, a ball
+/// whose f is five times the distance is not seen at all. Views at 0.25: 7.91; 1 changes nothing,
+/// because the next limit is shorter there.
 const FIRST_STEP_PER_SCALE: f64 = 0.5;
 
 /// Longest first step as a fraction of the ray's interval, which may fit the solid closely: a first
-/// step of half the scale could then jump over it.
+/// step of half the scale could then jump over it. Views at 0.125: 7.95, at 0.5: 7.26.
 const FIRST_STEP_PER_INTERVAL: f64 = 0.25;
 
-/// Longest step, in units of the shortest step, that may leave the empty balls of its ends.
+/// Longest step, in units of the shortest step, that may leave the empty balls of its ends. Views
+/// at 1: 7.56, at 4: 7.24 with 2 wrong decisions at the steep edge.
 const UNCHECKED_STEP: f64 = 2.0;
 
 /// Length of a step to an expected root, in units of the distance to that root. Above 1, so that
-/// the step crosses the root and brackets it tightly.
+/// the step crosses the root and brackets it tightly. Views at 1.005: 7.38 with 14 wrong decisions
+/// at the steep edge, at 1.1: 6.77 with 32.
 const ROOT_OVERSHOOT: f64 = 1.02;
 
 /// Longest step to an expected root, in units of the empty ball's radius, where the root is further
 /// than [`UNCHECKED_STEP`]. With f a distance to a plane, such steps are taken where the ray meets
-/// the plane within acos(1.02/1.1) = 22° of its normal.
+/// the plane within acos(1.02/1.1) = 22° of its normal. Views at 1: 6.76, at 1.5: 7.52.
 const ROOT_STEP: f64 = 1.1;
 
 /// Length of an over-relaxed step, in units of the step at which the empty balls of both ends just
 /// touch if f goes on with its last slope. A smaller value takes shorter steps; a larger one has to
-/// take back more steps where f bends downwards.
+/// take back more steps where f bends downwards. Views at 0.85: 7.55, at 1: 7.38. All such steps
+/// together save a fifth of the evaluations.
 const TOUCHING_STEP: f64 = 0.95;
 
-/// Longest over-relaxed step, in units of the empty ball's radius.
+/// Longest over-relaxed step, in units of the empty ball's radius. Steep edge at 3: 11.0
+/// evaluations, at 20: 10.4; views change by less than 0.02.
 const LONGEST_STEP: f64 = 8.0;
 
 /// Gap between the empty balls of two points that still counts as touching, as a fraction of
-/// L Δt: an allowance for rounding.
+/// L Δt: an allowance for rounding. Views at 0: 7.46, at 1e-2: 7.05 with 2430 wrong decisions at
+/// the steep edge.
 const TOUCH_SLACK: f64 = 1e-3;
 
 /// One ray with the place of its result.

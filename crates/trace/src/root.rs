@@ -31,7 +31,8 @@ pub(crate) struct Bracket<R> {
 const ROOT_EVALUATIONS: u32 = 200;
 
 /// Evaluations in which the bracket has to become half as wide; if it does not, a bisection
-/// follows.
+/// follows. Views of seven solids in double precision took 7.39 evaluations per ray, 7.61 with a
+/// period of 2, and 7.39 with 6.
 const HALVING_PERIOD: u32 = 3;
 
 impl<R: Real> Bracket<R> {

@@ -14,11 +14,14 @@ pub(super) struct Point<R: Real> {
 
 /// One point is at the bottom of a kink if its height above the meeting point of the tangents is
 /// below this fraction of the other point's height. A point of a parabola that passes this test is
-/// within a fifth of the interval from the minimum.
+/// within a fifth of the interval from the minimum. Of 28 000 searches (see `search.rs`), 21 654
+/// found a tangency with 19.57 evaluations per start; at 0.1 21 681 with 18.35, at 0.5 21 653 with
+/// 20.90.
 const KINK_RATIO: f64 = 0.25;
 
 /// Two points are on different faces if their gradients differ by more than this fraction of the
-/// longer one. One of the faces may lie behind a smooth minimum that belongs to the other.
+/// longer one. One of the faces may lie behind a smooth minimum that belongs to the other. The same
+/// searches took 19.68 evaluations at 0.03, and 19.56 at 0.3.
 const FACE_DIFFERENCE: f64 = 0.1;
 
 /// Whether two points are on different faces of a solid.

@@ -5,25 +5,33 @@ use field::{Real, Vector3};
 use super::minimum::{Minimum, Point, on_different_faces};
 use super::{RayFamily, Start, Tangency};
 
+// Evidence: one constant changed at a time, for 28 000 starts about the seven solids of
+// tests/tracing.rs, with s an angle, a range of ±0.25 and a tolerance of 1e-6 radians, in double
+// precision. With the values below 21 654 searches found a tangency, at 19.57 evaluations per
+// start. At none of the values was |f| above 1e-4 at a found tangency.
+
 /// Most evaluations along one ray. A kink takes about ten, a smooth minimum three.
 const EVALUATIONS_PER_RAY: u32 = 40;
 
 /// Most Newton steps of one search. Newton's method takes three or four where m is smooth.
 const NEWTON_STEPS: u32 = 24;
 
-/// Largest uncertainty of a minimum, as a fraction of its value, for a Newton step from it.
+/// Largest uncertainty of a minimum, as a fraction of its value, for a Newton step from it. At
+/// 0.01: 21 709 found with 22.24 evaluations; at 0.2: 21 478 with 18.02.
 const MINIMUM_TOLERANCE: f64 = 0.05;
 
 /// Largest distance of two points on different faces that enclose a minimum at an edge, in units of
-/// the tolerance on the surface.
+/// the tolerance on the surface. At 3: 19.68 evaluations, at 30: 19.51, and as many found.
 const EDGE_WIDTH: f64 = 10.0;
 
 /// If the interpolated gradient is shorter than this fraction of the points' gradients, they
 /// cancel, and f may be negative nowhere. A solid without inner points (a solid minus itself) has a
-/// surface and a kink everywhere. Such a tangency is checked on a ray inside.
+/// surface and a kink everywhere. Such a tangency is checked on a ray inside. 0.01 and 0.3 change
+/// nothing but 0.01 evaluations.
 const CANCELLED_GRADIENT: f64 = 0.1;
 
-/// Distance of the checking ray from the tangency, towards the inside, in tolerances.
+/// Distance of the checking ray from the tangency, towards the inside, in tolerances. 2 and 16
+/// change nothing.
 const CHECK_DISTANCE: f64 = 4.0;
 
 /// Smallest distance of a trial from the points on both sides, as a fraction of their distance.
