@@ -181,7 +181,7 @@ impl<R: Real> Tracer<'_, R> {
     fn balls_touch(&self, s: &mut RayState<R>, last: Point<R>, here: Point<R>) -> bool {
         let width = here.t - last.t;
         let secant = (here.f - last.f) / width;
-        // Over less than half of the shortest step the secant is not trusted: rounding of f.
+        // Over less than half of the shortest step, rounding of f may dominate the secant.
         if width * R::of(2.0) > self.min_step {
             s.steepest = s.steepest.max(secant.abs());
         }
