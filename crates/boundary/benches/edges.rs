@@ -1,4 +1,4 @@
-//! The edges of a tile and of scattered pixels, and their fluxes.
+//! Pixels per second of building the edges of a tile and of scattered pixels, and of adding fluxes.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;

@@ -1,4 +1,4 @@
-//! Parameters a second of a step of Adam and of clipping, one core, single precision.
+//! Parameters per second of one Adam step and of clipping, on one core in single precision.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;

@@ -1,33 +1,4 @@
-//! Adam, learning-rate schedules, gradient clipping and finite checks, over plain slices.
-//!
-//! A *gradient* points uphill: steps go against it. A *group* is a range of parameters with
-//! settings of its own. *Progress* is the fraction of a run that is done, from 0 to 1.
-//!
-//! ```
-//! use optim::{Adam, Group, Schedule};
-//!
-//! // Minimise (x − 3)² + 10 (y + 1)².
-//! let mut adam = Adam::<f64>::new(2, vec![Group::new("all", 0..2)]);
-//! let schedule = Schedule::WarmUpCosine { warm_up: 0.05, last: 0.01 };
-//! let mut p = [0.0, 0.0];
-//! for i in 0..1000 {
-//!     let gradient = [2.0 * (p[0] - 3.0), 20.0 * (p[1] + 1.0)];
-//!     adam.step(&mut p, &gradient, 0.05 * schedule.fraction(i as f64 / 1000.0))?;
-//! }
-//! assert!((p[0] - 3.0).abs() < 1e-3 && (p[1] + 1.0).abs() < 1e-3);
-//! # Ok::<(), optim::OptimError>(())
-//! ```
-//!
-//! # What is guaranteed
-//! Everything is elementwise in a fixed order, so the same inputs give the same bits, also from a
-//! saved state. A step is taken as a whole or not at all: a gradient or rate that would leave a NaN
-//! or an infinity behind is refused.
-//!
-//! # What is not
-//! Parameters are the caller's; that they are finite is not checked.
-//!
-//! Source: Kingma and Ba, "Adam: A Method for Stochastic Optimization" (2015), algorithm 1;
-//! decoupled weight decay from Loshchilov and Hutter (2019).
+#![doc = include_str!("../README.md")]
 
 mod schedule;
 
@@ -37,78 +8,85 @@ use num_traits::Float;
 
 pub use schedule::{InvalidSchedule, Schedule};
 
-/// A range of parameters with settings of its own.
+/// A range of parameters with their own settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// A name for messages.
+    /// The name in error messages.
     pub name: String,
-    /// The parameters it holds.
+    /// The indices of its parameters.
     pub range: Range<usize>,
-    /// A factor on the learning rate.
+    /// The factor on the learning rate.
     pub rate: f64,
-    /// β₁: the decay of the gradient's mean.
+    /// β₁: the decay of the running mean of the gradient per step, in [0, 1).
     pub beta1: f64,
-    /// β₂: the decay of the gradient's mean square.
+    /// β₂: the decay of the running mean of the squared gradient per step, in [0, 1).
     pub beta2: f64,
-    /// Decoupled weight decay, per unit of learning rate.
+    /// Decoupled weight decay: a step also subtracts this times the learning rate times the
+    /// parameter.
     pub weight_decay: f64,
 }
 
 impl Group {
-    /// A group with the published settings: β₁ = 0.9, β₂ = 0.999, no weight decay.
+    /// A group with the settings that Kingma and Ba suggest, β₁ = 0.9 and β₂ = 0.999, with rate 1
+    /// and without weight decay.
     pub fn new(name: impl Into<String>, range: Range<usize>) -> Self {
         Group { name: name.into(), range, rate: 1.0, beta1: 0.9, beta2: 0.999, weight_decay: 0.0 }
     }
 }
 
-/// The guard in the denominator, as published.
+/// ε in the denominator of a step, in units of the gradient: the value that Kingma and Ba suggest.
 const EPSILON: f64 = 1e-8;
 
-/// Why a step was not taken; parameters and state are as before.
+/// The reason why a step or a saved state was refused. Parameters and optimiser are unchanged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptimError {
-    /// A gradient that is not a number, or so large that its square overflows. The running mean of
-    /// squares would become infinite, and the parameter would never move again.
+    /// A gradient is a NaN or infinite, or its square overflows. The running mean of squares would
+    /// become infinite, and the parameter would never move again.
     #[error("gradient {index} of group {group} is {value}, expected a number with a finite square")]
     NotFinite {
-        /// The group's name.
+        /// The name of the group.
         group: String,
-        /// The index in the whole vector.
+        /// The index in the whole gradient.
         index: usize,
-        /// The value.
+        /// The gradient.
         value: f64,
     },
-    /// A learning rate that is not a number.
+    /// A learning rate is a NaN or infinite.
     #[error("the learning rate of group {group} is {value}, expected a finite number")]
     Rate {
-        /// The group's name.
+        /// The name of the group.
         group: String,
-        /// The rate, with the group's factor.
+        /// The rate times the factor of the group.
         value: f64,
     },
-    /// A saved state that no run leaves behind.
+    /// A saved state holds a number that no run can produce.
     #[error("{what} {index} is {value}, expected a finite number, and 0 or more for a mean square")]
     State {
-        /// Which moments.
+        /// The name of the moments.
         what: &'static str,
-        /// The index.
+        /// The index of the parameter.
         index: usize,
-        /// The value.
+        /// The number.
         value: f64,
     },
-    /// Slices that do not fit together.
+    /// A slice has the wrong length.
     #[error("{what} has length {found}, expected {expected}")]
     Length {
-        /// Which slice.
+        /// The name of the slice.
         what: &'static str,
-        /// Its length.
+        /// The length of the slice.
         found: usize,
-        /// The optimiser's length.
+        /// The number of parameters of the optimiser.
         expected: usize,
     },
 }
 
-/// The optimiser's state: running means of gradient and squared gradient.
+/// Adam (Kingma and Ba, "Adam: A Method for Stochastic Optimization", ICLR 2015, algorithm 1) with
+/// decoupled weight decay (Loshchilov and Hutter, "Decoupled Weight Decay Regularization", ICLR
+/// 2019).
+///
+/// Holds the running means of the gradient and of its square, and the number of steps. The
+/// parameters are the caller's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam<R> {
     groups: Vec<Group>,
@@ -122,38 +100,19 @@ fn constant<R: Float>(value: f64) -> R {
 }
 
 impl<R: Float> Adam<R> {
-    /// A fresh optimiser of `length` parameters; those in no group stay as they are.
+    /// A new optimiser of `length` parameters. Parameters in no group never change.
     ///
     /// # Panics
     /// If a group reaches beyond the parameters or overlaps another, or a β is not in [0, 1).
     pub fn new(length: usize, groups: Vec<Group>) -> Self {
-        let mut ranges: Vec<&Range<usize>> =
-            groups.iter().map(|g| &g.range).filter(|r| !r.is_empty()).collect();
-        ranges.sort_by_key(|r| r.start);
-        assert!(
-            ranges.iter().all(|r| r.end <= length),
-            "groups within {length} parameters, not {ranges:?}"
-        );
-        assert!(
-            ranges.windows(2).all(|w| w[0].end <= w[1].start),
-            "groups that do not overlap, not {ranges:?}"
-        );
-        for group in &groups {
-            for beta in [group.beta1, group.beta2] {
-                assert!(
-                    (0.0..1.0).contains(&beta),
-                    "decay {beta} of group {}, expected from 0 to below 1",
-                    group.name
-                );
-            }
-        }
+        assert_groups(length, &groups);
         Adam { groups, first: vec![R::zero(); length], second: vec![R::zero(); length], steps: 0 }
     }
 
-    /// One step against `gradient` with learning rate `rate`.
+    /// One step against `gradient` with the learning rate `rate`, in units of the parameters.
     ///
     /// # Errors
-    /// If a gradient, its square or the rate is not finite, or a length is wrong; nothing has
+    /// If a gradient, its square or a rate is not finite, or if a length is wrong. Nothing has
     /// changed then.
     pub fn step(
         &mut self,
@@ -168,7 +127,7 @@ impl<R: Float> Adam<R> {
         let exponent = i32::try_from(self.steps).unwrap_or(i32::MAX);
         for group in &self.groups {
             let (beta1, beta2) = (constant::<R>(group.beta1), constant::<R>(group.beta2));
-            // Differences from 1 in double precision: in single they lose four digits.
+            // 1 − β in double precision: in single precision it would lose four digits.
             let (fresh1, fresh2) =
                 (constant::<R>(1.0 - group.beta1), constant::<R>(1.0 - group.beta2));
             let unbias1 = constant::<R>(1.0 - group.beta1.powi(exponent));
@@ -192,16 +151,17 @@ impl<R: Float> Adam<R> {
         if found == expected { Ok(()) } else { Err(OptimError::Length { what, found, expected }) }
     }
 
-    /// The running means of gradient and squared gradient, and the number of steps: all there is to
-    /// save.
+    /// The running means of the gradient and of its square, one element per parameter, and the
+    /// number of steps. A run can continue from these and the parameters.
     pub fn state(&self) -> (&[R], &[R], u64) {
         (&self.first, &self.second, self.steps)
     }
 
-    /// Goes on from a saved state, bit for bit.
+    /// Restores the state that [`state`](Self::state) returned. The following steps then have the
+    /// same bits as without the interruption.
     ///
     /// # Errors
-    /// If a length is wrong, a number is not finite or a mean square is negative; nothing has
+    /// If a length is wrong, a number is not finite or a mean square is negative. Nothing has
     /// changed then.
     pub fn restore(&mut self, first: &[R], second: &[R], steps: u64) -> Result<(), OptimError> {
         self.check_length("first moments", first.len())?;
@@ -219,7 +179,28 @@ fn double<R: Float>(value: R) -> f64 {
     value.to_f64().unwrap_or(f64::NAN)
 }
 
-/// Refuses a step of this group that would leave a NaN or an infinity behind.
+/// Panics if a group reaches beyond `length` or overlaps another, or if a β is not in [0, 1).
+fn assert_groups(length: usize, groups: &[Group]) {
+    let mut ranges: Vec<&Range<usize>> =
+        groups.iter().map(|g| &g.range).filter(|r| !r.is_empty()).collect();
+    ranges.sort_by_key(|r| r.start);
+    assert!(
+        ranges.iter().all(|r| r.end <= length),
+        "groups {ranges:?} reach beyond the {length} parameters"
+    );
+    assert!(ranges.windows(2).all(|w| w[0].end <= w[1].start), "groups {ranges:?} overlap");
+    for group in groups {
+        for beta in [group.beta1, group.beta2] {
+            assert!(
+                (0.0..1.0).contains(&beta),
+                "decay {beta} of group {}, expected a number from 0 to below 1",
+                group.name
+            );
+        }
+    }
+}
+
+/// Refuses a step if a gradient of this group, its square, or the rate is not finite.
 fn check_group<R: Float>(group: &Group, gradient: &[R], rate: R) -> Result<(), OptimError> {
     let own = &gradient[group.range.clone()];
     if let Some(at) = own.iter().position(|&g| !(g * g).is_finite()) {
@@ -234,6 +215,7 @@ fn check_group<R: Float>(group: &Group, gradient: &[R], rate: R) -> Result<(), O
     }
 }
 
+/// Refuses moments that are not finite or below `least`.
 fn check_moments<R: Float>(what: &'static str, values: &[R], least: R) -> Result<(), OptimError> {
     match values.iter().position(|v| !v.is_finite() || *v < least) {
         Some(index) => Err(OptimError::State { what, index, value: double(values[index]) }),
@@ -241,12 +223,14 @@ fn check_moments<R: Float>(what: &'static str, values: &[R], least: R) -> Result
     }
 }
 
-/// The first number that is infinite or NaN, with its index.
+/// The index and the value of the first number that is a NaN or infinite.
 pub fn first_non_finite<R: Float>(values: &[R]) -> Option<(usize, R)> {
     values.iter().position(|v| !v.is_finite()).map(|i| (i, values[i]))
 }
 
-/// The Euclidean norm, summed in order and scaled so that it neither over- nor underflows.
+/// The Euclidean norm, summed in the order of the slice. Values are divided by the largest one
+/// first, so that squares neither overflow nor underflow. A NaN or an infinity in the slice gives a
+/// norm that is not finite.
 pub fn norm<R: Float>(values: &[R]) -> R {
     let largest =
         values.iter().fold(R::zero(), |m, v| if v.abs() > m || v.is_nan() { v.abs() } else { m });
@@ -257,8 +241,9 @@ pub fn norm<R: Float>(values: &[R]) -> R {
     largest * sum.sqrt()
 }
 
-/// Shortens a gradient to norm `most` if it is longer; returns the norm it had. A gradient that is
-/// not finite is left.
+/// Scales a gradient to norm `most` if its norm is larger, and returns the norm before (gradient
+/// norm clipping: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent neural
+/// networks", ICML 2013). A gradient whose norm is not finite stays unchanged.
 pub fn clip_norm<R: Float>(gradient: &mut [R], most: R) -> R {
     let length = norm(gradient);
     if length > most && length.is_finite() {

@@ -1,18 +1,19 @@
-//! Learning rates over the course of a run.
+//! The learning rate over the progress of a run.
 
 use serde::{Deserialize, Serialize};
 
 /// The learning rate as a fraction of its peak, over the progress of a run from 0 to 1.
 ///
-/// Progress rather than steps, so that a run bounded by time follows the same course as one bounded
-/// by steps.
+/// A schedule depends on progress, not on steps: a run that is bounded by time follows the same
+/// course as one that is bounded by steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Schedule {
     /// 1 throughout.
     #[default]
     Constant,
-    /// A straight rise from 0, then half a cosine down (Loshchilov and Hutter 2017, without
+    /// A linear rise from 0 to 1, then half a period of a cosine down to `last` (Loshchilov and
+    /// Hutter, "SGDR: Stochastic Gradient Descent with Warm Restarts", ICLR 2017, without
     /// restarts).
     WarmUpCosine {
         /// The progress at which the rise ends and the cosine begins, in [0, 1).
@@ -20,28 +21,28 @@ pub enum Schedule {
         /// The fraction left at the end, in [0, 1].
         last: f64,
     },
-    /// last^progress: the same factor for every equal part of the run.
+    /// last^progress: equal parts of the run have equal factors.
     Exponential {
         /// The fraction left at the end, in (0, 1].
         last: f64,
     },
 }
 
-/// A schedule that cannot be followed.
+/// A setting of a schedule that is out of range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{name} is {found}, expected a number {expected}")]
 pub struct InvalidSchedule {
-    /// The setting.
+    /// The name of the setting.
     pub name: &'static str,
     /// Its value.
     pub found: f64,
-    /// What it should be.
+    /// The values that are allowed.
     pub expected: &'static str,
 }
 
 impl Schedule {
-    /// The fraction of the peak rate; progress beyond [0, 1] counts as its nearer end, and a NaN
-    /// gives a NaN, which [`Adam::step`](crate::Adam::step) refuses.
+    /// The learning rate as a fraction of its peak. Progress is clamped to [0, 1]. A NaN gives a
+    /// NaN, which [`Adam::step`](crate::Adam::step) refuses as a rate.
     pub fn fraction(&self, progress: f64) -> f64 {
         let progress = progress.clamp(0.0, 1.0);
         match *self {
@@ -56,10 +57,10 @@ impl Schedule {
         }
     }
 
-    /// Checks the settings.
+    /// Checks that every setting is in its range.
     ///
     /// # Errors
-    /// On the first that is out of range.
+    /// Names the first setting that is not.
     pub fn validate(&self) -> Result<(), InvalidSchedule> {
         let check = |name, found: f64, holds: bool, expected| {
             if holds { Ok(()) } else { Err(InvalidSchedule { name, found, expected }) }
@@ -84,7 +85,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn ends_and_middles_are_as_written() {
+    fn fractions_at_ends_and_middles_match_the_formulas() {
         let cosine = Schedule::WarmUpCosine { warm_up: 0.2, last: 0.1 };
         for (progress, expected) in
             [(-1.0, 0.0), (0.0, 0.0), (0.1, 0.5), (0.2, 1.0), (0.6, 0.55), (1.0, 0.1), (7.0, 0.1)]
@@ -100,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_progress_that_is_no_number_is_not_hidden() {
+    fn a_progress_of_nan_gives_a_fraction_of_nan() {
         let all = [
             Schedule::Constant,
             Schedule::WarmUpCosine { warm_up: 0.1, last: 0.0 },
@@ -111,8 +112,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn fractions_fall_continuously_from_the_peak(warm_up in 0.0..0.9f64, last in 0.001..1.0f64, p in 0.0..1.0f64) {
-            for schedule in [Schedule::WarmUpCosine { warm_up, last }, Schedule::Exponential { last }] {
+        fn fractions_fall_continuously_from_the_peak(
+            warm_up in 0.0..0.9f64,
+            last in 0.001..1.0f64,
+            p in 0.0..1.0f64,
+        ) {
+            let cosine = Schedule::WarmUpCosine { warm_up, last };
+            for schedule in [cosine, Schedule::Exponential { last }] {
                 prop_assert_eq!(schedule.validate(), Ok(()));
                 let (here, next) = (schedule.fraction(p), schedule.fraction(p + 1e-9));
                 prop_assert!((0.0..=1.0 + 1e-12).contains(&here));
@@ -123,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn validate_names_a_setting_out_of_range() {
         for warm_up in [-0.1, 1.0, f64::NAN] {
             let error = Schedule::WarmUpCosine { warm_up, last: 0.1 }.validate().unwrap_err();
             assert_eq!(error.name, "warm_up");
@@ -140,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn written_and_read_again_it_is_the_same() {
+    fn a_schedule_survives_toml_and_unknown_keys_are_refused() {
         let schedule = Schedule::WarmUpCosine { warm_up: 0.05, last: 0.03 };
         let text = toml::to_string(&schedule).unwrap();
         assert_eq!(text, "kind = \"warm_up_cosine\"\nwarm_up = 0.05\nlast = 0.03\n");

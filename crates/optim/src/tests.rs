@@ -7,7 +7,7 @@ fn adam(n: usize) -> Adam<f64> {
 }
 
 #[test]
-fn the_first_step_has_the_length_of_the_rate() {
+fn the_first_step_has_the_size_of_the_rate() {
     let mut p = [1.0, 2.0, 3.0];
     adam(3).step(&mut p, &[0.3, -4.0, 0.0], 0.1).unwrap();
     assert_relative_eq!(p[0], 0.9, epsilon = 1e-7);
@@ -27,7 +27,7 @@ fn rosenbrock_is_minimised() {
 }
 
 #[test]
-fn groups_have_their_own_rates_and_others_stay() {
+fn groups_have_their_own_rates_and_other_parameters_stay() {
     let mut fast = Group::new("fast", 0..1);
     fast.rate = 10.0;
     let mut adam = Adam::<f64>::new(3, vec![fast, Group::new("slow", 1..2)]);
@@ -39,23 +39,31 @@ fn groups_have_their_own_rates_and_others_stay() {
 }
 
 proptest! {
-    /// Algorithm 1 of the paper written straight, without groups.
+    /// Kingma and Ba 2015, algorithm 1, without groups.
     #[test]
-    fn many_steps_match_the_papers_algorithm(gradients in prop::collection::vec(-10.0..10.0f64, 1..60), rate in 1e-4..1.0f64) {
+    fn many_steps_match_the_published_algorithm(
+        gradients in prop::collection::vec(-10.0..10.0f64, 1..60),
+        rate in 1e-4..1.0f64,
+    ) {
         let (mut adam, mut p) = (adam(1), [0.5]);
         let (mut m, mut v, mut q) = (0.0, 0.0, 0.5);
         for (t, g) in gradients.iter().enumerate() {
             adam.step(&mut p, &[*g], rate).unwrap();
             m = 0.9 * m + 0.1 * g;
             v = 0.999 * v + 0.001 * g * g;
-            let (m_hat, v_hat) = (m / (1.0 - 0.9f64.powf(t as f64 + 1.0)), v / (1.0 - 0.999f64.powf(t as f64 + 1.0)));
+            let steps = t as f64 + 1.0;
+            let m_hat = m / (1.0 - 0.9f64.powf(steps));
+            let v_hat = v / (1.0 - 0.999f64.powf(steps));
             q -= rate * m_hat / (v_hat.sqrt() + 1e-8);
         }
         assert_relative_eq!(p[0], q, epsilon = 1e-9, max_relative = 1e-9);
     }
 
     #[test]
-    fn a_restored_state_goes_on_bit_for_bit(gradients in prop::collection::vec(-1.0..1.0f32, 2..30), cut in 1usize..20) {
+    fn steps_after_a_restored_state_have_the_same_bits(
+        gradients in prop::collection::vec(-1.0..1.0f32, 2..30),
+        cut in 1usize..20,
+    ) {
         let cut = cut.min(gradients.len() - 1);
         let fresh = || Adam::<f32>::new(1, vec![Group::new("all", 0..1)]);
         let (mut one, mut p) = (fresh(), [0.1f32]);
@@ -70,7 +78,10 @@ proptest! {
     }
 
     #[test]
-    fn poison_is_named_and_changes_nothing(poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]), at in 0usize..3) {
+    fn a_gradient_of_nan_or_infinity_is_refused_and_changes_nothing(
+        poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
+        at in 0usize..3,
+    ) {
         let (mut adam, mut p) = (adam(3), [1.0, 2.0, 3.0]);
         adam.step(&mut p, &[0.1; 3], 0.1).unwrap();
         let before = (adam.clone(), p);
@@ -84,18 +95,23 @@ proptest! {
     }
 
     #[test]
-    fn clipping_keeps_the_direction(g in prop::collection::vec(-1e3..1e3f64, 1..20), most in 1e-3..10.0f64) {
+    fn clipping_keeps_the_direction(
+        g in prop::collection::vec(-1e3..1e3f64, 1..20),
+        most in 1e-3..10.0f64,
+    ) {
         let mut clipped = g.clone();
         let length = clip_norm(&mut clipped, most);
-        assert_relative_eq!(length, g.iter().map(|v| v * v).sum::<f64>().sqrt(), max_relative = 1e-12);
+        let expected = g.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert_relative_eq!(length, expected, max_relative = 1e-12);
         prop_assert!(norm(&clipped) <= most * (1.0 + 1e-12) || length <= most);
         for (a, b) in g.iter().zip(&clipped) {
-            assert_relative_eq!(a * norm(&clipped), b * length, epsilon = 1e-6, max_relative = 1e-9);
+            let (before, after) = (a * norm(&clipped), b * length);
+            assert_relative_eq!(before, after, epsilon = 1e-6, max_relative = 1e-9);
         }
     }
 }
 
-/// Minimises Σ h_i (p_i − q_i)²/2 over groups of unlike rates.
+/// Minimises Σ h_i (p_i − q_i)²/2 over groups with different rates.
 #[test]
 fn a_quadratic_is_minimised_to_its_closed_form() {
     let (h, q) = ([0.01, 1.0, 300.0, 7.0], [3.0, -2.0, 0.5, 1e-3]);
@@ -113,7 +129,7 @@ fn a_quadratic_is_minimised_to_its_closed_form() {
     }
 }
 
-/// With a zero gradient only the decay is left: p ← p (1 − rate · decay).
+/// With a zero gradient only the decay acts: p ← p (1 − rate · decay).
 #[test]
 fn weight_decay_is_decoupled() {
     let mut group = Group::new("all", 0..1);
@@ -126,7 +142,7 @@ fn weight_decay_is_decoupled() {
 }
 
 #[test]
-fn single_precision_follows_double() {
+fn single_precision_agrees_with_double_to_2e_5() {
     let mut single = Adam::<f32>::new(1, vec![Group::new("all", 0..1)]);
     let (mut double, mut p, mut q) = (adam(1), [0.5f32], [0.5f64]);
     for i in 0..500 {
@@ -137,7 +153,8 @@ fn single_precision_follows_double() {
     assert_relative_eq!(f64::from(p[0]), q[0], epsilon = 2e-5);
 }
 
-/// In single precision the square of 1e30 is infinite: taken, it would stop the parameter for good.
+/// In single precision the square of 1e30 is infinite: such a step would stop the parameter for
+/// ever.
 #[test]
 fn a_gradient_whose_square_overflows_is_refused() {
     let mut adam = Adam::<f32>::new(2, vec![Group::new("a", 0..1), Group::new("b", 1..2)]);
@@ -155,7 +172,7 @@ fn a_gradient_whose_square_overflows_is_refused() {
 }
 
 #[test]
-fn a_rate_or_a_state_that_is_no_number_is_refused() {
+fn a_rate_or_a_state_that_is_not_finite_is_refused() {
     let (mut adam, mut p) = (adam(2), [1.0, 2.0]);
     adam.step(&mut p, &[0.1, 0.2], 0.1).unwrap();
     let before = (adam.clone(), p);
@@ -178,21 +195,21 @@ fn a_rate_or_a_state_that_is_no_number_is_refused() {
 }
 
 #[test]
-#[should_panic(expected = "do not overlap")]
-fn groups_may_not_overlap() {
+#[should_panic(expected = "groups [0..3, 2..4] overlap")]
+fn overlapping_groups_are_refused() {
     Adam::<f64>::new(4, vec![Group::new("a", 0..3), Group::new("b", 2..4)]);
 }
 
 #[test]
 #[should_panic(expected = "decay 1 of group all")]
-fn a_decay_of_one_never_forgets_and_is_refused() {
+fn a_decay_of_one_is_refused() {
     let mut group = Group::new("all", 0..1);
     group.beta2 = 1.0;
     Adam::<f64>::new(1, vec![group]);
 }
 
 #[test]
-fn norms_survive_extremes() {
+fn norms_of_very_large_and_small_values_are_right() {
     assert_relative_eq!(norm(&[3e30f32, 4e30]), 5e30, max_relative = 1e-6);
     assert_relative_eq!(norm(&[3e-30f32, 4e-30]), 5e-30, max_relative = 1e-6);
     assert_eq!(norm::<f32>(&[]), 0.0);

@@ -1,5 +1,5 @@
-//! Rays a second of the tracer, one core, single precision: a view of a ball, of rays that graze
-//! it, and the published recursion.
+//! Rays per second on one core in single precision: a view of a ball, rays that graze it, and the
+//! recorded recursion.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;
@@ -9,8 +9,11 @@ use field::{Shape, Sphere};
 use glam::Vec3;
 use trace::{Options, Ray, intersect, visit};
 
-/// Rays down −z through a square grid of this side, over a square of half a side `half` about
-/// `center`.
+/// N: the published number of quadrature points per ray.
+const POINTS: usize = 22;
+
+/// Rays along −z through `side` × `side` points of a square, from `center` − `half` to
+/// `center` + `half` in x and from −`half` to `half` in y.
 fn rays(side: usize, center: f32, half: f32) -> Vec<Ray<f32>> {
     let bounds = Sphere { center: Vec3::ZERO, radius: 1.2 };
     let at = |i: usize| (i as f32 + 0.5) / side as f32 * 2.0 - 1.0;
@@ -32,7 +35,7 @@ fn tracing(c: &mut Criterion) {
     }
     group.throughput(Throughput::Elements(view.len() as u64));
     group.bench_function("22 points of the recursion", |b| {
-        b.iter(|| visit(&ball, black_box(&view), 22, 1.0))
+        b.iter(|| visit(&ball, black_box(&view), POINTS, 1.0))
     });
     group.finish();
 }

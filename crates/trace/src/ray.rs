@@ -1,24 +1,24 @@
-//! Rays with the interval in which they are followed.
+//! Rays, each with the interval in which it is traced.
 
 use field::{Real, Sphere};
 
-/// The ray o + t d, |d| = 1, for t in [near, far]; lengths in world units.
+/// The ray o + t d with |d| = 1, for t in [near, far]. Lengths are in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray<R: Real> {
-    /// o.
+    /// The origin o.
     pub origin: R::Vec3,
-    /// d, of length 1.
+    /// The direction d, of length 1.
     pub direction: R::Vec3,
-    /// Where tracing starts, ≥ 0.
+    /// The distance at which tracing starts, ≥ 0.
     pub near: R,
-    /// Where tracing ends.
+    /// The distance at which tracing ends.
     pub far: R,
-    /// The length that relative lengths of the options refer to: the bounding radius.
+    /// The unit of the lengths in `Options`: the bounding radius, unless the caller sets another.
     pub scale: R,
 }
 
 impl<R: Real> Ray<R> {
-    /// The part of a ray inside a ball, or `None` if it misses.
+    /// The part of a ray inside the ball `bounds`, or `None` if the ray misses the ball.
     pub fn enter(origin: R::Vec3, direction: R::Vec3, bounds: &Sphere<R>) -> Option<Self> {
         let (near, far) = bounds.clip(origin, direction)?;
         Some(Ray { origin, direction, near, far, scale: bounds.radius })

@@ -1,13 +1,15 @@
-//! The points T(u) of the plain recursion, recorded for warp fields.
+//! The record T(u) of plain sphere tracing, from which warp fields are built.
 
 use field::{Field, Real, Vector3};
 
 use crate::Ray;
 
-/// The visited points of a batch of rays, `stride` slots a ray.
+/// The visited points of a batch of rays: at most N points per ray.
 #[derive(Clone, Debug, Default)]
 pub struct Visits<R: Real> {
-    stride: usize,
+    /// N: the number of slots per ray.
+    points: usize,
+    /// The number of filled slots of each ray.
     count: Vec<usize>,
     valid: Vec<bool>,
     clamped: Vec<bool>,
@@ -17,27 +19,32 @@ pub struct Visits<R: Real> {
     step: Vec<R>,
 }
 
-/// The visited points of one ray, in order.
+/// The visited points of one ray, in order. The slices have one length, at most N.
 #[derive(Clone, Copy, Debug)]
 pub struct Visited<'a, R: Real> {
-    /// Distances along the ray.
+    /// Distances along the ray, in world units.
     pub t: &'a [R],
     /// f at the points.
     pub f: &'a [R],
     /// ∇f at the points.
     pub gradient: &'a [R::Vec3],
-    /// Δ: the ray length that each point stands for, |ρ f|, cut off where the interval ends.
+    /// Δ: the length of the ray that each point stands for, in world units. This is |ρ f|, cut off
+    /// at the end of the interval.
     pub step: &'a [R],
-    /// Whether the last point's step was cut off at the interval's end.
+    /// Whether the last point's step was cut off at the end of the interval.
     pub clamped: bool,
-    /// Whether everything was finite; if not, the points before the first NaN are here.
+    /// Whether f and ∇f were finite everywhere. If not, the record ends before the first point with
+    /// a NaN or an infinity.
     pub valid: bool,
 }
 
 impl<R: Real> Visits<R> {
     /// The points of ray `i`.
+    ///
+    /// # Panics
+    /// If there is no ray `i`.
     pub fn ray(&self, i: usize) -> Visited<'_, R> {
-        let span = i * self.stride..i * self.stride + self.count[i];
+        let span = i * self.points..i * self.points + self.count[i];
         Visited {
             t: &self.t[span.clone()],
             f: &self.f[span.clone()],
@@ -59,10 +66,16 @@ impl<R: Real> Visits<R> {
     }
 }
 
-/// Follows t ← t + ρ f(x(t)) from `near` for `points` points a ray, with f and ∇f at each.
+/// Records the recursion t ← t + ρ f(x(t)) from `Ray::near`, with f and ∇f at each point: N =
+/// `points` points per ray, and ρ = `relaxation`.
 ///
-/// A record is shorter where the interval ends before, or where the recursion stands still (every
-/// further point would be the same one).
+/// This is sphere tracing (Hart, "Sphere Tracing: A Geometric Method for the Antialiased Ray
+/// Tracing of Implicit Surfaces", The Visual Computer 12, 1996) with a fixed number of points and
+/// no hit test. The N points are the quadrature points of the published warp field (Bangaru et al.,
+/// "Differentiable Rendering of Neural SDFs through Reparameterization", SIGGRAPH Asia 2022).
+///
+/// A record has fewer points if the interval ends before, if f or ∇f is not finite, or if the
+/// recursion stands still: every further point would be the same.
 pub fn visit<R: Real>(
     field: &(impl Field<R> + ?Sized),
     rays: &[Ray<R>],
@@ -71,7 +84,7 @@ pub fn visit<R: Real>(
 ) -> Visits<R> {
     let slots = rays.len() * points;
     let mut v = Visits {
-        stride: points,
+        points,
         count: vec![0; rays.len()],
         valid: vec![true; rays.len()],
         clamped: vec![false; rays.len()],
@@ -83,7 +96,7 @@ pub fn visit<R: Real>(
     let mut active: Vec<(usize, R)> = rays.iter().map(|r| r.near).enumerate().collect();
     let mut x = Vec::with_capacity(rays.len());
     let (mut f, mut gradient) = (vec![R::zero(); rays.len()], vec![R::Vec3::zero(); rays.len()]);
-    for point in 0..points {
+    for index in 0..points {
         x.clear();
         x.extend(active.iter().map(|(ray, t)| rays[*ray].at(*t)));
         let (f, gradient) = (&mut f[..x.len()], &mut gradient[..x.len()]);
@@ -91,13 +104,12 @@ pub fn visit<R: Real>(
         let mut values = f.iter().zip(gradient.iter());
         active.retain_mut(|(ray, t)| {
             let Some((f, gradient)) = values.next() else { return false };
-            v.record(*ray, point, *t, *f, *gradient, rays[*ray].far, relaxation).is_some_and(
-                |next| {
-                    let moves = next != *t;
-                    *t = next;
-                    moves
-                },
-            )
+            let next = v.record(*ray, index, *t, *f, *gradient, rays[*ray].far, relaxation);
+            next.is_some_and(|next| {
+                let moves = next != *t;
+                *t = next;
+                moves
+            })
         });
         if active.is_empty() {
             break;
@@ -107,12 +119,13 @@ pub fn visit<R: Real>(
 }
 
 impl<R: Real> Visits<R> {
-    /// Stores a point; returns where the next one is, if there is one.
+    /// Stores the point `index` of a ray; returns the distance of the next point, if the ray goes
+    /// on.
     #[allow(clippy::too_many_arguments, reason = "a point and its ray")]
     fn record(
         &mut self,
         ray: usize,
-        point: usize,
+        index: usize,
         t: R,
         f: R,
         gradient: R::Vec3,
@@ -123,11 +136,11 @@ impl<R: Real> Visits<R> {
             self.valid[ray] = false;
             return None;
         }
-        let slot = ray * self.stride + point;
+        let slot = ray * self.points + index;
         let left = (far - t).max(R::zero());
         let step = relaxation * f;
         self.clamped[ray] = step >= left;
-        self.count[ray] = point + 1;
+        self.count[ray] = index + 1;
         (self.t[slot], self.f[slot], self.gradient[slot]) = (t, f, gradient);
         self.step[slot] = step.abs().min(left);
         (!self.clamped[ray]).then_some(t + step)

@@ -1,4 +1,4 @@
-//! Silhouette points against closed forms and differences.
+//! Silhouette points against closed forms and finite differences.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use approx::assert_relative_eq;
@@ -7,7 +7,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use trace::{RayFamily, Start, Tangency, tangencies};
 
-/// A ray that turns in the plane of two orthogonal unit vectors: s is the angle from the first.
+/// Rays in the plane of two orthogonal unit vectors: s is the angle from `ahead` towards `aside`.
 struct Plane {
     origin: DVec3,
     ahead: DVec3,
@@ -25,6 +25,7 @@ impl<R: Real> RayFamily<R> for Plane {
     }
 }
 
+/// The rays from (0, 0, 4) in the plane of −z and `aside`.
 fn plane(aside: DVec3) -> Plane {
     let ahead = -DVec3::Z;
     Plane {
@@ -34,7 +35,7 @@ fn plane(aside: DVec3) -> Plane {
     }
 }
 
-fn find<R: Real>(field: &dyn Field<R>, turn: &Plane, s: f64) -> Option<Tangency<R>> {
+fn find<R: Real>(field: &dyn Field<R>, family: &Plane, s: f64) -> Option<Tangency<R>> {
     let start = Start {
         s: R::of(s),
         t: R::of(4.0),
@@ -42,64 +43,89 @@ fn find<R: Real>(field: &dyn Field<R>, turn: &Plane, s: f64) -> Option<Tangency<
         reach: R::of(0.1),
         steepest: R::one(),
     };
-    tangencies(field, turn, &[start], R::of(1e-6).max(R::epsilon() * R::of(8.0)))[0]
+    tangencies(field, family, &[start], R::of(1e-6).max(R::epsilon() * R::of(8.0)))[0]
 }
 
 fn aside() -> impl Strategy<Value = DVec3> {
     (0.0..std::f64::consts::TAU).prop_map(|angle| DVec3::new(angle.cos(), angle.sin(), 0.0))
 }
 
-/// min f along the ray at s, by brute force around distance 4.
-fn lowest(field: &dyn Field<f64>, turn: &Plane, s: f64) -> f64 {
-    let (d, _) = RayFamily::<f64>::direction(turn, 0, s);
+/// min f along the ray at s, from 40 001 samples around distance 4.
+fn lowest(field: &dyn Field<f64>, family: &Plane, s: f64) -> f64 {
+    let (d, _) = RayFamily::<f64>::direction(family, 0, s);
     let x: Vec<DVec3> =
-        (0..40_001).map(|i| turn.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
+        (0..40_001).map(|i| family.origin + d * (3.0 + f64::from(i) * 5e-5)).collect();
     let mut f = vec![0.0; x.len()];
     field.value(&x, &mut f);
     f.into_iter().fold(f64::INFINITY, f64::min)
 }
 
+/// A torus, a capsule, a box, or the smooth union of the first two.
+fn solid(index: usize) -> Box<dyn Field<f64>> {
+    let torus = [0.0, 0.1, 0.0, 0.3, 1.0, 0.6, 0.6, 0.2];
+    let torus = || Box::new(Shape::<f64>::new(Kind::Torus, &torus));
+    let capsule = [-0.5, 0.0, 0.2, 0.4, 0.3, -0.3, 0.2];
+    let capsule = || Box::new(Shape::<f64>::new(Kind::Capsule, &capsule));
+    match index {
+        0 => torus(),
+        1 => capsule(),
+        2 => Box::new(Shape::new(Kind::Box, &[0.05, 0.0, 0.0, 0.6, 0.5, 0.4])),
+        _ => Box::new(Csg::smooth_union(0.2, vec![torus(), capsule()])),
+    }
+}
+
+fn value(field: &dyn Field<f64>, x: DVec3) -> f64 {
+    let mut f = [0.0];
+    field.value(&[x], &mut f);
+    f[0]
+}
+
 proptest! {
     #[test]
-    fn a_balls_silhouette_is_the_tangent_from_the_eye(aside in aside(), radius in 0.3..1.0f64, off in -0.3..0.6f64) {
-        let turn = plane(aside);
+    fn the_silhouette_of_a_ball_is_the_tangent_from_the_eye(
+        aside in aside(),
+        radius in 0.3..1.0f64,
+        off in -0.3..0.6f64,
+    ) {
+        let family = plane(aside);
         let exact = (radius / 4.0).asin();
+        let start = exact * (1.0 + off);
         let ball = Counted::new(Shape::<f64>::sphere([0.0; 3], radius));
-        let found = find(&ball, &turn, exact * (1.0 + off)).unwrap();
+        let found = find(&ball, &family, start).unwrap();
         assert_relative_eq!(found.s, exact, epsilon = 1e-6);
         assert_relative_eq!(found.t, (16.0 - radius * radius).sqrt(), epsilon = 1e-3);
-        // ∂m/∂s is the distance, and the normal is orthogonal to the ray.
+        // For a distance, ∂m/∂s is the distance t along the ray.
         assert_relative_eq!(found.slope, found.t, epsilon = 1e-3);
         prop_assert!(!found.edge);
         assert_relative_eq!(found.bend * radius, 1.0, epsilon = 0.05);
         prop_assert!(ball.evaluations().gradient <= 24, "{:?}", ball.evaluations());
-        let single = find(&Shape::<f32>::sphere([0.0; 3], radius), &turn, exact * (1.0 + off)).unwrap();
+        let single = find(&Shape::<f32>::sphere([0.0; 3], radius), &family, start).unwrap();
         prop_assert!((f64::from(single.s) - exact).abs() < 1e-5);
     }
 
     #[test]
-    fn slopes_and_zeros_are_those_of_the_minimum(aside in aside(), s in 0.05..0.25f64, shape in 0usize..4) {
-        let torus = || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.6, 0.6, 0.2]));
-        let capsule = || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.5, 0.0, 0.2, 0.4, 0.3, -0.3, 0.2]));
-        let field: Box<dyn Field<f64>> = match shape {
-            0 => torus(),
-            1 => capsule(),
-            2 => Box::new(Shape::new(Kind::Box, &[0.05, 0.0, 0.0, 0.6, 0.5, 0.4])),
-            _ => Box::new(Csg::smooth_union(0.2, vec![torus(), capsule()])),
-        };
-        let turn = plane(aside);
-        if let Some(found) = find(&*field, &turn, s) {
-            let (d, _) = RayFamily::<f64>::direction(&turn, 0, found.s);
-            prop_assert!(found.gradient.dot(d).abs() < 1e-5 * found.gradient.length().max(1.0));
-            let value = |x: DVec3| { let mut f = [0.0]; field.value(&[x], &mut f); f[0] };
-            prop_assert!(value(turn.origin + d * found.t).abs() < 1e-4, "f {}", value(turn.origin + d * found.t));
-            // Where nothing else is in the way, ∂m/∂s is that of the minimum by brute force.
+    fn tangencies_have_zero_value_and_the_slope_of_the_minimum(
+        aside in aside(),
+        s in 0.05..0.25f64,
+        shape in 0usize..4,
+    ) {
+        let (field, family) = (solid(shape), plane(aside));
+        if let Some(found) = find(&*field, &family, s) {
+            let (d, _) = RayFamily::<f64>::direction(&family, 0, found.s);
+            let along = found.gradient.dot(d).abs();
+            prop_assert!(along < 1e-5 * found.gradient.length().max(1.0));
+            let f = value(&*field, family.origin + d * found.t);
+            prop_assert!(f.abs() < 1e-4, "f {f}");
+            // Where the minimum over all samples is this one, ∂m/∂s is its finite difference.
             let h = 1e-4;
-            let (plus, minus) = (lowest(&*field, &turn, found.s + h), lowest(&*field, &turn, found.s - h));
-            let (middle, difference) = (lowest(&*field, &turn, found.s), (plus - minus) / (2.0 * h));
+            let lowest = |s| lowest(&*field, &family, s);
+            let (plus, minus) = (lowest(found.s + h), lowest(found.s - h));
+            let (middle, difference) = (lowest(found.s), (plus - minus) / (2.0 * h));
             let smooth = (plus + minus - 2.0 * middle).abs() < 1e-3 * h;
             if middle.abs() < 1e-6 && smooth {
-                prop_assert!((found.slope - difference).abs() < 2e-2 * difference.abs(), "{} against {difference}", found.slope);
+                let error = (found.slope - difference).abs();
+                let (slope, largest) = (found.slope, 2e-2 * difference.abs());
+                prop_assert!(error < largest, "{slope} against {difference}");
             }
         }
     }
@@ -111,32 +137,36 @@ proptest! {
         let eye = DVec3::new(yaw.sin(), 0.0, yaw.cos()) * 4.0;
         let ahead = -eye.normalize();
         let aside = DVec3::Y.cross(-ahead);
-        let turn = Plane { origin: eye, ahead, aside };
+        let family = Plane { origin: eye, ahead, aside };
         let edge = DVec3::new(0.5, 0.0, -0.5) - eye;
         let exact = edge.dot(aside).atan2(edge.dot(ahead));
-        let found = find(&column, &turn, exact + off).unwrap();
+        let found = find(&column, &family, exact + off).unwrap();
         prop_assert!((found.s - exact).abs() < 1e-6, "{} against {exact}", found.s);
         prop_assert!(found.edge);
-        // It moves as the corner does: the gradient by the column's half sizes says so, 1/|m'| of
-        // the corner's motion.
+        // The silhouette moves with the corner: −ḟ/m' for the half size along x is the corner's
+        // angular speed.
         let f_dot: f64 = found.points.iter().zip(found.weights).map(|(x, w)| {
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
             column.parameter_jvp(&[*x], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], &mut f, &mut g);
             w * f[0]
         }).sum();
         let across = aside * exact.cos() - ahead * exact.sin();
-        let moved = DVec3::X.dot(across) / edge.length();
-        prop_assert!((-f_dot / found.slope - moved).abs() < 1e-3, "{} against {moved}", -f_dot / found.slope);
+        let (speed, corner) = (-f_dot / found.slope, DVec3::X.dot(across) / edge.length());
+        prop_assert!((speed - corner).abs() < 1e-3, "{speed} against {corner}");
     }
 
     #[test]
-    fn a_smooth_silhouette_beside_a_rim_does_not_know_the_rim(aside in aside(), gap in 3e-4..3e-3f64, off in -0.05..0.05f64) {
-        // A ball with a bite that the tangent ray enters at a flat angle, `gap` behind the
-        // silhouette.
-        let turn = plane(aside);
+    fn a_smooth_silhouette_near_a_rim_has_no_weight_on_the_face_behind(
+        aside in aside(),
+        gap in 3e-4..3e-3f64,
+        off in -0.05..0.05f64,
+    ) {
+        // A ball minus a smaller ball, which the tangent ray enters at a flat angle, `gap` behind
+        // the silhouette point.
+        let family = plane(aside);
         let exact = 0.2f64.asin();
-        let (d, _) = RayFamily::<f64>::direction(&turn, 0, exact);
-        let touch = turn.origin + d * (16.0f64 - 0.64).sqrt();
+        let (d, _) = RayFamily::<f64>::direction(&family, 0, exact);
+        let touch = family.origin + d * (16.0f64 - 0.64).sqrt();
         let (radius, chord) = (0.3f64, 0.01f64);
         let across = d.cross(touch).normalize();
         let bite = touch + across * (radius * radius - chord * chord).sqrt() + d * (gap + chord);
@@ -145,9 +175,12 @@ proptest! {
             Box::new(Shape::<f64>::sphere(bite.to_array(), radius)),
         ];
         let bitten = Csg::new(Operation::Subtraction, parts);
-        // The rim's other end has a silhouette too, and between two minima a search may end.
-        let found = find(&bitten, &turn, exact * (1.0 + off)).filter(|found| (found.s - exact).abs() < 1e-5);
-        let points = found.into_iter().flat_map(|found| found.points.into_iter().zip(found.weights));
+        // Searches that end elsewhere are not judged: the other end of the rim has a silhouette
+        // too, and a search may end between two minima.
+        let found = find(&bitten, &family, exact * (1.0 + off))
+            .filter(|found| (found.s - exact).abs() < 1e-5);
+        let points =
+            found.into_iter().flat_map(|found| found.points.into_iter().zip(found.weights));
         for (x, weight) in points {
             let on_the_bite = radius - (x - bite).length() > x.length() - 0.8;
             prop_assert!(!on_the_bite || weight < 1e-3, "a weight of {weight} on the bite");
@@ -155,14 +188,18 @@ proptest! {
     }
 
     #[test]
-    fn a_solid_without_inner_points_has_no_silhouette_but_its_outline(aside in aside(), off in -0.5..0.1f64, more in 0.0..1e-7f64) {
-        let turn = plane(aside);
+    fn a_solid_without_inner_points_has_only_its_outline_as_silhouette(
+        aside in aside(),
+        off in -0.5..0.1f64,
+        more in 0.0..1e-7f64,
+    ) {
+        let family = plane(aside);
         let parts: Vec<Box<dyn Field<f64>>> = vec![
             Box::new(Shape::<f64>::sphere([0.0; 3], 0.8)),
             Box::new(Shape::<f64>::sphere([0.0; 3], 0.8 + more)),
         ];
         let (exact, shell) = (0.2f64.asin(), Csg::new(Operation::Subtraction, parts));
-        if let Some(found) = find(&shell, &turn, exact * (1.0 + off)) {
+        if let Some(found) = find(&shell, &family, exact * (1.0 + off)) {
             prop_assert!((found.s - exact).abs() < 1e-3, "{} inside of {exact}", found.s);
         }
     }

@@ -1,5 +1,5 @@
-//! Closed forms, grazing rays, fields that are no distances, poison, and derivatives against
-//! differences.
+//! Hits against closed forms, grazing rays, fields that are not distances, NaN and infinities, and
+//! derivatives against finite differences.
 
 use approx::assert_relative_eq;
 use field::{Counted, Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
@@ -51,7 +51,7 @@ fn solids() -> Vec<Box<dyn Field<f64>>> {
     ]
 }
 
-/// A field times a factor: no distance any more.
+/// A field times a factor: |∇f| is the factor.
 struct Scaled(Box<dyn Field<f64>>, f64);
 
 impl Field<f64> for Scaled {
@@ -83,7 +83,7 @@ fn unit() -> impl Strategy<Value = DVec3> {
         .prop_map(DVec3::normalize)
 }
 
-/// The direction of a ray about an edge of a box, and where along the edge it passes.
+/// The angle of a ray to an edge of a box, and the place along the edge that the ray passes.
 fn edge() -> impl Strategy<Value = (f64, f64)> {
     (0.2..1.3f64, -0.8..0.8f64)
 }
@@ -106,21 +106,37 @@ fn past_an_edge(
     find_relaxed(&field, on_ray - 4.0 * direction, direction, relaxation)
 }
 
+/// The parameters of a torus, a capsule and the width of their smooth union.
+const UNION: [f64; 16] =
+    [0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25, -0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2, 0.4];
+
+fn union(p: &[f64; 16]) -> Csg<f64> {
+    let torus = Box::new(Shape::<f64>::new(Kind::Torus, &p[..8]));
+    let capsule = Box::new(Shape::<f64>::new(Kind::Capsule, &p[8..15]));
+    Csg::smooth_union(p[15], vec![torus, capsule])
+}
+
 proptest! {
     #[test]
-    fn hits_are_first_crossings(from in unit(), aim in prop::array::uniform3(-0.8..0.8f64), factor in prop::sample::select(vec![0.3, 1.0, 1.8])) {
+    fn hits_are_first_crossings(
+        from in unit(),
+        aim in prop::array::uniform3(-0.8..0.8f64),
+        factor in prop::sample::select(vec![0.3, 1.0, 1.8]),
+    ) {
         for solid in solids() {
             let field = Scaled(solid, factor);
             let (origin, target) = (from * 4.0, DVec3::from(aim));
             let direction = (target - origin).normalize();
             let found = find_relaxed(&field, origin, direction, f64::min(1.0, 1.0 / factor));
             let sample = |t: f64| value(&field, origin + t * direction);
-            let first = (0..8000).map(|i| 2.0 + 4.0 * f64::from(i) / 8000.0).find(|t| sample(*t) < -1e-3);
+            let mut samples = (0..8000).map(|i| 2.0 + 4.0 * f64::from(i) / 8000.0);
+            let first = samples.find(|t| sample(*t) < -1e-3);
             match found.outcome {
                 Outcome::Hit => {
                     prop_assert!(sample(found.t).abs() < 1e-9);
-                    // Nothing solid was passed by.
-                    prop_assert!(first.is_none_or(|t| found.t <= t + 1e-9), "hit at {} behind {first:?}", found.t);
+                    // No solid part lies before the hit.
+                    let is_first = first.is_none_or(|t| found.t <= t + 1e-9);
+                    prop_assert!(is_first, "hit at {} behind {first:?}", found.t);
                 }
                 Outcome::Miss => prop_assert!(first.is_none(), "missed the solid at {first:?}"),
                 other => prop_assert!(false, "{other:?}"),
@@ -129,34 +145,53 @@ proptest! {
     }
 
     #[test]
-    fn edges_of_a_box_are_silhouettes(edge in edge(), offset in -7.0..-1.5f64, inside in any::<bool>(), factor in prop::sample::select(vec![0.5, 1.0, 3.0])) {
+    fn rays_past_an_edge_of_a_box_are_decided_correctly(
+        edge in edge(),
+        offset in -7.0..-1.5f64,
+        inside in any::<bool>(),
+        factor in prop::sample::select(vec![0.5, 1.0, 3.0]),
+    ) {
         let found = past_an_edge(edge, offset, inside, factor, f64::min(1.0, 1.0 / factor));
         prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
         prop_assert!(found.steps < 120, "{} steps", found.steps);
     }
 
     #[test]
-    fn edges_of_an_unannounced_steep_field_are_seen(edge in edge(), offset in -4.0..-1.5f64, inside in any::<bool>()) {
-        // The slope beyond the edge is in no value before it: a chord of less than a fiftieth of
-        // min_step may be missed.
+    fn rays_past_an_edge_of_a_steep_field_are_decided_correctly_without_relaxation(
+        edge in edge(),
+        offset in -4.0..-1.5f64,
+        inside in any::<bool>(),
+    ) {
+        // No value before the edge shows the slope behind it: a chord shorter than a fiftieth of
+        // `min_step` may be missed, so the offsets start at 1e-4.
         let found = past_an_edge(edge, offset, inside, 3.0, 1.0);
         prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{:?}", found);
         prop_assert!(found.steps < 120, "{} steps", found.steps);
     }
 
     #[test]
-    fn steep_fields_are_seen(from in unit(), aim in prop::array::uniform3(-0.5..0.5f64), factor in prop::sample::select(vec![1.5, 2.0, 5.0])) {
-        // Nothing but its values tells that the field is no distance.
-        let ball = Scaled(Box::new(Shape::<f64>::sphere([0.1, 0.0, -0.2], 0.7)), factor);
+    fn steep_fields_are_hit_without_relaxation(
+        from in unit(),
+        aim in prop::array::uniform3(-0.5..0.5f64),
+        factor in prop::sample::select(vec![1.5, 2.0, 5.0]),
+    ) {
+        // Only the values of f show that it is not a distance.
+        let center = DVec3::new(0.1, 0.0, -0.2);
+        let ball = Scaled(Box::new(Shape::<f64>::sphere(center.to_array(), 0.7)), factor);
         let (origin, aim) = (from * 4.0, DVec3::from(aim));
         let direction = (aim - origin).normalize();
-        let b = (DVec3::new(0.1, 0.0, -0.2) - origin).reject_from_normalized(direction).length();
+        let b = (center - origin).reject_from_normalized(direction).length();
         let found = find(&ball, origin, direction);
-        prop_assert_eq!(found.outcome == Outcome::Hit, b < 0.7, "{} from the centre: {:?}", b, found);
+        let hit = found.outcome == Outcome::Hit;
+        prop_assert_eq!(hit, b < 0.7, "{} from the centre: {:?}", b, found);
     }
 
     #[test]
-    fn grazing_rays_are_decided_by_their_closest_approach(offset in -7.0..-1.0f64, inside in any::<bool>(), angle in 0.0..std::f64::consts::TAU) {
+    fn grazing_rays_are_decided_by_their_closest_approach(
+        offset in -7.0..-1.0f64,
+        inside in any::<bool>(),
+        angle in 0.0..std::f64::consts::TAU,
+    ) {
         let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
         let distance = 0.7 + if inside { -1.0 } else { 1.0 } * f64::powf(10.0, offset);
         let (s, c) = angle.sin_cos();
@@ -164,7 +199,26 @@ proptest! {
         prop_assert_eq!(found.outcome == Outcome::Hit, inside, "{} steps", found.steps);
         prop_assert!(found.steps < 120, "{} steps", found.steps);
         if !inside {
-            prop_assert!((found.f - (distance - 0.7)).abs() < 1e-4 + 0.02 * (distance - 0.7), "closest approach {} for {}", found.f, distance - 0.7);
+            let gap = distance - 0.7;
+            let close = (found.f - gap).abs() < 1e-4 + 0.02 * gap;
+            prop_assert!(close, "closest approach {} for {gap}", found.f);
+        }
+    }
+
+    #[test]
+    fn a_ray_takes_at_most_200_evaluations_more_than_the_step_limit(
+        from in unit(),
+        aim in prop::array::uniform3(-0.8..0.8f64),
+        step_limit in 1u32..40,
+    ) {
+        for solid in solids() {
+            let origin = from * 4.0;
+            let direction = (DVec3::from(aim) - origin).normalize();
+            let ray = Ray::enter(origin, direction, &BOUNDS).unwrap();
+            let (options, mut out) = (Options { step_limit, ..Options::default() }, Vec::new());
+            intersect(&*solid, &[ray], &options, &mut out);
+            let most = step_limit + if out[0].outcome == Outcome::Hit { 200 } else { 0 };
+            prop_assert!(out[0].steps <= most, "{:?} at a limit of {step_limit}", out[0]);
         }
     }
 
@@ -173,11 +227,16 @@ proptest! {
         let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
         let found = find(&ball, DVec3::new(0.7 + gap, 0.0, 4.0), -DVec3::Z);
         prop_assert_eq!(found.outcome, Outcome::Miss);
-        prop_assert!((found.clearance * 4.0 / gap - 1.0).abs() < 0.2, "clearance {} for a gap of {gap}", found.clearance);
+        let clearance = found.clearance;
+        let close = (clearance * 4.0 / gap - 1.0).abs() < 0.2;
+        prop_assert!(close, "clearance {clearance} for a gap of {gap}");
     }
 
     #[test]
-    fn film_and_entry_derivatives_match_differences(aim in prop::array::uniform3(-0.5..0.5f64), dot in unit()) {
+    fn film_and_entry_derivatives_match_finite_differences(
+        aim in prop::array::uniform3(-0.5..0.5f64),
+        dot in unit(),
+    ) {
         for solid in solids() {
             let origin = DVec3::new(0.3, 0.5, 4.0);
             let direction = (DVec3::from(aim) - origin).normalize();
@@ -192,57 +251,65 @@ proptest! {
             let ((plus, p), (minus, m)) = (moved(h), moved(-h));
             let entry = entry_derivative(&ray, &BOUNDS, dot);
             assert_relative_eq!(entry, (plus.near - minus.near) / (2.0 * h), epsilon = 1e-6);
-            if here.outcome == Outcome::Hit && p.outcome == Outcome::Hit && m.outcome == Outcome::Hit {
+            if [here, p, m].iter().all(|found| found.outcome == Outcome::Hit) {
                 let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
                 solid.value_gradient(&[ray.at(here.t)], &mut f, &mut g);
                 let difference = (plus.at(p.t) - minus.at(m.t)) / (2.0 * h);
                 let second = (plus.at(p.t) + minus.at(m.t) - 2.0 * ray.at(here.t)).length() / h;
                 if g[0].dot(direction) < -0.2 && second < 1e-2 {
                     let dx = hit_film_derivative(g[0], direction, here.t, dot);
-                    prop_assert!((dx - difference).length() < 1e-3 * (1.0 + difference.length()), "{dx} against {difference}");
+                    let close = (dx - difference).length() < 1e-3 * (1.0 + difference.length());
+                    prop_assert!(close, "{dx} against {difference}");
                 }
             }
         }
     }
 
     #[test]
-    fn hit_vjp_matches_retracing(aim in prop::array::uniform2(-0.35..0.35f64), x_bar in unit(), n_bar in unit(), j in 0usize..16) {
-        let parameters = [0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25, -0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2, 0.4];
-        let build = |p: &[f64; 16]| {
-            let torus = Box::new(Shape::<f64>::new(Kind::Torus, &p[..8]));
-            Csg::smooth_union(p[15], vec![torus, Box::new(Shape::<f64>::new(Kind::Capsule, &p[8..15]))])
-        };
+    fn hit_vjp_matches_finite_differences_of_traced_hits(
+        aim in prop::array::uniform2(-0.35..0.35f64),
+        x_bar in unit(),
+        n_bar in unit(),
+        j in 0usize..16,
+    ) {
         let origin = DVec3::new(0.3, 3.5, 1.0);
         let direction = (DVec3::new(aim[0], 0.0, aim[1]) - origin).normalize();
         let total = |p: &[f64; 16]| {
-            let field = build(p);
+            let field = union(p);
             let found = find(&field, origin, direction);
             let x = origin + found.t * direction;
             let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
             field.value_gradient(&[x], &mut f, &mut g);
             (found.outcome, x, g[0], x.dot(x_bar) + g[0].normalize().dot(n_bar))
         };
-        let (outcome, x, g, _) = total(&parameters);
+        let (outcome, x, g, _) = total(&UNION);
         let moved = |h: f64| {
-            let mut p = parameters;
+            let mut p = UNION;
             p[j] += h;
             total(&p).3
         };
         prop_assume!(outcome == Outcome::Hit && g.normalize().dot(direction) < -0.3);
-        let (coarse, fine) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, (moved(5e-5) - moved(-5e-5)) / 1e-4);
+        let coarse = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+        let fine = (moved(5e-5) - moved(-5e-5)) / 1e-4;
         prop_assume!((coarse - fine).abs() < 1e-4);
-        let field = build(&parameters);
+        let field = union(&UNION);
         let m = HitAdjoint::<f64>::normal_coefficient(g, n_bar);
         let (mut ignored, mut hm) = ([DVec3::ZERO], [DVec3::ZERO]);
         field.hessian_vector(&[x], &[m], &mut ignored, &mut hm);
         let adjoint = hit_vjp::<f64>(g, direction, x_bar + hm[0], m);
         let mut theta = vec![0.0; 16];
         field.parameter_vjp(&[x], &[adjoint.alpha], &[adjoint.c], &mut theta);
-        prop_assert!((theta[j] - fine).abs() < 2e-3 * (1.0 + fine.abs()), "parameter {j}: {} against {fine}", theta[j]);
+        let close = (theta[j] - fine).abs() < 2e-3 * (1.0 + fine.abs());
+        prop_assert!(close, "parameter {j}: {} against {fine}", theta[j]);
     }
 
     #[test]
-    fn poison_ends_and_says_so(poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-310]), i in 0usize..3) {
+    fn a_ray_from_a_huge_or_invalid_origin_ends(
+        poison in prop::sample::select(vec![
+            f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-310,
+        ]),
+        i in 0usize..3,
+    ) {
         let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
         let mut origin = DVec3::new(0.1, 0.2, 4.0);
         origin[i] = poison;
@@ -255,7 +322,7 @@ proptest! {
 }
 
 #[test]
-fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
+fn factors_of_nan_zero_and_1e_9_give_invalid_inside_and_hit() {
     let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
     for (factor, outcome) in
         [(f64::NAN, Outcome::Invalid), (0.0, Outcome::Inside), (1e-9, Outcome::Hit)]
@@ -264,6 +331,10 @@ fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
             find(&Scaled(Box::new(ball.clone()), factor), DVec3::new(0.1, 0.2, 4.0), -DVec3::Z);
         assert_eq!(found.outcome, outcome, "factor {factor}");
     }
+}
+
+#[test]
+fn a_ray_parallel_to_a_plane_misses() {
     let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 1.0, 0.0, -1.0]);
     let along = find(&plane, DVec3::new(0.0, 0.0, 4.0), -DVec3::Z);
     assert_eq!(along.outcome, Outcome::Miss);
@@ -271,7 +342,7 @@ fn a_field_of_nan_is_invalid_and_a_constant_one_a_miss() {
 }
 
 #[test]
-fn single_precision_decides_like_double() {
+fn single_and_double_precision_decide_alike_near_a_silhouette() {
     let (single, double) =
         (Shape::<f32>::sphere([0.0; 3], 0.7), Shape::<f64>::sphere([0.0; 3], 0.7));
     let bounds = Sphere::<f32> { center: Vec3::ZERO, radius: 2.0 };
@@ -288,8 +359,8 @@ fn single_precision_decides_like_double() {
 }
 
 #[test]
-fn rays_end_where_a_short_step_is_none() {
-    // At this distance single precision has steps of a sixtieth.
+fn rays_end_where_min_step_is_below_the_spacing_of_numbers() {
+    // At this distance single-precision numbers are 1/64 apart.
     let (eye, bounds) =
         (Vec3::new(0.0, 0.0, 1.5e5), Sphere::<f32> { center: Vec3::ZERO, radius: 1.02 });
     let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
@@ -305,7 +376,7 @@ fn rays_end_where_a_short_step_is_none() {
 }
 
 #[test]
-fn a_view_costs_few_evaluations() {
+fn a_view_costs_fewer_than_16_evaluations_per_ray() {
     for solid in solids() {
         let field = Counted::new(solid);
         let mut rays = Vec::new();
@@ -319,13 +390,13 @@ fn a_view_costs_few_evaluations() {
         let mut out = Vec::new();
         intersect(&field, &rays, &Options::default(), &mut out);
         let mean = field.evaluations().value as f64 / rays.len() as f64;
-        println!("{mean:.2} values a ray");
-        assert!(mean < 16.0, "{mean} values a ray");
+        println!("{mean:.2} values per ray");
+        assert!(mean < 16.0, "{mean} values per ray");
     }
 }
 
 #[test]
-fn visits_follow_the_recursion_and_end_with_the_interval() {
+fn visits_follow_the_recursion_and_end_at_the_interval_end() {
     let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
     let rays: Vec<_> = [0.0, 0.69, 0.71, 1.5]
         .map(|x| Ray::enter(DVec3::new(x, 0.0, 4.0), -DVec3::Z, &BOUNDS).unwrap())
