@@ -229,7 +229,7 @@ mod tests {
         for (error, words) in [
             (part.size("size").err(), "/part/size: found 0, expected a whole number"),
             (part.positive("radius").err(), "/part/radius: found -1, expected a number above 0"),
-            (part.light("light").err(), "/part/light: found [1,1e31,0], expected an array of 3"),
+            (part.light("light").err(), "/part/light: found [1,1e+31,0], expected an array of 3"),
             (part.direction("normal").err(), "/part/normal: found [0,0,0], expected a vector"),
             (part.boolean("on", true).err(), "/part/on: found 1, expected true or false"),
             (part.string("name").err(), "/part/name: found nothing, expected a string"),

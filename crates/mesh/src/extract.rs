@@ -40,9 +40,9 @@ pub fn extract<R: Real>(
 ///
 /// The mesh is closed and a manifold. Its faces point outwards, and it has unit normals along ∇f. A
 /// solid that extends beyond the bounding sphere is closed by the sphere's surface; values of f
-/// outside the sphere have no influence. The mesh is empty if there is no surface in the sphere, or
-/// if the sphere has no interior or is not finite. The same input gives the same mesh on any number
-/// of threads.
+/// outside the sphere do not change the solid. The mesh is empty if there is no surface in the
+/// sphere, or if the sphere has no interior or is not finite. The same input gives the same mesh on
+/// any number of threads.
 ///
 /// 1. The field is evaluated on a grid, except in blocks whose centre is far from the surface. The
 ///    test allows slopes of f up to 2; a steeper field may get steps in its surface or lose parts
