@@ -1,13 +1,15 @@
-//! Images in linear RGB.
+//! The image type.
 
-/// An image: linear RGB radiance, `f32`, rows top to bottom.
+/// An image of linear RGB radiance in `f32`, rows from top to bottom.
+///
+/// The methods expect height × width pixels. The fields are public, so the caller keeps this true.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// height × width pixels, row-major.
+    /// height × width pixels, row by row: pixel (x, y) has the index y · width + x.
     pub pixels: Vec<[f32; 3]>,
 }
 
@@ -17,69 +19,61 @@ impl Film {
         Film { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
 
-    /// The pixel in column `x`, row `y`.
+    /// The pixel in column `x` and row `y`, both counted from 0 at the top left corner.
+    ///
+    /// # Panics
+    /// If the pixel's index lies beyond the end of `pixels`. A column beyond the width is not
+    /// detected otherwise.
     pub fn at(&self, x: u32, y: u32) -> [f32; 3] {
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
-    /// The column and row of the first pixel with a NaN or an infinity.
+    /// The column and row of the first pixel that holds a NaN or an infinity, in storage order.
+    /// `None` if all values are finite.
     pub fn first_non_finite(&self) -> Option<(u32, u32)> {
-        let bad = self.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite()))? as u32;
-        Some((bad % self.width, bad / self.width))
+        let index = self.pixels.iter().position(|p| p.iter().any(|v| !v.is_finite()))? as u32;
+        Some((index % self.width, index / self.width))
     }
 
-    /// The image at half the size, each pixel the mean of the 2 × 2 (at an odd border, fewer) that
-    /// it covers.
+    /// The image at half the size: `downscaled` by 2.
     pub fn halved(&self) -> Film {
         self.downscaled(2)
     }
 
-    /// The image at 1/`n` of the size, each pixel the mean of the n × n (at a border, fewer) that
-    /// it covers.
+    /// The image at 1/`n` of the size, rounded up.
+    ///
+    /// Each pixel is the mean of the n × n pixels that it covers. At the right and the lower
+    /// border it covers fewer if the size is no multiple of `n`.
+    ///
+    /// # Panics
+    /// If `n` is 0.
     pub fn downscaled(&self, n: u32) -> Film {
-        let (width, height) = (self.width.div_ceil(n), self.height.div_ceil(n));
-        let mut out = Film::new(width, height);
-        for y in 0..height {
-            for x in 0..width {
-                let mut sum = [0.0; 3];
-                let mut count = 0.0;
-                for v in (n * y)..(n * y + n).min(self.height) {
-                    for u in (n * x)..(n * x + n).min(self.width) {
-                        let p = self.at(u, v);
-                        sum = std::array::from_fn(|c| sum[c] + p[c]);
-                        count += 1.0;
-                    }
-                }
-                out.pixels[y as usize * width as usize + x as usize] = sum.map(|s| s / count);
-            }
+        let mut out = Film::new(self.width.div_ceil(n), self.height.div_ceil(n));
+        let coordinates = (0..out.height).flat_map(|y| (0..out.width).map(move |x| (x, y)));
+        for (pixel, (x, y)) in out.pixels.iter_mut().zip(coordinates) {
+            *pixel = self.block_mean(x, y, n);
         }
         out
     }
-}
 
-/// The sRGB transfer function (IEC 61966-2-1): linear radiance to display value; values above 1 go
-/// on growing.
-pub fn srgb_encode(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// The inverse of [`srgb_encode`].
-pub fn srgb_decode(display: f32) -> f32 {
-    if display <= 0.040_45 { display / 12.92 } else { ((display + 0.055) / 1.055).powf(2.4) }
+    /// The mean of block (x, y) of n × n pixels, as far as it lies in the image.
+    fn block_mean(&self, x: u32, y: u32, n: u32) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        let mut count = 0.0;
+        for v in (n * y)..(n * y + n).min(self.height) {
+            for u in (n * x)..(n * x + n).min(self.width) {
+                let p = self.at(u, v);
+                sum = std::array::from_fn(|c| sum[c] + p[c]);
+                count += 1.0;
+            }
+        }
+        sum.map(|s| s / count)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use approx::assert_relative_eq;
-
-    #[test]
-    fn transfer_functions_invert() {
-        for i in 0..=255 {
-            let display = i as f32 / 255.0;
-            assert_relative_eq!(srgb_encode(srgb_decode(display)), display, epsilon = 1e-6);
-        }
-    }
 
     #[test]
     fn halving_keeps_the_mean_and_handles_odd_sizes() {

@@ -1,7 +1,9 @@
-//! Images.
+#![doc = include_str!("../README.md")]
 
 mod film;
 mod sheet;
+mod srgb;
 
-pub use film::{Film, srgb_decode, srgb_encode};
+pub use film::Film;
 pub use sheet::contact_sheet;
+pub use srgb::{srgb_decode, srgb_encode};

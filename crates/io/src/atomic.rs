@@ -1,50 +1,66 @@
-//! Files that are either the old or the new one, whatever happens in between.
+//! Files that are replaced whole: after a crash a file is the complete old or the complete new one.
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::Path;
 
 use anyhow::Context;
+use tempfile::NamedTempFile;
 
 use crate::InputError;
 
-/// Writes a file through a temporary one in the same folder: written, synced, renamed. On an error
-/// the temporary is removed and the old file, if any, stays.
+/// Writes a file, or replaces it whole.
+///
+/// `write` writes into a temporary file in the same folder; the file is then synced to the disk and
+/// renamed to `path`. On an error the temporary file is removed and the old file, if any, stays.
 ///
 /// # Errors
-/// Wrong input (exit status 2) if the folder is missing or may not be written; any other error, a
-/// full disk say, as it is.
+/// An [`InputError`] if `path` is a folder, or if its folder is missing or does not accept files.
+/// Other errors, for example a full disk or an error of `write`, come with the path as context.
 pub fn atomic_write(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     if path.is_dir() {
-        return Err(InputError::new(path, "output", "a folder", "a file's name").into());
+        return Err(InputError::new(path, "output", "a folder", "the name of a file").into());
     }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".dsdf-").suffix(".tmp");
-    // Temporary files are private unless told otherwise; this one becomes an ordinary file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let temporary = builder.tempfile_in(folder).map_err(|e| unwritable(folder, e))?;
-    let failed = || format!("cannot write {}", path.display());
-    let mut out = BufWriter::new(temporary);
-    write(&mut out).with_context(failed)?;
-    let temporary =
-        out.into_inner().map_err(std::io::IntoInnerError::into_error).with_context(failed)?;
-    temporary.as_file().sync_all().with_context(failed)?;
-    temporary.persist(path).with_context(failed)?;
-    // The rename itself lives in the folder. Where folders cannot be synced the file is still
-    // whole.
+    let temporary = temporary_in(folder).map_err(|e| folder_error(folder, e))?;
+    fill_and_rename(temporary, path, write)
+        .with_context(|| format!("cannot write {}", path.display()))?;
+    // The rename is an entry of the folder, so the folder is synced too. Some systems cannot sync a
+    // folder. The file is whole there as well; only the rename may be lost in a crash.
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }
     Ok(())
 }
 
-/// A folder that cannot take a file is wrong input; a disk without room is not.
-fn unwritable(folder: &Path, error: std::io::Error) -> anyhow::Error {
+fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".dsdf-").suffix(".tmp");
+    // By default only the owner may read a temporary file. This one becomes an ordinary file, with
+    // the permissions that the user's umask leaves.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+fn fill_and_rename(
+    temporary: NamedTempFile,
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut out = BufWriter::new(temporary);
+    write(&mut out)?;
+    let temporary = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+    temporary.as_file().sync_all()?;
+    temporary.persist(path)?;
+    Ok(())
+}
+
+/// The error of a temporary file that cannot be created: wrong input unless the disk is full.
+fn folder_error(folder: &Path, error: std::io::Error) -> anyhow::Error {
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             anyhow::Error::from(error).context("cannot write")
@@ -58,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+    fn a_failed_write_leaves_the_old_file_and_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         atomic_write(&path, |out| Ok(out.write_all(b"old")?)).unwrap();
@@ -72,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_wrong_input() {
+    fn a_missing_folder_is_an_input_error() {
         let folder = tempfile::tempdir().unwrap();
         let error = atomic_write(&folder.path().join("no/a.txt"), |_| Ok(())).unwrap_err();
         assert!(error.is::<InputError>());
@@ -82,8 +98,8 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_not_wrong_input() {
-        let error = unwritable(Path::new("x"), std::io::Error::from(ErrorKind::StorageFull));
+    fn a_full_disk_is_no_input_error() {
+        let error = folder_error(Path::new("x"), std::io::Error::from(ErrorKind::StorageFull));
         assert!(!error.is::<InputError>());
     }
 }

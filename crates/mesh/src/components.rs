@@ -1,93 +1,109 @@
-//! Connected pieces of a mesh.
+//! Connected components of a mesh.
 
-use super::Mesh;
+use crate::Mesh;
 
-/// Which connected pieces of an extracted surface are kept.
+/// The connected components of an extracted surface that are kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Components {
     /// All of them.
     All,
     /// The one of largest area.
     Largest,
-    /// Those with at least this share of the largest one's area.
+    /// Those with at least this share (0 to 1) of the largest one's area.
     AtLeast(f64),
 }
 
 impl Default for Components {
-    /// Drops dust: a hundredth of the largest piece's area is far below a part of an object that
-    /// photographs show, and far above the specks that a network leaves in places that no
-    /// photograph sees.
+    /// At least 0.01 of the largest one's area.
+    ///
+    /// This is far below the area of a part of an object that shows in photographs. It is far above
+    /// that of the specks that a network leaves where no photograph shows the space.
     fn default() -> Self {
         Components::AtLeast(0.01)
     }
 }
 
-/// Disjoint sets of the numbers below a bound.
-pub(super) struct Sets(Vec<u32>);
+/// Disjoint sets of the numbers below a bound (union–find with path halving: Tarjan, van Leeuwen,
+/// "Worst-case Analysis of Set Union Algorithms", Journal of the ACM 1984).
+pub(crate) struct DisjointSets {
+    /// The parent of each number in its tree; the parent of a root is the root itself. A parent is
+    /// never larger than its child.
+    parent: Vec<u32>,
+}
 
-impl Sets {
-    /// Every number by itself.
-    pub(super) fn new(count: usize) -> Self {
-        Sets((0..count as u32).collect())
+impl DisjointSets {
+    /// The sets {0}, {1}, …, {count − 1}.
+    pub(crate) fn new(count: usize) -> Self {
+        DisjointSets { parent: (0..count as u32).collect() }
     }
 
-    /// The least number of the set that holds `v`.
-    pub(super) fn root(&mut self, mut v: u32) -> u32 {
-        while self.0[v as usize] != v {
-            self.0[v as usize] = self.0[self.0[v as usize] as usize];
-            v = self.0[v as usize];
+    /// The smallest number of the set that holds `v`.
+    pub(crate) fn find(&mut self, mut v: u32) -> u32 {
+        while self.parent[v as usize] != v {
+            self.parent[v as usize] = self.parent[self.parent[v as usize] as usize];
+            v = self.parent[v as usize];
         }
         v
     }
 
-    /// Makes one set of two.
-    pub(super) fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
+    /// Unites the sets that hold `a` and `b`.
+    pub(crate) fn union(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.parent[a.max(b) as usize] = a.min(b);
     }
 }
 
-/// The piece of every vertex, as the index of one of its vertices.
-fn roots(mesh: &Mesh) -> Vec<u32> {
-    let mut sets = Sets::new(mesh.vertices.len());
+/// The component of every vertex, as the smallest index of its vertices.
+fn component_of_vertices(mesh: &Mesh) -> Vec<u32> {
+    let mut sets = DisjointSets::new(mesh.vertices.len());
     for [a, b, c] in &mesh.faces {
-        sets.join(*a, *b);
-        sets.join(*a, *c);
+        sets.union(*a, *b);
+        sets.union(*a, *c);
     }
-    (0..mesh.vertices.len() as u32).map(|v| sets.root(v)).collect()
+    (0..mesh.vertices.len() as u32).map(|v| sets.find(v)).collect()
 }
 
-/// The number of pieces.
-pub(super) fn count(mesh: &Mesh) -> usize {
-    let roots = roots(mesh);
-    let mut used = vec![false; roots.len()];
-    mesh.faces.iter().for_each(|f| used[roots[f[0] as usize] as usize] = true);
+/// The number of components that have a face.
+pub(crate) fn count(mesh: &Mesh) -> usize {
+    let component = component_of_vertices(mesh);
+    let mut used = vec![false; component.len()];
+    mesh.faces.iter().for_each(|f| used[component[f[0] as usize] as usize] = true);
     used.iter().filter(|u| **u).count()
 }
 
-/// The mesh with the chosen pieces only, and without unused vertices.
-pub(super) fn keep(mesh: Mesh, which: Components) -> Mesh {
-    let roots = roots(&mesh);
+/// The mesh with the chosen components only, and without unused vertices.
+pub(crate) fn keep(mesh: Mesh, which: Components) -> Mesh {
+    let component = component_of_vertices(&mesh);
     let mut areas = vec![0.0; mesh.vertices.len()];
     for (i, face) in mesh.faces.iter().enumerate() {
-        areas[roots[face[0] as usize] as usize] += mesh.face_cross(i).length();
+        areas[component[face[0] as usize] as usize] += mesh.face_cross(i).length();
     }
-    let largest = (0..areas.len()).fold(0, |best, v| if areas[v] > areas[best] { v } else { best });
-    let wanted = |root: usize| match which {
-        Components::All => true,
-        Components::Largest => root == largest,
-        Components::AtLeast(share) => areas[root] >= share * areas[largest],
+    let largest = (0..areas.len()).fold(0, |best, c| if areas[c] > areas[best] { c } else { best });
+    let is_kept = |face: &[u32; 3]| {
+        let c = component[face[0] as usize] as usize;
+        match which {
+            Components::All => true,
+            Components::Largest => c == largest,
+            Components::AtLeast(share) => areas[c] >= share * areas[largest],
+        }
     };
-    let mut index = vec![u32::MAX; mesh.vertices.len()];
+    select_faces(&mesh, is_kept)
+}
+
+/// The mesh with the faces that `is_kept` accepts and their vertices, in the order of first use.
+fn select_faces(mesh: &Mesh, is_kept: impl Fn(&[u32; 3]) -> bool) -> Mesh {
+    const UNUSED: u32 = u32::MAX;
+    let mut new_index = vec![UNUSED; mesh.vertices.len()];
     let mut out = Mesh::default();
-    for face in mesh.faces.iter().filter(|f| wanted(roots[f[0] as usize] as usize)) {
+    for face in mesh.faces.iter().filter(|f| is_kept(f)) {
         out.faces.push(face.map(|v| {
-            if index[v as usize] == u32::MAX {
-                index[v as usize] = out.vertices.len() as u32;
-                out.vertices.push(mesh.vertices[v as usize]);
-                out.normals.extend(mesh.normals.get(v as usize));
+            let v = v as usize;
+            if new_index[v] == UNUSED {
+                new_index[v] = out.vertices.len() as u32;
+                out.vertices.push(mesh.vertices[v]);
+                out.normals.extend(mesh.normals.get(v));
             }
-            index[v as usize]
+            new_index[v]
         }));
     }
     out

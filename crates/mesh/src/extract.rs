@@ -1,4 +1,4 @@
-//! The zero level set of a field as a closed mesh.
+//! Extraction of the zero level set of a field as a closed manifold mesh.
 
 use std::collections::HashMap;
 
@@ -8,15 +8,22 @@ use field::{Field, Real, Sphere};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::grid::{BLOCK, Grid, PADDED, Solid};
-use super::manifold::make_manifold;
-use super::{Components, Mesh, components, project};
+use crate::grid::{BLOCK, Grid, PADDED};
+use crate::manifold::make_manifold;
+use crate::solid::Solid;
+use crate::{Components, Mesh, components, project};
 
-/// The fewest cells along the diameter that give a surface worth the name.
+/// The fewest cells along the diameter; fewer give no useful surface.
 const LEAST_RESOLUTION: usize = 4;
 
-/// Extracts {f = 0} within the bounding ball, with `resolution` grid cells (at least 4) along its
-/// diameter, and drops pieces of less than 1 % of the largest one's area. See [`extract_with`].
+/// The fractions of progress after the grid and after the topology; projection is the rest.
+const GRID_DONE: f64 = 0.8;
+const TOPOLOGY_DONE: f64 = 0.9;
+
+/// Extracts {f = 0} within the bounding sphere and drops small components: those with less than
+/// 1 % of the area of the largest one.
+///
+/// `resolution` is the number of grid cells along the diameter, at least 4. See [`extract_with`].
 pub fn extract<R: Real>(
     field: &dyn Field<R>,
     bounds: &Sphere<f64>,
@@ -26,20 +33,26 @@ pub fn extract<R: Real>(
     extract_with(field, bounds, resolution, Components::default(), progress)
 }
 
-/// Extracts {f = 0} within the bounding ball, with `resolution` grid cells (at least 4) along its
-/// diameter, and keeps the chosen pieces. The mesh is closed, a manifold, faces outwards and has
-/// unit normals along ∇f. A solid that would leave the ball is closed by the ball's surface: what f
-/// is outside does not matter. A field without a surface in the ball gives an empty mesh, and so
-/// does a ball without an inside.
+/// Extracts {f = 0} within the bounding sphere and keeps the chosen components.
 ///
-/// Blocks of the grid are skipped where f at the centre says that no surface can be near (with a
-/// factor 2 for fields steeper than a distance; a steeper field gets steps, never holes). Cells are
-/// polygonised by naive surface nets (Gibson 1998), parts that touch are separated, and vertices
-/// are brought onto the surface by Newton steps along ∇f. Where the solid has a sharp edge the mesh
-/// cuts it off, by less than a cell. A NaN counts as outside of the solid.
+/// `resolution` is the number of grid cells along the diameter, at least 4. `progress` gets the
+/// fraction done, from 0 to 1, on any thread.
 ///
-/// The same input gives the same mesh on any number of threads. `progress` is told the fraction
-/// done, by any thread.
+/// The mesh is closed and a manifold. Its faces point outwards, and it has unit normals along ∇f. A
+/// solid that extends beyond the bounding sphere is closed by the sphere's surface; values of f
+/// outside the sphere do not change the solid. The mesh is empty if there is no surface in the
+/// sphere, or if the sphere has no interior or is not finite. The same input gives the same mesh on
+/// any number of threads.
+///
+/// 1. The field is evaluated on a grid, except in blocks whose centre is far from the surface. The
+///    test allows slopes of f up to 2; a steeper field may get steps in its surface or lose parts
+///    of it, but no holes. A NaN counts as outside.
+/// 2. Cells are polygonised by naive surface nets (Gibson, "Constrained Elastic Surface Nets",
+///    MICCAI 1998).
+/// 3. Parts of the surface that touch are separated (Guéziec, Taubin, Lazarus, Horn, "Cutting and
+///    Stitching", IEEE TVCG 2001).
+/// 4. Vertices are moved onto the surface by Newton steps along ∇f. The mesh cuts off sharp edges
+///    of the solid, by less than a cell.
 pub fn extract_with<R: Real>(
     field: &dyn Field<R>,
     bounds: &Sphere<f64>,
@@ -50,78 +63,76 @@ pub fn extract_with<R: Real>(
     if !(bounds.radius > 0.0 && bounds.radius.is_finite() && bounds.center.is_finite()) {
         return Mesh::default();
     }
-    let grid = Grid::new(field, bounds, resolution.max(LEAST_RESOLUTION), &|p| progress(0.8 * p));
+    let grid_progress = |fraction: f64| progress(GRID_DONE * fraction);
+    let grid = Grid::new(field, bounds, resolution.max(LEAST_RESOLUTION), &grid_progress);
     let mut mesh = polygonise(&grid);
     make_manifold(&mut mesh);
     mesh = components::keep(mesh, keep);
-    progress(0.9);
+    progress(TOPOLOGY_DONE);
     project::onto(&Solid::new(field, bounds, grid.cell), grid.cell, &mut mesh);
     progress(1.0);
     mesh
 }
 
-/// A part of the surface, its vertices under the index of their cells.
+/// The surface within one block.
 #[derive(Default)]
-struct Part {
+struct BlockSurface {
+    /// For every vertex a key of its cell; the same cell has the same key in every block.
     cells: Vec<u64>,
     positions: Vec<Vec3>,
     faces: Vec<[u32; 3]>,
 }
 
-/// Surface nets block by block. Blocks overlap by the cells at their upper sides, whose vertices
-/// are stitched.
+/// The surface of all blocks. Blocks overlap by the cells at their upper sides; vertices of the
+/// same cell are merged.
 fn polygonise(grid: &Grid) -> Mesh {
-    let blocks = grid.crossed();
     let buffers = || (SurfaceNetsBuffer::default(), [0.0; PADDED.pow(3)]);
-    let parts: Vec<Part> = blocks
+    let surfaces: Vec<BlockSurface> = grid
+        .surface_blocks()
         .par_iter()
         .map_init(buffers, |(net, values), b| polygonise_block(grid, *b, values, net))
         .collect();
     let mut mesh = Mesh::default();
     let mut vertex_of_cell = HashMap::new();
-    for part in parts {
-        let index: Vec<u32> = part
-            .cells
-            .iter()
-            .zip(&part.positions)
-            .map(|(cell, position)| {
-                *vertex_of_cell.entry(*cell).or_insert_with(|| {
-                    mesh.vertices.push(*position);
-                    mesh.vertices.len() as u32 - 1
-                })
+    for surface in surfaces {
+        let mut vertex = |(cell, position): (&u64, &Vec3)| {
+            *vertex_of_cell.entry(*cell).or_insert_with(|| {
+                mesh.vertices.push(*position);
+                mesh.vertices.len() as u32 - 1
             })
-            .collect();
-        mesh.faces.extend(part.faces.iter().map(|f| f.map(|v| index[v as usize])));
+        };
+        let index: Vec<u32> =
+            surface.cells.iter().zip(&surface.positions).map(&mut vertex).collect();
+        mesh.faces.extend(surface.faces.iter().map(|f| f.map(|v| index[v as usize])));
     }
     mesh
 }
 
+/// The surface within block `b`; `values` and `net` are scratch memory.
 fn polygonise_block(
     grid: &Grid,
     b: usize,
     values: &mut [f32; PADDED.pow(3)],
     net: &mut SurfaceNetsBuffer,
-) -> Part {
+) -> BlockSurface {
     const SIDE: u32 = PADDED as u32;
     type Padded = ConstShape3u32<SIDE, SIDE, SIDE>;
     let block = grid.coordinates(b);
     grid.padded(block, values);
     let outside = values.iter().filter(|f| **f >= 0.0).count();
     if outside == 0 || outside == values.len() {
-        return Part::default();
+        return BlockSurface::default();
     }
     surface_nets(&values[..], &Padded {}, [0; 3], [SIDE - 1; 3], net);
     let corner = block.map(|c| c * BLOCK);
     let origin = DVec3::from(corner.map(|c| c as f64));
-    let cell =
+    // 21 bits for each coordinate.
+    let cell_key =
         |at: &[u32; 3]| (0..3).fold(0, |key, k| key << 21 | (corner[k] as u64 + u64::from(at[k])));
-    Part {
-        cells: net.surface_points.iter().map(cell).collect(),
-        positions: net
-            .positions
-            .iter()
-            .map(|p| grid.position(origin + Vec3::from(*p).as_dvec3()).as_vec3())
-            .collect(),
+    let position = |p: &[f32; 3]| grid.position(origin + Vec3::from(*p).as_dvec3()).as_vec3();
+    BlockSurface {
+        cells: net.surface_points.iter().map(cell_key).collect(),
+        positions: net.positions.iter().map(position).collect(),
         faces: net.indices.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect(),
     }
 }

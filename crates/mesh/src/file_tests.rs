@@ -1,5 +1,9 @@
-use super::*;
+use std::path::Path;
+
+use glam::Vec3;
 use proptest::prelude::*;
+
+use crate::{Mesh, read_mesh, write_mesh};
 
 fn tetrahedron() -> Mesh {
     let vertices = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.1, 1.0 / 3.0, 1e-7)];
@@ -7,13 +11,15 @@ fn tetrahedron() -> Mesh {
     Mesh { vertices, normals, faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] }
 }
 
-fn read_text(name: &str, text: &[u8]) -> Result<Mesh, io::InputError> {
+/// Reads a file of the given name and content.
+fn read_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, io::InputError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, bytes).unwrap();
     read_mesh(&path)
 }
 
+/// The content of the file that the mesh is written to.
 fn written(name: &str, mesh: &Mesh) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
@@ -22,20 +28,19 @@ fn written(name: &str, mesh: &Mesh) -> Vec<u8> {
 }
 
 #[test]
-fn files_come_back() {
+fn meshes_that_are_written_and_read_are_equal() {
     let bare = Mesh { normals: vec![], ..tetrahedron() };
     for mesh in [tetrahedron(), bare] {
-        assert_eq!(read_text("a.ply", &written("a.ply", &mesh)).unwrap(), mesh);
-        let obj = read_text("a.OBJ", &written("a.obj", &mesh)).unwrap();
+        assert_eq!(read_bytes("a.ply", &written("a.ply", &mesh)).unwrap(), mesh);
+        let obj = read_bytes("a.OBJ", &written("a.obj", &mesh)).unwrap();
         assert_eq!((&obj.vertices, &obj.faces), (&mesh.vertices, &mesh.faces));
     }
     let error = write_mesh(Path::new("a.stl"), &tetrahedron()).unwrap_err();
     assert!(error.is::<io::InputError>());
 }
 
-/// The JSON and the binary chunk of a .glb, by the container's layout in the specification (section
-/// 4.4).
-fn glb(bytes: &[u8]) -> (serde_json::Value, &[u8]) {
+/// The JSON chunk and the binary chunk of a .glb file (glTF 2.0, section 4.4).
+fn glb_chunks(bytes: &[u8]) -> (serde_json::Value, &[u8]) {
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     assert_eq!((&bytes[..4], word(4), word(8) as usize), (&b"glTF"[..], 2, bytes.len()));
     let json = word(12) as usize;
@@ -48,14 +53,14 @@ fn glb(bytes: &[u8]) -> (serde_json::Value, &[u8]) {
 }
 
 #[test]
-fn a_glb_holds_what_its_accessors_say() {
+fn the_accessors_of_a_glb_file_give_the_mesh() {
     for normals in [true, false] {
         let mut mesh = tetrahedron();
         if !normals {
             mesh.normals.clear();
         }
         let bytes = written("a.glb", &mesh);
-        let (json, data) = glb(&bytes);
+        let (json, data) = glb_chunks(&bytes);
         let primitive = &json["meshes"][0]["primitives"][0];
         let words = |accessor: &serde_json::Value| -> Vec<u32> {
             let accessor = &json["accessors"][accessor.as_u64().unwrap() as usize];
@@ -85,34 +90,48 @@ fn a_glb_holds_what_its_accessors_say() {
 }
 
 #[test]
-fn foreign_files_are_read() {
-    let ascii = b"ply\nformat ascii 1.0\ncomment made elsewhere\nelement vertex 5\nproperty double x\nproperty double y\nproperty int z\nproperty uchar red\nelement face 2\nproperty list uchar uint vertex_index\nproperty float quality\nend_header\n0 0 0 255\n1 0 0 255\n1 1 0 255\n0 1 0 255\n0.5 0.5 2 0\n4 0 1 2 3 0.5\n3 0 1 4 0.5\n";
-    let mesh = read_text("a.ply", ascii).unwrap();
+fn files_of_other_programs_are_read() {
+    let ascii = b"ply\nformat ascii 1.0\ncomment made elsewhere\n\
+        element vertex 5\nproperty double x\nproperty double y\nproperty int z\n\
+        property uchar red\n\
+        element face 2\nproperty list uchar uint vertex_index\nproperty float quality\n\
+        end_header\n\
+        0 0 0 255\n1 0 0 255\n1 1 0 255\n0 1 0 255\n0.5 0.5 2 0\n\
+        4 0 1 2 3 0.5\n3 0 1 4 0.5\n";
+    let mesh = read_bytes("a.ply", ascii).unwrap();
     assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
     assert_eq!((mesh.vertices[4], mesh.normals.len()), (Vec3::new(0.5, 0.5, 2.0), 0));
 
-    let mut big_endian = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar short vertex_indices\nend_header\n".to_vec();
+    let mut big_endian = b"ply\nformat binary_big_endian 1.0\n\
+        element vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar short vertex_indices\nend_header\n"
+        .to_vec();
     for v in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.5, 0.0] {
         big_endian.extend(v.to_be_bytes());
     }
     big_endian.extend([3, 0, 2, 0, 1, 0, 0]);
-    let mesh = read_text("a.ply", &big_endian).unwrap();
+    let mesh = read_bytes("a.ply", &big_endian).unwrap();
     assert_eq!((mesh.vertices[2].y, mesh.faces), (2.5, vec![[2, 1, 0]]));
 
-    // Groups share vertices; indices count backwards; a face comes before its vertex.
-    let obj = b"mtllib none.mtl\no part\nv 0 0 0 1 0 0\nv 1 0 0\r\nv 1 1 0\nvt 0 0\nvn 0 0 1\ng one\nusemtl red\nf 1/1/1 2/1/1 3/1/1 # front\ng two\nf -3//1 3//1 4//1\nv 0 1 0\n";
-    let mesh = read_text("a.obj", obj).unwrap();
+    // Groups share vertices, indices count backwards, and a face comes before its last vertex.
+    let obj = b"mtllib none.mtl\no part\nv 0 0 0 1 0 0\nv 1 0 0\r\nv 1 1 0\nvt 0 0\nvn 0 0 1\n\
+        g one\nusemtl red\nf 1/1/1 2/1/1 3/1/1 # front\n\
+        g two\nf -3//1 3//1 4//1\nv 0 1 0\n";
+    let mesh = read_bytes("a.obj", obj).unwrap();
     assert_eq!((mesh.vertices.len(), mesh.faces), (4, vec![[0, 1, 2], [0, 2, 3]]));
 }
 
 #[test]
-fn impossible_meshes_are_named() {
+fn the_error_of_a_wrong_mesh_names_the_place() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     let obj = |rest: &str| (vertices.to_owned() + rest, "a.obj");
     let ply = |x: &str, face: &str| {
         (
             format!(
-                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n{x} 0 0\n1 0 0\n0 1 0\n{face}\n"
+                "ply\nformat ascii 1.0\n\
+                element vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+                {x} 0 0\n1 0 0\n0 1 0\n{face}\n"
             ),
             "a.ply",
         )
@@ -134,7 +153,7 @@ fn impossible_meshes_are_named() {
         (ply("zero", "3 0 1 2"), "mesh"),
         (("v 0 0 0\n".to_owned(), "a.stl"), "extension \"stl\""),
     ] {
-        let error = read_text(name, text.as_bytes()).unwrap_err().to_string();
+        let error = read_bytes(name, text.as_bytes()).unwrap_err().to_string();
         assert!(
             error.contains(field) && error.contains(name) && error.lines().count() == 1,
             "{error}"
@@ -148,31 +167,36 @@ fn impossible_meshes_are_named() {
 fn cut_files_are_refused() {
     let whole = written("a.ply", &tetrahedron());
     for length in 0..whole.len() {
-        assert!(read_text("a.ply", &whole[..length]).is_err(), "cut at {length}");
+        assert!(read_bytes("a.ply", &whole[..length]).is_err(), "cut at {length}");
     }
 }
 
 #[test]
-fn a_header_that_promises_too_much_is_refused() {
+fn a_header_with_counts_beyond_the_file_is_refused() {
     let header = |count: &str, list: &str| {
         format!(
-            "ply\nformat binary_little_endian 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\nelement face {count}\nproperty list {list} int vertex_indices\nend_header\n"
+            "ply\nformat binary_little_endian 1.0\n\
+            element vertex {count}\nproperty float x\nproperty float y\nproperty float z\n\
+            element face {count}\nproperty list {list} int vertex_indices\nend_header\n"
         )
     };
     for count in ["4000000000", "18446744073709551615"] {
-        let error = read_text("a.ply", header(count, "uchar").as_bytes()).unwrap_err().to_string();
+        let error = read_bytes("a.ply", header(count, "uchar").as_bytes()).unwrap_err().to_string();
         assert!(error.contains("a.ply"), "{error}");
     }
     let mut long_list = header("1", "uint").into_bytes();
     long_list.extend([0; 12]);
     long_list.extend(u32::MAX.to_le_bytes());
-    assert!(read_text("a.ply", &long_list).is_err());
+    assert!(read_bytes("a.ply", &long_list).is_err());
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
     #[test]
-    fn damaged_files_never_panic(changes in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6), cut in any::<usize>()) {
+    fn damaged_files_never_panic(
+        changes in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6),
+        cut in any::<usize>(),
+    ) {
         for name in ["a.ply", "a.obj"] {
             let mut bytes = written(name, &tetrahedron());
             let length = bytes.len();
@@ -180,7 +204,8 @@ proptest! {
             let check = |read: Result<Mesh, io::InputError>| match read {
                 Ok(mesh) => {
                     prop_assert!(mesh.vertices.iter().all(|v| v.is_finite()));
-                    prop_assert!(mesh.faces.as_flattened().iter().all(|v| (*v as usize) < mesh.vertices.len()));
+                    let count = mesh.vertices.len();
+                    prop_assert!(mesh.faces.as_flattened().iter().all(|v| (*v as usize) < count));
                     Ok(())
                 }
                 Err(e) => {
@@ -188,8 +213,8 @@ proptest! {
                     Ok(())
                 }
             };
-            check(read_text(name, &bytes))?;
-            check(read_text(name, &bytes[..cut % length]))?;
+            check(read_bytes(name, &bytes))?;
+            check(read_bytes(name, &bytes[..cut % length]))?;
         }
     }
 }

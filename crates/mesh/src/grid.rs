@@ -1,105 +1,62 @@
-//! The field on a grid around the bounding ball, evaluated only where its surface can be.
+//! The values of the solid's F on a cubic grid, evaluated only where the surface may be.
+//!
+//! The grid is divided into blocks of 8³ points, and a block into sub-blocks of 4³ points. If F at
+//! the centre of a block is far enough from 0, the whole block is inside or outside, and only that
+//! is stored. The same test is applied to the sub-blocks of the other blocks.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Field, Real, Sphere};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Grid points along a side of a block, and of the parts of a block, that are evaluated, or not, as
-/// a whole.
-pub(super) const BLOCK: usize = 8;
-const PART: usize = 4;
+use crate::solid::Solid;
 
-/// How much steeper than a distance the field may be between a block's centre and its corners, for
-/// its sign to hold.
-const STEEPNESS: f64 = 2.0;
+/// Grid points along a side of a block.
+pub(crate) const BLOCK: usize = 8;
 
-/// Points along a side of a block with its padding.
-pub(super) const PADDED: usize = BLOCK + 2;
+/// Grid points along a side of a sub-block.
+const SUBBLOCK: usize = 4;
 
-/// Blocks that a thread takes at once: the field sees batches of at most 32³ / 4 points.
+/// Sub-blocks of a block.
+const SUBBLOCKS: usize = (BLOCK / SUBBLOCK).pow(3);
+
+/// The slope of the field, between the centre of a block and its corners, up to which the test
+/// above is right. A distance has the slope 1; the factor 2 is for fields that are steeper.
+const LARGEST_SLOPE: f64 = 2.0;
+
+/// Grid points along a side of a block with its padding.
+pub(crate) const PADDED: usize = BLOCK + 2;
+
+/// Blocks that a thread evaluates at once: the field gets batches of 16 · 8³ = 8192 points at most.
 const BATCH: usize = 16;
 
-/// Stands for an infinity: far beyond any scene, and safe to interpolate with.
-const FAR: f64 = 1e30;
-
-/// A solid {F ≤ 0}, F = max(f, distance to the bounding ball): a field cut to the ball it exists
-/// in.
-pub(super) struct Solid<'a, R: Real> {
-    field: &'a dyn Field<R>,
-    bounds: Sphere<f64>,
-    /// What a NaN inside the ball stands for: this far outside of the solid.
-    outside: f64,
-}
-
-impl<'a, R: Real> Solid<'a, R> {
-    pub(super) fn new(field: &'a dyn Field<R>, bounds: &Sphere<f64>, outside: f64) -> Self {
-        Solid { field, bounds: *bounds, outside }
-    }
-
-    /// The signed distance to the bounding ball.
-    fn ball(&self, x: DVec3) -> f64 {
-        (x - self.bounds.center).length() - self.bounds.radius
-    }
-
-    /// F(x), finite.
-    fn value(&self, x: &[DVec3]) -> Vec<f64> {
-        let points: Vec<R::Vec3> = x.iter().map(|x| Vector3::of(*x)).collect();
-        let mut f = vec![R::zero(); x.len()];
-        self.field.value(&points, &mut f);
-        x.iter().zip(&f).map(|(x, f)| self.cut(f.to_double(), self.ball(*x))).collect()
-    }
-
-    /// F(x), finite, and ∇F(x).
-    pub(super) fn value_gradient(&self, x: &[DVec3]) -> Vec<(f64, DVec3)> {
-        let points: Vec<R::Vec3> = x.iter().map(|x| Vector3::of(*x)).collect();
-        let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-        self.field.value_gradient(&points, &mut f, &mut gradient);
-        let cut = |((x, f), gradient): ((&DVec3, &R), &R::Vec3)| {
-            let ball = self.ball(*x);
-            let value = self.cut(f.to_double(), ball);
-            let on_ball = ball >= value;
-            (
-                value,
-                if on_ball {
-                    (x - self.bounds.center).normalize_or_zero()
-                } else {
-                    gradient.to_double()
-                },
-            )
-        };
-        x.iter().zip(&f).zip(&gradient).map(cut).collect()
-    }
-
-    fn cut(&self, f: f64, ball: f64) -> f64 {
-        let f = if f.is_nan() { self.outside } else { f };
-        f.max(ball).clamp(-FAR, FAR)
-    }
-}
-
-/// F at the points of a cubic grid; blocks without a surface are kept as a sign.
-pub(super) struct Grid {
-    /// The place of grid point (0, 0, 0), world units.
+/// F at the points of a cubic grid.
+pub(crate) struct Grid {
+    /// The position of grid point (0, 0, 0), world units.
     low: DVec3,
-    /// The distance of neighbouring points, world units.
-    pub(super) cell: f64,
-    /// Blocks along a side.
+    /// The distance between neighbouring points, world units.
+    pub(crate) cell: f64,
+    /// The number of blocks along a side.
     blocks: usize,
-    /// A sign, or where in `values` the block's values are.
+    /// For every block `OUTSIDE`, `INSIDE`, or the index of its values.
     state: Vec<u32>,
-    /// Values of the evaluated blocks, x fastest.
+    /// F at the points of the evaluated blocks, x fastest.
     values: Vec<[f32; BLOCK.pow(3)]>,
 }
 
+/// The state of a block without a surface, outside the solid.
 const OUTSIDE: u32 = u32::MAX;
+/// The state of a block without a surface, inside the solid.
 const INSIDE: u32 = u32::MAX - 1;
+/// The state of a block that the surface may cross, before it gets an index.
 const MIXED: u32 = u32::MAX - 2;
 
 impl Grid {
-    /// Evaluates the field with `resolution` cells along the ball's diameter. Points on the grid's
-    /// border lie outside of the ball. `progress` is told the fraction done.
-    pub(super) fn new<R: Real>(
+    /// Evaluates the field with `resolution` cells along the diameter of the bounding sphere.
+    ///
+    /// Points at the border of the grid are outside the sphere. `progress` gets the fraction done.
+    pub(crate) fn new<R: Real>(
         field: &dyn Field<R>,
         bounds: &Sphere<f64>,
         resolution: usize,
@@ -107,43 +64,44 @@ impl Grid {
     ) -> Self {
         let cell = 2.0 * bounds.radius / resolution as f64;
         let blocks = (resolution + 3).div_ceil(BLOCK);
-        // The number of points is even, so the planes through the centre, where symmetric solids
-        // like to have faces, lie between points.
+        // The number of points along a side is even. So the planes through the centre, where
+        // symmetric solids often have faces, are between points.
         let low = bounds.center - DVec3::splat(0.5 * cell * (blocks * BLOCK - 1) as f64);
         let mut grid = Grid { low, cell, blocks, state: Vec::new(), values: Vec::new() };
         let solid = Solid::new(field, bounds, cell);
-        grid.state = grid.signs(&solid);
+        grid.state = grid.classify_blocks(&solid);
         grid.evaluate(&solid, progress);
         grid
     }
 
     /// The world position of a point in grid coordinates.
-    pub(super) fn position(&self, grid: DVec3) -> DVec3 {
+    pub(crate) fn position(&self, grid: DVec3) -> DVec3 {
         self.low + self.cell * grid
     }
 
+    /// The world position of the centre of a cube of `size`³ points with the lowest point `corner`.
     fn center(&self, corner: [usize; 3], size: usize) -> DVec3 {
         self.position(DVec3::from(corner.map(|c| c as f64)) + 0.5 * (size - 1) as f64)
     }
 
-    /// Block coordinates of block `b`.
-    pub(super) fn coordinates(&self, b: usize) -> [usize; 3] {
+    /// The block coordinates of block `b`.
+    pub(crate) fn coordinates(&self, b: usize) -> [usize; 3] {
         [b % self.blocks, b / self.blocks % self.blocks, b / self.blocks.pow(2)]
     }
 
-    /// The sign that a cube of `size`³ points has throughout, from F at its centre; `MIXED` if F
-    /// may vanish in it.
-    fn sign(&self, center: f64, size: usize) -> u32 {
-        let reach = STEEPNESS * 0.5 * (size - 1) as f64 * self.cell * 3f64.sqrt();
-        match center {
+    /// The state of a cube of `size`³ points by F at its centre; `MIXED` if F may vanish in it.
+    fn classify(&self, center_value: f64, size: usize) -> u32 {
+        let reach = LARGEST_SLOPE * 0.5 * (size - 1) as f64 * self.cell * 3f64.sqrt();
+        match center_value {
             f if f > reach => OUTSIDE,
             f if f < -reach => INSIDE,
             _ => MIXED,
         }
     }
 
-    /// The state of every block, from its centre.
-    fn signs<R: Real>(&self, solid: &Solid<R>) -> Vec<u32> {
+    /// The state of every block.
+    fn classify_blocks<R: Real>(&self, solid: &Solid<R>) -> Vec<u32> {
+        /// Blocks that a thread classifies at once.
         const CHUNK: usize = 4096;
         let count = self.blocks.pow(3);
         let chunk = |c: usize| {
@@ -151,12 +109,12 @@ impl Grid {
             let centers: Vec<DVec3> = blocks
                 .map(|b| self.center(self.coordinates(b).map(|c| c * BLOCK), BLOCK))
                 .collect();
-            solid.value(&centers).into_iter().map(|f| self.sign(f, BLOCK)).collect::<Vec<u32>>()
+            solid.value(&centers).into_iter().map(|f| self.classify(f, BLOCK)).collect::<Vec<u32>>()
         };
         (0..count.div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
     }
 
-    /// Fills in the mixed blocks.
+    /// Evaluates the mixed blocks and gives them the indices of their values.
     fn evaluate<R: Real>(&mut self, solid: &Solid<R>, progress: &(dyn Fn(f64) + Sync)) {
         let mixed: Vec<usize> = (0..self.state.len()).filter(|b| self.state[*b] == MIXED).collect();
         mixed.iter().enumerate().for_each(|(i, b)| self.state[*b] = i as u32);
@@ -170,46 +128,52 @@ impl Grid {
         self.values = values;
     }
 
-    /// The same once more with the parts of a batch of blocks, then point by point.
+    /// Evaluates a batch of blocks; `values` has one array for each. All points of a sub-block
+    /// without a surface get the value at its centre.
     fn evaluate_blocks<R: Real>(
         &self,
         solid: &Solid<R>,
         blocks: &[usize],
         values: &mut [[f32; BLOCK.pow(3)]],
     ) {
-        const PARTS: usize = (BLOCK / PART).pow(3);
-        const POINTS: usize = PART.pow(3);
-        let corners: Vec<[usize; 3]> = (0..blocks.len() * PARTS)
-            .map(|p| {
-                let (block, part) =
-                    (self.coordinates(blocks[p / PARTS]), unravel(p % PARTS, BLOCK / PART));
-                [0, 1, 2].map(|k| block[k] * BLOCK + part[k] * PART)
-            })
-            .collect();
-        let point = |p: usize, i: usize| {
-            let offset = unravel(i, PART);
-            [0, 1, 2].map(|k| corners[p][k] + offset[k])
-        };
-        let centers: Vec<DVec3> = corners.iter().map(|c| self.center(*c, PART)).collect();
-        let coarse = solid.value(&centers);
+        let corners = self.subblock_corners(blocks);
+        let centers: Vec<DVec3> = corners.iter().map(|c| self.center(*c, SUBBLOCK)).collect();
         let (mut mixed, mut x) = (Vec::new(), Vec::new());
-        for (p, f) in coarse.iter().enumerate() {
-            if self.sign(*f, PART) == MIXED {
-                mixed.push(p);
-                x.extend((0..POINTS).map(|i| self.center(point(p, i), 1)));
+        for (s, f) in solid.value(&centers).into_iter().enumerate() {
+            if self.classify(f, SUBBLOCK) == MIXED {
+                mixed.push(s);
+                x.extend(cube_points(corners[s], SUBBLOCK).map(|p| self.center(p, 1)));
             } else {
-                (0..POINTS).for_each(|i| values[p / PARTS][place(point(p, i))] = *f as f32);
+                let block = &mut values[s / SUBBLOCKS];
+                cube_points(corners[s], SUBBLOCK).for_each(|p| block[value_index(p)] = f as f32);
             }
         }
-        for (i, f) in solid.value(&x).into_iter().enumerate() {
-            let p = mixed[i / POINTS];
-            values[p / PARTS][place(point(p, i % POINTS))] = f as f32;
+        let values_at_x = solid.value(&x);
+        for (s, subblock_values) in mixed.iter().zip(values_at_x.chunks_exact(SUBBLOCK.pow(3))) {
+            for (p, f) in cube_points(corners[*s], SUBBLOCK).zip(subblock_values) {
+                values[s / SUBBLOCKS][value_index(p)] = *f as f32;
+            }
         }
     }
 
-    /// Blocks with a cell in which F changes sign, where a cell reaches up to one point into the
-    /// next blocks (and the cells that [`Grid::padded`] holds, two). In ascending order.
-    pub(super) fn crossed(&self) -> Vec<usize> {
+    /// The lowest grid point of every sub-block of `blocks`, block by block.
+    fn subblock_corners(&self, blocks: &[usize]) -> Vec<[usize; 3]> {
+        let corners = |b: &usize| {
+            let block = self.coordinates(*b);
+            (0..SUBBLOCKS).map(move |s| {
+                let subblock = unravel(s, BLOCK / SUBBLOCK);
+                [0, 1, 2].map(|k| block[k] * BLOCK + subblock[k] * SUBBLOCK)
+            })
+        };
+        blocks.iter().flat_map(corners).collect()
+    }
+
+    /// The blocks that can have a cell in which F changes sign, in ascending order.
+    ///
+    /// A cell of a block reaches one point into the next blocks, and the cells of the array that
+    /// [`Grid::padded`] fills reach two. So a block counts if it or one of its upper neighbours is
+    /// mixed, or if two of them differ in sign.
+    pub(crate) fn surface_blocks(&self) -> Vec<usize> {
         let mixed_or_two_signs = |b: &usize| {
             let block = self.coordinates(*b);
             let state = |i: usize| {
@@ -221,24 +185,26 @@ impl Grid {
         (0..self.state.len()).into_par_iter().filter(mixed_or_two_signs).collect()
     }
 
+    /// The state of a block in block coordinates; blocks beyond the grid are outside the solid.
     fn state(&self, block: [usize; 3]) -> u32 {
-        let inside = block.iter().all(|c| *c < self.blocks);
-        if inside {
+        let in_grid = block.iter().all(|c| *c < self.blocks);
+        if in_grid {
             self.state[(block[2] * self.blocks + block[1]) * self.blocks + block[0]]
         } else {
             OUTSIDE
         }
     }
 
-    /// F at the points of a block and two layers of the next blocks on each upper side, x fastest.
-    pub(super) fn padded(&self, block: [usize; 3], values: &mut [f32; PADDED.pow(3)]) {
+    /// Fills `values` with F at the points of a block and of two layers of the next blocks on each
+    /// upper side, x fastest.
+    pub(crate) fn padded(&self, block: [usize; 3], values: &mut [f32; PADDED.pow(3)]) {
         for (i, value) in values.iter_mut().enumerate() {
             let offset = unravel(i, PADDED);
             let point = [0, 1, 2].map(|k| block[k] * BLOCK + offset[k]);
             *value = match self.state(point.map(|c| c / BLOCK)) {
                 OUTSIDE => self.cell as f32,
                 INSIDE => -self.cell as f32,
-                mixed => self.values[mixed as usize][place(point)],
+                index => self.values[index as usize][value_index(point)],
             };
         }
     }
@@ -249,7 +215,15 @@ fn unravel(i: usize, side: usize) -> [usize; 3] {
     [i % side, i / side % side, i / side / side]
 }
 
-/// Where a block keeps the value of a grid point.
-fn place([x, y, z]: [usize; 3]) -> usize {
+/// The grid points of a cube of `side`³ points with the lowest point `corner`, x fastest.
+fn cube_points(corner: [usize; 3], side: usize) -> impl Iterator<Item = [usize; 3]> {
+    (0..side.pow(3)).map(move |i| {
+        let offset = unravel(i, side);
+        [0, 1, 2].map(|k| corner[k] + offset[k])
+    })
+}
+
+/// The index of a grid point in the array of its block.
+fn value_index([x, y, z]: [usize; 3]) -> usize {
     (z % BLOCK * BLOCK + y % BLOCK) * BLOCK + x % BLOCK
 }

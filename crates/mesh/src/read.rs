@@ -1,72 +1,68 @@
-//! Mesh files in: .ply and .obj.
+//! Reading of mesh files: .ply and .obj.
 
 use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::Path;
 
 use glam::Vec3;
+use io::InputError;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
-use super::{Mesh, extension};
-use io::InputError;
+use crate::{Mesh, extension};
 
-/// Reads a mesh, .ply (ASCII or binary) or .obj; polygons become fans of triangles. Colours,
-/// texture coordinates, materials and whatever else is in the file are passed over. Normals are
-/// read from .ply, where each vertex has one.
+/// Reads a mesh from a .ply file (ASCII or binary) or an .obj file.
+///
+/// A polygon becomes a fan of triangles. Normals are read from .ply, if each vertex has one.
+/// Colours, texture coordinates, materials and all other content are ignored.
 ///
 /// # Errors
-/// If the file is missing, damaged, without faces, or has a vertex that is not finite or an index
+/// If the file is missing, is damaged, has no faces, or has a vertex that is not finite or an index
 /// out of range.
 pub fn read_mesh(path: &Path) -> Result<Mesh, InputError> {
-    let read = match extension(path).as_str() {
-        "ply" => read_ply,
-        "obj" => read_obj,
+    let parse = match extension(path).as_str() {
+        "ply" => parse_ply,
+        "obj" => parse_obj,
         other => {
-            return Err(InputError::new(
-                path,
-                "mesh",
-                format!("extension \"{other}\""),
-                ".ply or .obj",
-            ));
+            let found = format!("extension \"{other}\"");
+            return Err(InputError::new(path, "mesh", found, ".ply or .obj"));
         }
     };
     let bytes = std::fs::read(path).map_err(|e| match e.kind() {
         ErrorKind::NotFound => InputError::new(path, "mesh", "no such file", "a .ply or .obj mesh"),
         _ => InputError::new(path, "mesh", e, "a .ply or .obj mesh"),
     })?;
-    let mesh = read(path, &bytes)?;
-    if mesh.faces.is_empty() {
-        return Err(InputError::new(path, "faces", "none", "a surface"));
-    }
-    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-        return Err(InputError::new(
-            path,
-            format!("vertex {i}"),
-            mesh.vertices[i],
-            "finite coordinates",
-        ));
-    }
-    let count = mesh.vertices.len();
-    if let Some(i) = mesh.faces.iter().position(|f| f.iter().any(|v| *v as usize >= count)) {
-        let found = format!("vertices {:?}", mesh.faces[i]);
-        return Err(InputError::new(
-            path,
-            format!("triangle {i}"),
-            found,
-            format!("indices from 0 to below {count}"),
-        ));
-    }
+    let mesh = parse(path, &bytes)?;
+    check(path, &mesh)?;
     Ok(mesh)
 }
 
+/// An error if the mesh has no faces, a vertex that is not finite, or an index out of range.
+fn check(path: &Path, mesh: &Mesh) -> Result<(), InputError> {
+    if mesh.faces.is_empty() {
+        return Err(InputError::new(path, "faces", "none", "one or more"));
+    }
+    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
+        let (field, found) = (format!("vertex {i}"), mesh.vertices[i]);
+        return Err(InputError::new(path, field, found, "finite coordinates"));
+    }
+    let count = mesh.vertices.len();
+    if let Some(i) = mesh.faces.iter().position(|f| f.iter().any(|v| *v as usize >= count)) {
+        let (field, found) = (format!("triangle {i}"), format!("vertices {:?}", mesh.faces[i]));
+        let expected = format!("indices from 0 to below {count}");
+        return Err(InputError::new(path, field, found, expected));
+    }
+    Ok(())
+}
+
+/// The triangles of a polygon, all with its first vertex.
 fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
     (2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]])
 }
 
-/// A vertex or a face of a PLY file: what dsdf needs of it.
+/// The properties of a vertex or a face of a PLY file that a mesh needs.
 struct Element {
-    /// x, y, z, nx, ny, nz; NaN where missing.
+    /// x, y, z, nx, ny, nz; NaN if missing.
     numbers: [f32; 6],
     polygon: Option<Vec<u32>>,
 }
@@ -108,23 +104,23 @@ fn number(property: &Property) -> Option<f32> {
     })
 }
 
-/// A negative index becomes one that is out of range.
+/// A list of indices. A negative index becomes `u32::MAX`, which `check` finds out of range.
 fn indices(property: Property) -> Option<Vec<u32>> {
-    fn each<T: Into<i64> + Copy>(list: &[T]) -> Vec<u32> {
+    fn convert<T: Into<i64> + Copy>(list: &[T]) -> Vec<u32> {
         list.iter().map(|i| u32::try_from((*i).into()).unwrap_or(u32::MAX)).collect()
     }
     Some(match property {
         Property::ListUInt(v) => v,
-        Property::ListInt(v) => each(&v),
-        Property::ListShort(v) => each(&v),
-        Property::ListUShort(v) => each(&v),
-        Property::ListUChar(v) => each(&v),
-        Property::ListChar(v) => each(&v),
+        Property::ListInt(v) => convert(&v),
+        Property::ListShort(v) => convert(&v),
+        Property::ListUShort(v) => convert(&v),
+        Property::ListUChar(v) => convert(&v),
+        Property::ListChar(v) => convert(&v),
         _ => return None,
     })
 }
 
-fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
+fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     let error =
         |field: &str, found: &dyn Display| InputError::new(path, field, found, "a PLY mesh");
     let mut ply = Parser::<Element>::new().read_ply(&mut &*bytes).map_err(|e| error("mesh", &e))?;
@@ -142,38 +138,46 @@ fn read_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     Ok(mesh)
 }
 
-fn read_obj(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
+fn parse_obj(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     let mut mesh = Mesh::default();
     for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {
         let line = String::from_utf8_lossy(line);
-        let error = |expected: &str| {
+        parse_obj_line(&line, &mut mesh).map_err(|expected| {
             InputError::new(path, format!("line {}", i + 1), line.trim(), expected)
-        };
-        let mut words = line.split('#').next().unwrap_or("").split_whitespace();
-        match words.next() {
-            Some("v") => {
-                let numbers: Vec<f32> = words.map_while(|w| w.parse().ok()).collect();
-                let position = numbers.get(..3).ok_or_else(|| error("v and three coordinates"))?;
-                mesh.vertices.push(Vec3::from_slice(position));
-            }
-            Some("f") => {
-                let polygon: Option<Vec<u32>> =
-                    words.map(|w| corner(w, mesh.vertices.len())).collect();
-                let polygon = polygon.filter(|p| p.len() > 2);
-                let polygon = polygon
-                    .ok_or_else(|| error("f and three corners or more, of vertices that exist"))?;
-                mesh.faces.extend(fan(&polygon));
-            }
-            _ => {}
-        }
+        })?;
     }
     Ok(mesh)
 }
 
-/// The vertex of a corner of an OBJ face, `v`, `v/vt`, `v//vn` or `v/vt/vn`: numbered from 1, or
-/// backwards from −1 as the latest one. `None` if it is no such thing. A vertex may follow its
-/// faces in the file.
-fn corner(word: &str, vertices: usize) -> Option<u32> {
+/// Adds the vertex or the face of a line of an OBJ file. The error is a description of a correct
+/// line.
+fn parse_obj_line(line: &str, mesh: &mut Mesh) -> Result<(), &'static str> {
+    let mut words = line.split('#').next().unwrap_or("").split_whitespace();
+    match words.next() {
+        Some("v") => {
+            let numbers: Vec<f32> = words.map_while(|w| w.parse().ok()).collect();
+            let position = numbers.get(..3).ok_or("v and three coordinates")?;
+            mesh.vertices.push(Vec3::from_slice(position));
+        }
+        Some("f") => {
+            let polygon: Option<Vec<u32>> =
+                words.map(|w| obj_index(w, mesh.vertices.len())).collect();
+            let polygon = polygon
+                .filter(|p| p.len() > 2)
+                .ok_or("f and three or more corners, each with the number of an existing vertex")?;
+            mesh.faces.extend(fan(&polygon));
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// The index of the vertex of a corner of an OBJ face: `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+///
+/// Numbers count from 1, or backwards from −1, the latest of the `vertices` vertices so far. `None`
+/// if there is no such number. An index may be too large: a vertex may follow its faces in the
+/// file, so `check` tests the range at the end.
+fn obj_index(word: &str, vertices: usize) -> Option<u32> {
     let number: i64 = word.split('/').next()?.parse().ok()?;
     let index = if number < 0 { number.checked_add(vertices as i64)? } else { number - 1 };
     u32::try_from(index).ok()

@@ -1,8 +1,14 @@
-//! How close pictures and surfaces are to the truth.
+#![doc = include_str!("../README.md")]
 
 mod image;
+#[cfg(test)]
+mod image_tests;
+mod nearest;
+mod sample;
+mod ssim;
 mod surface;
-mod tree;
 
-pub use image::{mask_iou, psnr, ssim};
-pub use surface::{Comparison, SurfacePoint, compare, compare_to_field, sample_surface};
+pub use image::{mask_iou, psnr};
+pub use sample::{SurfacePoint, sample_surface};
+pub use ssim::ssim;
+pub use surface::{Comparison, compare, compare_to_field};

@@ -1,64 +1,67 @@
-//! Distances between surfaces: from points spread over the one to the nearest point of the other's
-//! triangles.
+//! Distances between surfaces: from points on one to the nearest point of the other's triangles.
 
 use field::{Field, Real, Sphere};
-use glam::DVec3;
+use mesh::{Components, Mesh, extract_with};
 use rayon::prelude::*;
 
-use super::tree::Tree;
-use mesh::{Components, Mesh, extract_with};
-use random::{mix, unit};
+use crate::nearest::FaceTree;
+use crate::sample_surface;
 
-/// How two surfaces compare; lengths in world units.
+/// The closeness of two surfaces; lengths in world units.
 ///
-/// Distances are those of a point on one surface to the nearest point *of the triangles* of the
-/// other, not to a sample of them. So there is no floor that comes from sampling: equal surfaces
-/// are at distance 0. What sampling leaves is noise, in `standard_error`.
+/// A distance is that of a point on one surface to the nearest point of the *triangles* of the
+/// other, not to the nearest of its sample points. So equal surfaces have the distance 0, with any
+/// number of points. Sampling leaves noise only; `standard_error` is its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
-    /// (accuracy + completeness)/2: the mean of both directions of plain Euclidean distances, not
-    /// squared. Often called L1 Chamfer distance; others take the sum of both directions, twice as
-    /// much.
+    /// The Chamfer distance: (accuracy + completeness)/2, of Euclidean distances that are not
+    /// squared. It is often called the L1 Chamfer distance. Other authors take the sum of both
+    /// directions, which is twice as large.
     pub chamfer: f64,
-    /// Mean distance from the first surface to the second.
+    /// The mean distance from the first surface to the second.
     pub accuracy: f64,
-    /// Mean distance from the second surface to the first.
+    /// The mean distance from the second surface to the first.
     pub completeness: f64,
-    /// The harmonic mean of the shares of points within the threshold, both ways.
+    /// The harmonic mean of precision and recall: the shares of points of the first and of the
+    /// second surface that are within the threshold of the other surface.
     pub f_score: f64,
-    /// Mean |n·n′| of a point's face and the nearest face, the mean of both directions.
+    /// The mean of |n·n′| over the points of both directions: n is the normal of a point's face, n′
+    /// that of the nearest face.
     pub normal_consistency: f64,
-    /// The standard error of `chamfer` that comes from the finite number of points (an upper bound:
-    /// points are stratified).
+    /// The standard error of `chamfer` that the finite number of points leaves. It is an upper
+    /// bound: it takes the points for independent, but they are stratified.
     pub standard_error: f64,
 }
 
-/// Compares two surfaces by `samples` points on each (at least one), uniform by area. Points within
-/// `threshold` count for the F-score.
+/// Compares two surfaces by `samples` points on each (at least one), uniform by area.
 ///
-/// If either surface has no faces, distances are infinite and the F-score and the normal
-/// consistency are 0.
+/// `threshold` is the distance up to which a point counts for the F-score, in world units. If a
+/// surface has no faces, the distances are infinite, and the F-score and the normal consistency are
+/// 0.
 pub fn compare(a: &Mesh, b: &Mesh, samples: usize, threshold: f64) -> Comparison {
-    let [there, back] = [(a, b, 1), (b, a, 2)]
-        .map(|(from, to, seed)| Direction::new(from, to, samples, seed, threshold));
-    let (precision, recall) = (there.within, back.within);
+    let [forward, backward] = [(a, b, 1), (b, a, 2)]
+        .map(|(from, to, seed)| OneSided::new(from, to, samples, seed, threshold));
+    let variance = forward.variance_of_mean + backward.variance_of_mean;
     Comparison {
-        chamfer: 0.5 * (there.distance + back.distance),
-        accuracy: there.distance,
-        completeness: back.distance,
-        f_score: if precision + recall > 0.0 {
-            2.0 * precision * recall / (precision + recall)
-        } else {
-            0.0
-        },
-        normal_consistency: 0.5 * (there.alignment + back.alignment),
-        standard_error: 0.5 * (there.variance_of_mean + back.variance_of_mean).sqrt(),
+        chamfer: 0.5 * (forward.mean_distance + backward.mean_distance),
+        accuracy: forward.mean_distance,
+        completeness: backward.mean_distance,
+        f_score: harmonic_mean(forward.share_within, backward.share_within),
+        normal_consistency: 0.5 * (forward.normal_consistency + backward.normal_consistency),
+        standard_error: 0.5 * variance.sqrt(),
     }
 }
 
-/// Compares a surface with the zero level set of an exact field within `bounds`, as a mesh of
-/// `resolution` cells along the diameter, all pieces kept. The true mesh's vertices lie on the
-/// level set; between them it is off by about cell²/(8 · radius of curvature).
+fn harmonic_mean(a: f64, b: f64) -> f64 {
+    if a + b > 0.0 { 2.0 * a * b / (a + b) } else { 0.0 }
+}
+
+/// Compares a mesh with the zero level set of a field within `bounds`.
+///
+/// The level set is extracted as a mesh with `resolution` cells along the diameter of `bounds`, and
+/// all its components are kept. The vertices of that mesh lie on the level set; between them it
+/// deviates by about cell²/(8 · radius of curvature). `samples` and `threshold` are those of
+/// [`compare`].
 pub fn compare_to_field<R: Real>(
     mesh: &Mesh,
     truth: &dyn Field<R>,
@@ -67,88 +70,60 @@ pub fn compare_to_field<R: Real>(
     samples: usize,
     threshold: f64,
 ) -> Comparison {
-    compare(
-        mesh,
-        &extract_with(truth, bounds, resolution, Components::All, &|_| {}),
-        samples,
-        threshold,
-    )
+    let truth = extract_with(truth, bounds, resolution, Components::All, &|_| {});
+    compare(mesh, &truth, samples, threshold)
 }
 
-/// Means over points of one surface.
-struct Direction {
-    distance: f64,
+/// Means over the points of one surface.
+struct OneSided {
+    mean_distance: f64,
     variance_of_mean: f64,
-    within: f64,
-    alignment: f64,
+    share_within: f64,
+    normal_consistency: f64,
 }
 
-impl Direction {
+impl OneSided {
     fn new(from: &Mesh, to: &Mesh, samples: usize, seed: u64, threshold: f64) -> Self {
         let points = sample_surface(from, samples.max(1), seed);
         if points.is_empty() || to.faces.is_empty() {
-            return Direction {
-                distance: f64::INFINITY,
-                variance_of_mean: 0.0,
-                within: 0.0,
-                alignment: 0.0,
-            };
+            return OneSided::EMPTY;
         }
-        let tree = Tree::new(to);
-        let found: Vec<(f64, f64)> = points
+        let tree = FaceTree::new(to);
+        // Pairs of the distance to the other surface and |n·n′|.
+        let pairs: Vec<(f64, f64)> = points
             .par_iter()
             .map(|p| {
                 let (distance, face) = tree.nearest(p.position);
                 (distance, p.normal.dot(to.face_cross(face).normalize_or_zero()).abs())
             })
             .collect();
-        let count = found.len() as f64;
-        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| found.iter().map(f).sum::<f64>() / count;
-        let distance = mean(&|p| p.0);
-        Direction {
-            distance,
-            variance_of_mean: mean(&|p| (p.0 - distance).powi(2)) / count,
-            within: mean(&|p| f64::from(u8::from(p.0 <= threshold))),
-            alignment: mean(&|p| p.1),
+        let count = pairs.len() as f64;
+        let mean = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>() / count;
+        let mean_distance = mean(&|p| p.0);
+        OneSided {
+            mean_distance,
+            variance_of_mean: mean(&|p| (p.0 - mean_distance).powi(2)) / count,
+            share_within: mean(&|p| f64::from(u8::from(p.0 <= threshold))),
+            normal_consistency: mean(&|p| p.1),
         }
     }
+
+    /// The comparison with a surface without faces.
+    const EMPTY: Self = OneSided {
+        mean_distance: f64::INFINITY,
+        variance_of_mean: 0.0,
+        share_within: 0.0,
+        normal_consistency: 0.0,
+    };
 }
 
-/// A point of a surface and its face's unit normal (zero on a face without area).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// Where it is, world units.
-    pub position: DVec3,
-    /// The normal of its face.
-    pub normal: DVec3,
-}
-
-/// `count` points uniform by area, a pure function of its arguments: stratified over the running
-/// sum of areas, so that faces get their share but for rounding, and in the order of faces. No
-/// points for a mesh without faces.
-pub fn sample_surface(mesh: &Mesh, count: usize, seed: u64) -> Vec<SurfacePoint> {
-    if mesh.faces.is_empty() {
-        return Vec::new();
-    }
-    let area = |face: usize| 0.5 * mesh.face_cross(face).length();
-    let total = mesh.area();
-    let (mut face, mut passed) = (0, area(0));
-    (0..count as u64)
-        .map(|i| {
-            let [a, b, c] = [0, 1, 2].map(|k| unit(mix(seed, 3 * i + k)));
-            let at = (i as f64 + a) / count as f64 * total;
-            while passed < at && face + 1 < mesh.faces.len() {
-                face += 1;
-                passed += area(face);
-            }
-            let [p, q, r] = mesh.corners(face);
-            // Uniform in a triangle: the root makes lines parallel to an edge as likely as they are
-            // long.
-            let root = b.sqrt();
-            let position = p * (1.0 - root) + q * (root * (1.0 - c)) + r * (root * c);
-            SurfacePoint { position, normal: mesh.face_cross(face).normalize_or_zero() }
-        })
-        .collect()
+/// The unit square at height `z`, of two triangles.
+#[cfg(test)]
+pub(crate) fn square(z: f32) -> Mesh {
+    let vertices = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+        .map(|[x, y]| glam::Vec3::new(x, y, z))
+        .to_vec();
+    Mesh { vertices, normals: vec![], faces: vec![[0, 1, 2], [0, 2, 3]] }
 }
 
 #[cfg(test)]
@@ -156,20 +131,13 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use field::Shape;
-    use glam::Vec3;
+    use glam::{DVec3, Vec3};
     use mesh::extract;
 
     const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.2 };
 
     fn ball(x: f64, radius: f64) -> Mesh {
         extract(&Shape::<f64>::sphere([x, 0.0, 0.0], radius), &BOUNDS, 64, &|_| {})
-    }
-
-    fn square(z: f32) -> Mesh {
-        let vertices = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
-            .map(|[x, y]| Vec3::new(x, y, z))
-            .to_vec();
-        Mesh { vertices, normals: vec![], faces: vec![[0, 1, 2], [0, 2, 3]] }
     }
 
     #[test]
@@ -185,9 +153,9 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_sphere_is_half_its_way_off() {
-        // A point of the sphere is cos φ · d from the moved one, to first order in d: on average
-        // d/2.
+    fn a_moved_sphere_has_half_its_displacement_as_distance() {
+        // To first order in the displacement d, a point of the sphere is |cos φ| d from the moved
+        // sphere, where φ is the angle between the point and the displacement. The mean is d/2.
         let c = compare(&ball(0.0, 0.7), &ball(0.02, 0.7), 20_000, 0.01);
         assert_relative_eq!(c.chamfer, 0.01, max_relative = 0.02);
         assert_relative_eq!(c.f_score, 0.5, epsilon = 0.02);
@@ -202,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_are_told_apart() {
+    fn accuracy_and_completeness_are_the_two_directions() {
         let (mut both, one) = (square(0.0), square(0.0));
         let far = square(3.0);
         both.faces.extend(far.faces.iter().map(|f| f.map(|v| v + 4)));
@@ -214,24 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_uniform_and_depend_on_the_seed_alone() {
-        let mesh = square(0.0);
-        let points = sample_surface(&mesh, 4000, 7);
-        assert_eq!(points, sample_surface(&mesh, 4000, 7));
-        assert_ne!(points, sample_surface(&mesh, 4000, 8));
-        let mean = points.iter().map(|p| p.position).sum::<DVec3>() / 4000.0;
-        assert!((mean - DVec3::new(0.5, 0.5, 0.0)).length() < 0.02, "{mean}");
-        for quarter in 0..4 {
-            let inside = |p: &&SurfacePoint| {
-                (p.position.x >= 0.5) as i32 + 2 * (p.position.y >= 0.5) as i32 == quarter
-            };
-            let share = points.iter().filter(inside).count() as f64 / 4000.0;
-            assert!((share - 0.25).abs() < 0.03, "{share}");
-        }
-    }
-
-    #[test]
-    fn nothing_compares_with_nothing() {
+    fn meshes_without_faces_or_area_are_handled() {
         let c = compare(&Mesh::default(), &square(0.0), 10, 0.1);
         assert_eq!((c.chamfer, c.f_score, c.normal_consistency), (f64::INFINITY, 0.0, 0.0));
         let flat = Mesh { vertices: vec![Vec3::ZERO; 3], normals: vec![], faces: vec![[0, 1, 2]] };

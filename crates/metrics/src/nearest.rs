@@ -2,65 +2,67 @@
 
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-
 use mesh::Mesh;
 
-/// A mesh with its triangles' centroids in a tree.
-pub(super) struct Tree<'a> {
+/// A mesh with the centroids of its faces in a k-d tree.
+pub(crate) struct FaceTree<'a> {
     mesh: &'a Mesh,
-    /// Nothing if no tree could be made (equal centroids by the hundred): then all triangles are
-    /// looked at.
+    /// `None` if the tree cannot be built: for a mesh without faces, and where hundreds of
+    /// centroids are equal. Then a query measures every face.
     centroids: Option<ImmutableKdTree<f64, 3>>,
-    /// The farthest that a corner is from its triangle's centroid.
+    /// The largest distance of a corner from the centroid of its face, world units.
     reach: f64,
 }
 
-impl<'a> Tree<'a> {
-    pub(super) fn new(mesh: &'a Mesh) -> Self {
+impl<'a> FaceTree<'a> {
+    pub(crate) fn new(mesh: &'a Mesh) -> Self {
         let centroid = |i: usize| mesh.corners(i).iter().sum::<DVec3>() / 3.0;
         let centroids: Vec<[f64; 3]> =
             (0..mesh.faces.len()).map(|i| centroid(i).to_array()).collect();
         let reach = (0..mesh.faces.len())
             .flat_map(|i| mesh.corners(i).map(|c| (c - centroid(i)).length()))
             .fold(0.0, f64::max);
-        // An empty tree cannot be asked.
+        // A query of an empty tree panics.
         let centroids = Some(centroids).filter(|c| !c.is_empty());
-        Tree {
+        FaceTree {
             mesh,
             centroids: centroids.and_then(|c| ImmutableKdTree::new_from_slice(&c).ok()),
             reach,
         }
     }
 
-    /// The distance to the nearest point of the surface, and its face. Exact, up to rounding: a
-    /// nearer face would have its centroid within the best distance so far plus the reach. An empty
-    /// mesh is infinitely far, and so is a point that is not finite.
-    pub(super) fn nearest(&self, x: DVec3) -> (f64, usize) {
-        let measure = |face: usize| (distance(x, &self.mesh.corners(face)), face);
-        let least = |a: (f64, usize), b: (f64, usize)| if b.0 < a.0 { b } else { a };
+    /// The distance from `x` to the nearest point of the surface, in world units, and its face.
+    ///
+    /// The distance is exact up to rounding. The face of the nearest centroid gives an upper bound
+    /// of the distance. A nearer face has its centroid within that bound plus `reach`, so all faces
+    /// with such a centroid are measured. The distance is infinite (and the face 0) for a mesh
+    /// without faces and for a point that is not finite.
+    pub(crate) fn nearest(&self, x: DVec3) -> (f64, usize) {
+        let measure = |face: usize| (triangle_distance(x, &self.mesh.corners(face)), face);
+        let nearer = |a: (f64, usize), b: (f64, usize)| if b.0 < a.0 { b } else { a };
         let Some(tree) = self.centroids.as_ref().filter(|_| x.is_finite()) else {
-            return (0..self.mesh.faces.len()).map(measure).fold((f64::INFINITY, 0), least);
+            return (0..self.mesh.faces.len()).map(measure).fold((f64::INFINITY, 0), nearer);
         };
         let query = x.to_array();
         let first = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
-        let best = measure(first.item as usize);
-        let radius = best.0 + self.reach;
-        let near = tree
+        let bound = measure(first.item as usize);
+        let radius = bound.0 + self.reach;
+        let candidates = tree
             .query(&query)
             .within::<SquaredEuclidean<f64>>(radius * radius)
             .unsorted()
             .execute();
-        near.into_iter().map(|found| measure(found.item as usize)).fold(best, least)
+        candidates.into_iter().map(|c| measure(c.item as usize)).fold(bound, nearer)
     }
 }
 
-/// Twice a triangle's area over its longest edge squared, below which it is taken for its edges:
-/// its normal is noise.
+/// Twice the area of a triangle over the square of its longest edge. Below this the triangle counts
+/// as its three edges: its normal is rounding noise.
 const SLIVER: f64 = 1e-12;
 
-/// The distance from a point to a triangle: to the plane where the foot is inside, else to the
-/// nearest edge.
-fn distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
+/// The distance from a point to a triangle: to its plane if the foot of the perpendicular is in the
+/// triangle, else to the nearest edge.
+fn triangle_distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
     let edges = [(*a, b - a), (*b, c - b), (*c, a - c)];
     let normal = edges[0].1.cross(edges[1].1);
     let longest = edges.iter().map(|(_, e)| e.length_squared()).fold(0.0, f64::max);
@@ -68,12 +70,12 @@ fn distance(x: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
     if inside && normal.length() > SLIVER * longest {
         return (x - a).dot(normal.normalize()).abs();
     }
-    let to_edge = |(start, edge): &(DVec3, DVec3)| {
+    let edge_distance = |(start, edge): &(DVec3, DVec3)| {
         let along =
             ((x - start).dot(*edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         (x - start - along * edge).length()
     };
-    edges.iter().map(to_edge).fold(f64::INFINITY, f64::min)
+    edges.iter().map(edge_distance).fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
@@ -86,10 +88,9 @@ mod tests {
         prop::collection::vec(prop::array::uniform3(-1.0..1.0f32).prop_map(Vec3::from), count)
     }
 
-    /// The least distance to the points p + u (q − p) + v (r − p) by coordinate descent, which
-    /// finds the minimum of a convex function of u ≥ 0, v ≥ 0, u + v ≤ 1 once both it and the sum's
-    /// diagonal are searched.
-    fn by_search(x: DVec3, [p, q, r]: [DVec3; 3]) -> f64 {
+    /// The distance to a triangle by descent over barycentric weights, along the three edge
+    /// directions in turn. The squared distance is smooth and convex, so this finds its minimum.
+    fn searched_distance(x: DVec3, [p, q, r]: [DVec3; 3]) -> f64 {
         let at = |w: [f64; 3]| (x - (p * w[0] + q * w[1] + r * w[2])).length_squared();
         let mut w = [1.0 / 3.0; 3];
         for _ in 0..400 {
@@ -117,40 +118,49 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn the_distance_to_a_triangle_is_the_least_over_its_points(t in points(3..4), x in points(1..2)) {
+        fn the_distance_to_a_triangle_is_the_least_over_its_points(
+            t in points(3..4),
+            x in points(1..2),
+        ) {
             let t = [t[0], t[1], t[2]].map(|v| v.as_dvec3());
             prop_assume!((t[1] - t[0]).cross(t[2] - t[0]).length() > 0.05);
-            let (found, searched) = (distance(x[0].as_dvec3(), &t), by_search(x[0].as_dvec3(), t));
+            let x = x[0].as_dvec3();
+            let (found, searched) = (triangle_distance(x, &t), searched_distance(x, t));
             prop_assert!((found - searched).abs() < 1e-4, "{found} against {searched}");
         }
 
         #[test]
-        fn the_nearest_is_the_least_over_all_faces(vertices in points(3..60), pick in prop::collection::vec(any::<[u32; 3]>(), 1..80), x in points(8..9)) {
+        fn the_nearest_face_is_the_nearest_of_all(
+            vertices in points(3..60),
+            pick in prop::collection::vec(any::<[u32; 3]>(), 1..80),
+            x in points(8..9),
+        ) {
             let faces = pick.iter().map(|f| f.map(|v| v % vertices.len() as u32)).collect();
             let mesh = Mesh { vertices, normals: vec![], faces };
-            let tree = Tree::new(&mesh);
+            let tree = FaceTree::new(&mesh);
             for x in x {
                 let x = 2.0 * x.as_dvec3();
                 let (found, face) = tree.nearest(x);
-                let least = (0..mesh.faces.len()).map(|i| distance(x, &mesh.corners(i))).fold(f64::INFINITY, f64::min);
+                let distance = |i: usize| triangle_distance(x, &mesh.corners(i));
+                let least = (0..mesh.faces.len()).map(distance).fold(f64::INFINITY, f64::min);
                 prop_assert_eq!(found, least);
-                prop_assert_eq!(distance(x, &mesh.corners(face)), least);
+                prop_assert_eq!(distance(face), least);
             }
         }
     }
 
     #[test]
-    fn degenerate_triangles_are_their_edges() {
+    fn degenerate_triangles_count_as_their_edges() {
         let x = DVec3::new(0.25, 1.0, 0.0);
-        assert_eq!(distance(x, &[DVec3::ZERO, DVec3::X, DVec3::X * 0.5]), 1.0);
-        assert_eq!(distance(x, &[DVec3::ZERO; 3]), x.length());
+        assert_eq!(triangle_distance(x, &[DVec3::ZERO, DVec3::X, DVec3::X * 0.5]), 1.0);
+        assert_eq!(triangle_distance(x, &[DVec3::ZERO; 3]), x.length());
         let sliver = [DVec3::ZERO, DVec3::X, DVec3::new(0.5, 1e-17, 0.0)];
-        assert_eq!(distance(x, &sliver), 1.0);
-        assert_eq!(distance(DVec3::NAN, &sliver), f64::INFINITY);
+        assert_eq!(triangle_distance(x, &sliver), 1.0);
+        assert_eq!(triangle_distance(DVec3::NAN, &sliver), f64::INFINITY);
     }
 
     #[test]
-    fn nothing_is_infinitely_far() {
-        assert_eq!(Tree::new(&Mesh::default()).nearest(DVec3::ZERO).0, f64::INFINITY);
+    fn a_mesh_without_faces_is_infinitely_far() {
+        assert_eq!(FaceTree::new(&Mesh::default()).nearest(DVec3::ZERO).0, f64::INFINITY);
     }
 }

@@ -1,8 +1,12 @@
-use super::*;
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
 use approx::assert_relative_eq;
 use field::{Csg, Evaluations, Field, Kind, Operation, Real, Scalar, Shape, Sphere};
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use std::f64::consts::PI;
+
+use crate::{Components, Mesh, extract, extract_with};
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.2 };
 
@@ -10,19 +14,20 @@ fn torus<R: Real + Scalar<Real = R>>() -> Shape<R> {
     Shape::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.2, 1.0, 0.1, 0.7, 0.25])
 }
 
+/// Asserts a closed manifold that is oriented outwards and has unit normals.
 fn assert_sound(mesh: &Mesh) {
     assert!(mesh.is_closed());
     assert!(mesh.volume() > 0.0);
     assert!(
         mesh.normals.len() == mesh.vertices.len() && mesh.normals.iter().all(|n| n.is_normalized())
     );
-    assert!(fans(mesh), "the faces around a vertex are one fan");
+    assert!(has_one_fan_per_vertex(mesh), "the faces around a vertex are not one fan");
 }
 
-/// Whether the faces around each vertex are one fan: as many corners as a walk around the vertex
-/// meets.
-fn fans(mesh: &Mesh) -> bool {
-    let next: std::collections::HashMap<(u32, u32), u32> = mesh
+/// Whether the faces around each vertex of a closed mesh form one fan: a walk around the vertex,
+/// from face to face, visits all of its corners.
+fn has_one_fan_per_vertex(mesh: &Mesh) -> bool {
+    let next: HashMap<(u32, u32), u32> = mesh
         .faces
         .iter()
         .flat_map(|[a, b, c]| [((*a, *b), *c), ((*b, *c), *a), ((*c, *a), *b)])
@@ -34,11 +39,11 @@ fn fans(mesh: &Mesh) -> bool {
         }
     }
     corners.iter().enumerate().all(|(v, (count, start))| {
-        let (mut at, mut met) = (next[&(v as u32, *start)], 1);
-        while at != *start && met <= *count {
-            (at, met) = (next[&(v as u32, at)], met + 1);
+        let (mut at, mut visited) = (next[&(v as u32, *start)], 1);
+        while at != *start && visited <= *count {
+            (at, visited) = (next[&(v as u32, at)], visited + 1);
         }
-        met == *count
+        visited == *count
     })
 }
 
@@ -57,7 +62,7 @@ fn a_sphere_has_its_area_volume_and_genus() {
 }
 
 #[test]
-fn a_torus_has_a_hole() {
+fn a_torus_has_genus_one_and_vertices_on_the_surface() {
     for mesh in [
         extract(&torus::<f32>(), &BOUNDS, 64, &|_| {}),
         extract(&torus::<f64>(), &BOUNDS, 64, &|_| {}),
@@ -74,30 +79,30 @@ fn a_torus_has_a_hole() {
         let mut f = vec![0.0; x.len()];
         torus::<f64>().value(&x, &mut f);
         let worst = f.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
-        assert!(worst < 1e-6, "a vertex {worst} off the surface");
+        assert!(worst < 1e-6, "a vertex is {worst} from the surface");
     }
 }
 
 #[test]
-fn a_box_loses_little_at_its_edges() {
+fn a_box_is_cut_off_at_its_edges_by_less_than_a_cell() {
     let cube = Shape::<f64>::new(Kind::Box, &[0.0, 0.1, 0.0, 0.5, 0.4, 0.3]);
     let mesh = extract(&cube, &BOUNDS, 128, &|_| {});
     assert_sound(&mesh);
     assert_eq!(mesh.genus(), Some(0));
     assert_relative_eq!(mesh.volume(), 8.0 * 0.06, max_relative = 2e-3);
-    // Edges of 9.6 in all, each cut off half a cell away on both sides.
+    // The edges have the length 9.6 in all. The mesh cuts off half a cell on both sides of each.
     let cut = 9.6 * 0.5 * (2.4 / 128.0) * (2.0 - 2f64.sqrt());
     assert_relative_eq!(mesh.area(), 8.0 * (0.2 + 0.12 + 0.15) - cut, max_relative = 3e-3);
 }
 
 #[test]
-fn a_solid_that_leaves_the_ball_is_closed_by_it() {
+fn a_solid_beyond_the_bounding_sphere_is_closed_by_the_sphere() {
     let bounds = Sphere { center: DVec3::ZERO, radius: 1.0 };
     let half =
         extract(&Shape::<f32>::new(Kind::Plane, &[0.0, 0.0, 1.0, 0.0]), &bounds, 64, &|_| {});
     assert_sound(&half);
     assert_relative_eq!(half.volume(), 2.0 / 3.0 * PI, max_relative = 5e-3);
-    // All of the ball, by a field that is negative everywhere.
+    // A field that is negative everywhere gives the whole bounding sphere.
     let all = extract(&Shape::<f64>::sphere([0.0; 3], 9.0), &bounds, 32, &|_| {});
     assert_sound(&all);
     assert_relative_eq!(all.area(), 4.0 * PI, max_relative = 5e-3);
@@ -105,7 +110,7 @@ fn a_solid_that_leaves_the_ball_is_closed_by_it() {
 }
 
 #[test]
-fn a_cavity_faces_inwards() {
+fn a_cavity_is_a_component_with_negative_volume() {
     let shell = Csg::new(
         Operation::Subtraction,
         vec![
@@ -120,7 +125,7 @@ fn a_cavity_faces_inwards() {
 }
 
 #[test]
-fn the_chosen_pieces_are_kept() {
+fn the_chosen_components_are_kept() {
     let balls = [([-0.5, 0.0, 0.0], 0.5), ([0.6, 0.0, 0.0], 0.25), ([0.0, 0.8, 0.0], 0.04)];
     let union: Vec<Box<dyn Field<f64>>> = balls
         .iter()
@@ -136,8 +141,7 @@ fn the_chosen_pieces_are_kept() {
     assert!(largest.vertices.iter().all(|v| v.x < 0.01));
 }
 
-/// A field that only has a value: `f` of the point in double precision; the gradient by
-/// differences.
+/// A field from a formula for its value, without parameters; the gradient is by differences.
 struct Formula<F>(F);
 
 impl<F: Fn(DVec3) -> f64 + Send + Sync> Field<f64> for Formula<F> {
@@ -160,8 +164,8 @@ impl<F: Fn(DVec3) -> f64 + Send + Sync> Field<f64> for Formula<F> {
     fn parameter_vjp(&self, _: &[DVec3], _: &[f64], _: &[DVec3], _: &mut [f64]) {}
 }
 
-/// Independent signs at the points of a lattice that is finer than the grid, so that cells of every
-/// kind come up.
+/// Independent signs at the points of a lattice that is finer than the grid, so that every
+/// combination of signs in a cell occurs. `density` is the share of points inside.
 fn noise(seed: u64, density: f64) -> Formula<impl Fn(DVec3) -> f64 + Send + Sync> {
     Formula(move |x: DVec3| {
         let key =
@@ -173,19 +177,22 @@ fn noise(seed: u64, density: f64) -> Formula<impl Fn(DVec3) -> f64 + Send + Sync
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn the_most_tangled_surface_is_closed_and_a_manifold(seed in any::<u64>(), density in 0.05..0.95f64) {
+    fn the_surface_of_noise_is_closed_and_a_manifold(
+        seed in any::<u64>(),
+        density in 0.05..0.95f64,
+    ) {
         let mesh = extract_with(&noise(seed, density), &BOUNDS, 14, Components::All, &|_| {});
         prop_assert!(mesh.is_closed());
-        prop_assert!(fans(&mesh));
+        prop_assert!(has_one_fan_per_vertex(&mesh));
         prop_assert_eq!(mesh.euler_characteristic() % 2, 0);
     }
 }
 
 #[test]
-fn skipped_blocks_change_nothing() {
+fn skipped_blocks_do_not_change_the_mesh() {
     let counted = field::Counted::new(torus::<f64>());
     let sparse = extract(&counted, &BOUNDS, 100, &|_| {});
-    // The same surface from a field so flat that no block can be skipped.
+    // The same surface from a field that is so flat that no block is skipped.
     let flat = Formula(|x: DVec3| {
         let mut f = [0.0];
         torus::<f64>().value(&[x], &mut f);
@@ -195,19 +202,19 @@ fn skipped_blocks_change_nothing() {
     assert_eq!(sparse.faces.len(), dense.faces.len());
     assert_relative_eq!(sparse.volume(), dense.volume(), max_relative = 1e-6);
     let Evaluations { value, .. } = counted.evaluations();
-    assert!(value < 104usize.pow(3) as u64 / 6, "{value} points");
+    assert!(value < 104usize.pow(3) as u64 / 6, "{value} points were evaluated");
 }
 
 #[test]
-fn threads_do_not_matter_and_progress_ends() {
+fn the_number_of_threads_does_not_matter_and_progress_ends_at_one() {
     let extract_on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let last = std::sync::Mutex::new(0.0f64);
-        let told = |p: f64| {
+        let progress = |p: f64| {
             let mut last = last.lock().unwrap();
             *last = last.max(p);
         };
-        let mesh = pool.install(|| extract(&torus::<f32>(), &BOUNDS, 48, &told));
+        let mesh = pool.install(|| extract(&torus::<f32>(), &BOUNDS, 48, &progress));
         assert_eq!(*last.lock().unwrap(), 1.0);
         mesh
     };
@@ -215,13 +222,13 @@ fn threads_do_not_matter_and_progress_ends() {
 }
 
 #[test]
-fn poison_gives_a_closed_mesh_or_none() {
-    let nothing = |f: f64| extract(&Formula(move |_| f), &BOUNDS, 20, &|_| {});
+fn values_that_are_not_finite_give_a_closed_mesh_or_none() {
+    let of_constant = |f: f64| extract(&Formula(move |_| f), &BOUNDS, 20, &|_| {});
     for f in [f64::NAN, f64::INFINITY, 1e30, 1e-300, 0.0] {
-        assert!(nothing(f).faces.is_empty(), "{f}");
+        assert!(of_constant(f).faces.is_empty(), "{f}");
     }
     for f in [f64::NEG_INFINITY, -1e30, -1.0] {
-        assert_sound(&nothing(f));
+        assert_sound(&of_constant(f));
     }
     let holes = Formula(|x: DVec3| if x.x > 0.1 { f64::NAN } else { x.length() - 0.8 });
     assert_sound(&extract(&holes, &BOUNDS, 40, &|_| {}));

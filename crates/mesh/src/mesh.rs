@@ -1,0 +1,75 @@
+//! The mesh type, its measures and its topology.
+
+use glam::{DVec3, Vec3};
+
+use crate::{components, edges};
+
+/// A triangle mesh; the vertices of a face are counter-clockwise as seen from outside.
+///
+/// The methods panic if a face has an index beyond the vertices.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions, world units.
+    pub vertices: Vec<Vec3>,
+    /// Unit normals, one per vertex, or empty.
+    pub normals: Vec<Vec3>,
+    /// The indices of the three vertices of each face.
+    pub faces: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The corners of face `i`, world units, in double precision.
+    pub fn corners(&self, i: usize) -> [DVec3; 3] {
+        self.faces[i].map(|v| self.vertices[v as usize].as_dvec3())
+    }
+
+    /// The outward normal of face `i` with twice the face's area as its length, square world units.
+    pub fn face_cross(&self, i: usize) -> DVec3 {
+        let [a, b, c] = self.corners(i);
+        (b - a).cross(c - a)
+    }
+
+    /// The surface area, square world units.
+    pub fn area(&self) -> f64 {
+        (0..self.faces.len()).map(|i| 0.5 * self.face_cross(i).length()).sum()
+    }
+
+    /// The enclosed volume of a closed mesh, cubic world units; positive if the faces point
+    /// outwards. The result has no meaning for a mesh that is not closed.
+    pub fn volume(&self) -> f64 {
+        // The sum of signed tetrahedra from one point to all faces. The point is a vertex rather
+        // than the origin, so that a small mesh far from the origin keeps its digits.
+        let apex = self.vertices.first().map_or(DVec3::ZERO, |v| v.as_dvec3());
+        (0..self.faces.len())
+            .map(|i| (self.corners(i)[0] - apex).dot(self.face_cross(i)) / 6.0)
+            .sum()
+    }
+
+    /// Whether each edge has exactly two half-edges, in opposite directions. False for a mesh
+    /// without faces.
+    pub fn is_closed(&self) -> bool {
+        !self.faces.is_empty()
+            && edges::sorted(self).chunk_by(edges::same).all(|e| edges::is_simple(self, e))
+    }
+
+    /// The Euler characteristic: vertices − edges + faces, without vertices that no face uses.
+    pub fn euler_characteristic(&self) -> i64 {
+        let mut used = vec![false; self.vertices.len()];
+        self.faces.as_flattened().iter().for_each(|v| used[*v as usize] = true);
+        let vertices = used.iter().filter(|u| **u).count() as i64;
+        let edges = edges::sorted(self).chunk_by(edges::same).count() as i64;
+        vertices - edges + self.faces.len() as i64
+    }
+
+    /// The number of connected components. The wall of a cavity is a component of its own; a vertex
+    /// that no face uses is none.
+    pub fn components(&self) -> usize {
+        components::count(self)
+    }
+
+    /// The number of handles, (2 − χ)/2, of a closed mesh of one component; `None` for other
+    /// meshes.
+    pub fn genus(&self) -> Option<i64> {
+        (self.components() == 1 && self.is_closed()).then(|| (2 - self.euler_characteristic()) / 2)
+    }
+}
