@@ -36,7 +36,7 @@ const PARALLEL: f64 = 1e-9;
 /// 2. the data set's own ([`Dataset::bounds`]);
 /// 3. a sphere around the visual hull of the training photographs, if their background has a
 ///    confidence of at least 0.3;
-/// 4. a sphere around the data set's surface points, if at least 50 lie in the median camera's view;
+/// 4. a sphere around the data set's surface points, if at least 50 lie in the median view;
 /// 5. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
 /// The background is that of the pixels around the sphere. An estimated sphere need not contain the
