@@ -1,44 +1,65 @@
-//! What the background looks like, from the photographs alone.
+//! Estimation of a uniform background from the photographs.
 
 use field::Sphere;
 use glam::DVec2;
 
-use super::View;
+use crate::View;
 use film::{srgb_decode, srgb_encode};
 
-/// A uniform background, as far as there is one.
+/// A uniform background, and how well the photographs fit one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Background {
     /// Its linear RGB.
     pub color: [f32; 3],
-    /// The robust standard deviation of its pixels in display space, the largest of the channels;
-    /// wide enough for the tail of their distribution (a dim table in a black room).
+    /// A robust standard deviation of the background's pixels in display space (sRGB in [0, 1]),
+    /// the largest of the three channels. It covers the tail of the distribution, for example a dim
+    /// table in a black room.
     pub spread: f32,
-    /// How uniform it is: 0 for clutter, 1 where nearly all pixels around the object look alike.
+    /// Uniformity in [0, 1]: 0 for clutter, 1 if nearly all pixels around the object have similar
+    /// colours.
     pub confidence: f32,
 }
 
-/// The smallest spread that is believed, in display units: two steps of 8 bits, the noise of a
-/// clean render.
+/// The least spread, in display units: two steps of 8 bits, the noise of a clean render.
 const LEAST_SPREAD: f32 = 2.0 / 255.0;
 
-/// Pixels within this many spreads (of at least twice the least) count as background.
-const NEAR: f32 = 4.0;
+/// Pixels within this many spreads of the colour count as background. The spread is taken as at
+/// least twice [`LEAST_SPREAD`] here.
+const REACH: f32 = 4.0;
 
-/// The median absolute deviation of a normal distribution, per standard deviation.
+/// The median absolute deviation of a normal distribution, in standard deviations.
 const MAD_PER_SIGMA: f32 = 0.6745;
 
-/// The quantile of the distances that tells of the tail, and where a normal distribution has it, in
-/// standard deviations.
+/// The quantile of the distances that measures the tail.
 const TAIL: f32 = 0.95;
+
+/// The [`TAIL`] quantile of |x| for a normal distribution, in standard deviations.
 const TAIL_PER_SIGMA: f32 = 1.96;
 
-/// How often the tail is looked at again, at most.
+/// The largest number of sigma-clipping steps.
 const CLIPPINGS: usize = 8;
 
+/// Pixels sampled on a regular grid of each view, about; the border is sampled in addition.
+const SAMPLES: f64 = 4096.0;
+
+/// The share of similar pixels at which the confidence starts to rise from 0, and the range over
+/// which it rises to 1. A background that fits half of the pixels is none; beyond 90 %, the others
+/// can be the object at the frame's border.
+const LEAST_SHARE: f32 = 0.5;
+const SHARE_RANGE: f32 = 0.4;
+
+/// The spread at which the confidence has fallen to 0 (clutter), and the range over which it falls
+/// from 1; display units.
+const MOST_SPREAD: f32 = 0.15;
+const SPREAD_RANGE: f32 = 0.1;
+
 impl Background {
-    /// Estimates the background from the pixels whose rays miss `candidate`, and those on the
-    /// images' borders.
+    /// Estimates the background from the pixels whose rays miss the sphere `candidate`, and from
+    /// the pixels of the images' borders.
+    ///
+    /// Colour and spread are a median and a median absolute deviation, widened to the tail. They
+    /// hold if more than half of these pixels show one colour. Several uniform colours (a wall and
+    /// a table) count as clutter, which lowers the confidence. Without pixels, the confidence is 0.
     pub fn estimate(views: &[View], candidate: &Sphere<f64>) -> Self {
         let pixels: Vec<[f32; 3]> =
             views.iter().flat_map(|view| surrounding_pixels(view, candidate)).collect();
@@ -47,28 +68,24 @@ impl Background {
         }
         let center: [f32; 3] =
             std::array::from_fn(|c| median(pixels.iter().map(|p| p[c]).collect()));
-        let spread = (0..3)
-            .map(|c| {
-                median(pixels.iter().map(|p| (p[c] - center[c]).abs()).collect()) / MAD_PER_SIGMA
-            })
-            .fold(LEAST_SPREAD, f32::max);
         let distances: Vec<f32> = pixels
             .iter()
             .map(|p| (0..3).map(|c| (p[c] - center[c]).abs()).fold(0.0, f32::max))
             .collect();
-        let spread = with_tail(&distances, spread);
+        let spread = with_tail(&distances, deviation(&pixels, center));
         let reach = reach(spread);
         let near = distances.iter().filter(|d| **d < reach).count();
         let share = near as f32 / pixels.len() as f32;
-        // Half alike is no background; beyond 90 % the rest is the object touching the frame. A
-        // spread of 0.15 is clutter.
-        let confidence =
-            ((share - 0.5) / 0.4).clamp(0.0, 1.0) * ((0.15 - spread) / 0.1).clamp(0.0, 1.0);
+        let confidence = ((share - LEAST_SHARE) / SHARE_RANGE).clamp(0.0, 1.0)
+            * ((MOST_SPREAD - spread) / SPREAD_RANGE).clamp(0.0, 1.0);
         Background { color: center.map(srgb_decode), spread, confidence }
     }
 
-    /// The probability that a pixel of this linear colour shows the background: a normal
-    /// distribution of the spread against an object of any colour, equally likely beforehand.
+    /// The probability in [0, 1] that a pixel of this linear RGB shows the background.
+    ///
+    /// By Bayes' rule in display space: the background is normal with standard deviation `spread`
+    /// in each channel, the object is uniform over all colours, and both are equally likely before
+    /// the pixel is known.
     pub fn probability(&self, rgb: [f32; 3]) -> f32 {
         let sigma = self.spread.max(LEAST_SPREAD);
         let square: f32 = (0..3)
@@ -79,14 +96,22 @@ impl Background {
     }
 }
 
-/// The distance, in display space, up to which a pixel counts as background.
-fn reach(spread: f32) -> f32 {
-    NEAR * spread.max(2.0 * LEAST_SPREAD)
+/// The standard deviation by the median absolute deviation, the largest of the channels and
+/// [`LEAST_SPREAD`].
+fn deviation(pixels: &[[f32; 3]], center: [f32; 3]) -> f32 {
+    (0..3)
+        .map(|c| median(pixels.iter().map(|p| (p[c] - center[c]).abs()).collect()) / MAD_PER_SIGMA)
+        .fold(LEAST_SPREAD, f32::max)
 }
 
-/// The spread that explains the tail of the distances as well, as far as they belong to the
-/// background: the tail's quantile among those within reach, again and again as the reach grows
-/// (sigma clipping).
+/// The distance, in display space, below which a pixel counts as background.
+fn reach(spread: f32) -> f32 {
+    REACH * spread.max(2.0 * LEAST_SPREAD)
+}
+
+/// Widens the spread until it also explains the tail of the distances within reach. The reach grows
+/// with the spread, so the step is repeated (sigma clipping) until the spread stays or
+/// [`CLIPPINGS`] steps are done.
 fn with_tail(distances: &[f32], spread: f32) -> f32 {
     let mut spread = spread;
     for _ in 0..CLIPPINGS {
@@ -104,10 +129,10 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels that should show background, in display space: at most a few thousand a view.
+/// Pixels that should show background, in display space: a few thousand a view at most.
 fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
     let (width, height) = (view.image.width, view.image.height);
-    let stride = (f64::from(width * height) / 4096.0).sqrt().ceil().max(1.0) as u32;
+    let stride = (f64::from(width * height) / SAMPLES).sqrt().ceil().max(1.0) as u32;
     let shown = |x: u32, y: u32| view.image.at(x, y).map(srgb_encode);
     let mut pixels = Vec::new();
     for y in (0..height).step_by(stride as usize) {
@@ -127,6 +152,7 @@ fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
     pixels
 }
 
+/// The median; of an even number of values, the upper of the middle two.
 fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
@@ -134,11 +160,11 @@ fn median(mut values: Vec<f32>) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{ball, cameras, photograph};
     use super::*;
+    use crate::tests::{ball, cameras, photograph};
     use film::Film;
 
-    /// Views of the ball, over a background of display values that depend on the pixel.
+    /// Views of the ball over a background of the given display values.
     fn views(shown: impl Fn(u32, u32) -> [f32; 3]) -> Vec<View> {
         let of = |camera: render::Camera| {
             let mut image = photograph(&camera);
@@ -151,27 +177,28 @@ mod tests {
         cameras(6).into_iter().map(of).collect()
     }
 
+    /// A hash of the pixel, uniform in [0, 1].
     fn noise(x: u32, y: u32) -> f32 {
         (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)).wrapping_mul(2_246_822_519) as f32
             / u32::MAX as f32
     }
 
     #[test]
-    fn the_backgrounds_own_colour_is_probable_and_others_are_not() {
+    fn the_background_colour_is_probable_and_others_are_not() {
         let background = Background { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 1.0 };
         assert!(background.probability([0.1, 0.2, 0.3]) > 0.99);
         assert!(background.probability([0.3, 0.2, 0.1]) < 1e-6);
         assert!(background.probability([0.105, 0.205, 0.3]) > 0.9);
-        for poison in [f32::INFINITY, f32::NEG_INFINITY] {
+        for infinite in [f32::INFINITY, f32::NEG_INFINITY] {
             assert!(
-                background.probability([poison; 3]).partial_cmp(&0.5)
+                background.probability([infinite; 3]).partial_cmp(&0.5)
                     != Some(std::cmp::Ordering::Greater)
             );
         }
     }
 
     #[test]
-    fn a_clean_background_has_the_least_spread() {
+    fn a_constant_background_has_the_least_spread() {
         let found = Background::estimate(&views(|_, _| [0.4, 0.5, 0.6]), &ball());
         assert_eq!((found.spread, found.confidence), (LEAST_SPREAD, 1.0));
         for (found, shown) in found.color.into_iter().zip([0.4, 0.5, 0.6]) {
@@ -180,13 +207,16 @@ mod tests {
     }
 
     #[test]
-    fn noise_a_dim_table_and_an_intruder_widen_it_or_lower_its_confidence() {
+    fn noise_widens_the_spread() {
         let noisy =
             Background::estimate(&views(|x, y| [0.5 + 0.1 * (noise(x, y) - 0.5); 3]), &ball());
-        // A uniform distribution over 0.1: half of it within 0.025 of the middle, 95 % within
-        // 0.0475.
+        // A uniform distribution of width 0.1: half of it lies within 0.025 of the middle, 95 %
+        // within 0.0475.
         assert!((0.02..0.045).contains(&noisy.spread) && noisy.confidence == 1.0, "{noisy:?}");
-        // Mostly black, a fifth of it nearly so.
+    }
+
+    #[test]
+    fn a_dim_part_of_a_black_background_widens_the_spread() {
         let table = Background::estimate(
             &views(|x, y| if x < 10 { [0.06 * noise(x, y); 3] } else { [0.0; 3] }),
             &ball(),
@@ -196,18 +226,21 @@ mod tests {
             "{table:?}"
         );
         assert!(table.probability([srgb_decode(0.25); 3]) < 1e-3, "{table:?}");
-        // A fifth of it something else entirely, which is not the background.
-        let intruder =
-            Background::estimate(&views(|x, _| if x < 10 { [0.8; 3] } else { [0.1; 3] }), &ball());
-        assert!(
-            intruder.spread < 0.02 && intruder.probability([srgb_decode(0.8); 3]) < 1e-6,
-            "{intruder:?}"
-        );
-        assert!(intruder.confidence < 1.0, "{intruder:?}");
     }
 
     #[test]
-    fn clutter_is_not_trusted() {
+    fn a_part_of_another_colour_lowers_the_confidence_only() {
+        let two_colours =
+            Background::estimate(&views(|x, _| if x < 10 { [0.8; 3] } else { [0.1; 3] }), &ball());
+        assert!(
+            two_colours.spread < 0.02 && two_colours.probability([srgb_decode(0.8); 3]) < 1e-6,
+            "{two_colours:?}"
+        );
+        assert!(two_colours.confidence < 1.0, "{two_colours:?}");
+    }
+
+    #[test]
+    fn clutter_no_views_and_one_pixel_have_a_defined_estimate() {
         let clutter = Background::estimate(
             &views(|x, y| [noise(x, y), noise(y, x), noise(x + 99, y)]),
             &ball(),

@@ -1,40 +1,48 @@
-//! What separates a real photograph from a pinhole camera's: lens distortion and skew, and their
-//! removal.
+//! Lens distortion and skew, and their removal from a photograph.
 
 use glam::{DMat2, DVec2};
 
 use film::Film;
 use render::Camera;
 
-/// Radial and tangential distortion (Brown and Conrady, the OPENCV model of COLMAP and instant-ngp)
-/// and skew.
+/// Radial and tangential distortion and skew: the difference between a photograph's camera and a
+/// pinhole camera.
 ///
-/// A point at the tangents (x, y), y down, is photographed at the tangents (x, y) (1 + k₁ r² + k₂
-/// r⁴) + (2 p₁ x y + p₂ (r² + 2 x²), 2 p₂ x y + p₁ (r² + 2 y²)), and its film x is shifted by
-/// `skew` pixels per unit of y.
+/// The model is that of Brown ("Decentering Distortion of Lenses", Photogrammetric Engineering
+/// 32(3), 1966) and Conrady ("Decentred Lens-Systems", MNRAS 79, 1919), as in OpenCV, COLMAP's
+/// OPENCV model and instant-ngp. With tangents (x, y), y down, and r² = x² + y², it is the map
+///
+/// (x, y) ↦ (x, y) (1 + k₁ r² + k₂ r⁴)
+///   + (2 p₁ x y + p₂ (r² + 2 x²), 2 p₂ x y + p₁ (r² + 2 y²)),
+///
+/// from the tangents of a point to the tangents at which the photograph shows it. The film x is
+/// then shifted by `skew` pixels per unit of the second tangent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Lens {
+pub(crate) struct Lens {
     /// Radial coefficients k₁, k₂.
-    pub(super) radial: [f64; 2],
+    pub(crate) radial: [f64; 2],
     /// Tangential coefficients p₁, p₂.
-    pub(super) tangential: [f64; 2],
+    pub(crate) tangential: [f64; 2],
     /// The element of K in row 0, column 1, in pixels.
-    pub(super) skew: f64,
+    pub(crate) skew: f64,
 }
 
-/// A photograph displaced by less than this, in pixels, is taken as it is: resampling would blur
-/// more than it mends.
+/// Displacement in pixels below which a lens is ignored. Resampling would blur the photograph more
+/// than such a displacement does.
 const NEGLIGIBLE: f64 = 0.01;
 
-/// An image that must be magnified more than this to be free of its distortion is refused.
+/// The largest magnification of an image, beyond which its lens is refused.
 const MOST_ZOOM: f64 = 3.0;
 
-/// Points along each edge of the film, and along each line from there to the principal point, where
-/// the map is tested.
+/// Tolerance of the search for the magnification, relative to the focal length.
+const ZOOM_TOLERANCE: f64 = 1e-4;
+
+/// Intervals along each edge of the film, and along the line from there to the principal point, at
+/// whose ends the map is tested.
 const TESTS: usize = 32;
 
 impl Lens {
-    /// The tangents where a point at the tangents `p` is photographed, and their derivative by `p`.
+    /// The map of tangents `p` ↦ q of [`Lens`], and its Jacobian ∂q/∂p.
     fn distort(&self, p: DVec2) -> (DVec2, DMat2) {
         let ([k1, k2], [p1, p2]) = (self.radial, self.tangential);
         let r2 = p.length_squared();
@@ -51,67 +59,72 @@ impl Lens {
         (p * radial + tangential, DMat2::from_cols(dx, dy))
     }
 
-    /// The film position in the photograph of the point that `ideal` sees at `u`; `source` is the
-    /// photograph's camera.
-    fn source(&self, ideal: &Camera, source: &Camera, u: DVec2) -> DVec2 {
+    /// Maps a film position `u` of the pinhole camera `ideal` to the film position of the same
+    /// point in the photograph; `source` is the pinhole part of the photograph's camera.
+    fn source_position(&self, ideal: &Camera, source: &Camera, u: DVec2) -> DVec2 {
         let (q, _) = self.distort((u - ideal.principal) / ideal.focal);
         source.principal + source.focal * q + DVec2::new(self.skew * q.y, 0.0)
     }
 
-    /// True if no point of the film is displaced by as much as 0.01 pixels.
-    pub(super) fn is_negligible(&self, camera: &Camera) -> bool {
-        border(camera)
-            .all(|u| (self.source(camera, camera, u) - u).abs().max_element() < NEGLIGIBLE)
+    /// True if every tested point of the film's border is displaced by less than [`NEGLIGIBLE`].
+    pub(crate) fn is_negligible(&self, camera: &Camera) -> bool {
+        border(camera).all(|u| {
+            let displacement = self.source_position(camera, camera, u) - u;
+            displacement.abs().max_element() < NEGLIGIBLE
+        })
     }
 
-    /// The pinhole camera with the widest view of the same film size that sees nothing beyond the
-    /// photograph, magnified about the principal point; `None` if there is none within reason, or
-    /// the distortion folds the image over.
-    pub(super) fn pinhole(&self, camera: &Camera) -> Option<Camera> {
+    /// The pinhole camera of the undistorted image: `camera` magnified about its principal point by
+    /// the least factor at which the photograph covers its whole film.
+    ///
+    /// Coverage is tested at points of the film's border. `None` if the factor would exceed
+    /// [`MOST_ZOOM`], or the distortion folds the image over within the film.
+    pub(crate) fn pinhole(&self, camera: &Camera) -> Option<Camera> {
         let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
         let zoomed = |zoom: f64| Camera { focal: camera.focal * zoom, ..*camera };
-        let fits = |zoom: f64| {
+        let is_covered = |zoom: f64| {
             let ideal = zoomed(zoom);
             border(camera).all(|u| {
-                let at = self.source(&ideal, camera, u);
+                let at = self.source_position(&ideal, camera, u);
                 at.cmpge(DVec2::splat(-NEGLIGIBLE)).all()
                     && at.cmple(size + NEGLIGIBLE).all()
-                    && self.unfolded(&ideal, u)
+                    && self.is_unfolded(&ideal, u)
             })
         };
-        if fits(1.0) {
+        if is_covered(1.0) {
             return Some(*camera);
         }
         let (mut low, mut high) = (1.0, MOST_ZOOM);
-        if !fits(high) {
+        if !is_covered(high) {
             return None;
         }
-        while high - low > 1e-4 {
+        while high - low > ZOOM_TOLERANCE {
             let middle = 0.5 * (low + high);
-            if fits(middle) { high = middle } else { low = middle }
+            if is_covered(middle) { high = middle } else { low = middle }
         }
         Some(zoomed(high))
     }
 
-    /// True if the map keeps its orientation on the way from the principal point to `u`.
-    fn unfolded(&self, ideal: &Camera, u: DVec2) -> bool {
+    /// True if the map keeps its orientation along the line from the principal point to `u`.
+    fn is_unfolded(&self, ideal: &Camera, u: DVec2) -> bool {
         let p = (u - ideal.principal) / ideal.focal;
         (1..=TESTS).all(|i| self.distort(p * (i as f64 / TESTS as f64)).1.determinant() > 0.0)
     }
 
-    /// The photograph as the pinhole camera `ideal` would have taken it: bilinear, in linear light.
-    pub(super) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
+    /// The image of the pinhole camera `ideal`, by bilinear interpolation in the photograph
+    /// `image`, in linear radiance.
+    pub(crate) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
         let mut out = Film::new(ideal.width, ideal.height);
         for (i, pixel) in out.pixels.iter_mut().enumerate() {
             let (x, y) = (i % ideal.width as usize, i / ideal.width as usize);
             let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            *pixel = bilinear(image, self.source(ideal, source, u));
+            *pixel = bilinear(image, self.source_position(ideal, source, u));
         }
         out
     }
 }
 
-/// Film positions all along the film's border.
+/// Equidistant film positions along the film's border.
 fn border(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
     (0..=TESTS).flat_map(move |i| {
@@ -125,7 +138,8 @@ fn border(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
     })
 }
 
-/// The image at a continuous film position, between the four pixel centres around it.
+/// The image at a continuous film position, interpolated between the four pixel centres around it,
+/// and constant beyond the outermost centres.
 fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
     let most = DVec2::new(f64::from(image.width - 1), f64::from(image.height - 1));
     let at = (u - 0.5).clamp(DVec2::ZERO, most);
@@ -156,33 +170,41 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_derivative_matches_differences(x in -0.6..0.6f64, y in -0.6..0.6f64, k in prop::array::uniform4(-0.1..0.1f64)) {
+        fn the_jacobian_matches_differences(
+            x in -0.6..0.6f64,
+            y in -0.6..0.6f64,
+            k in prop::array::uniform4(-0.1..0.1f64),
+        ) {
             let lens = Lens { radial: [k[0], k[1]], tangential: [k[2], k[3]], skew: 0.0 };
             let (p, h) = (DVec2::new(x, y), 1e-6);
-            let derivative = lens.distort(p).1;
-            for (e, column) in [(DVec2::X, derivative.x_axis), (DVec2::Y, derivative.y_axis)] {
-                let difference = (lens.distort(p + h * e).0 - lens.distort(p - h * e).0) / (2.0 * h);
-                assert_relative_eq!(column, difference, epsilon = 1e-8);
+            let jacobian = lens.distort(p).1;
+            for (e, column) in [(DVec2::X, jacobian.x_axis), (DVec2::Y, jacobian.y_axis)] {
+                let (plus, minus) = (lens.distort(p + h * e).0, lens.distort(p - h * e).0);
+                assert_relative_eq!(column, (plus - minus) / (2.0 * h), epsilon = 1e-8);
             }
         }
 
         #[test]
-        fn nothing_beyond_the_photograph_is_shown(k in -0.2..0.3f64, p in -0.02..0.02f64, skew in -5.0..5.0f64) {
+        fn every_undistorted_pixel_lies_in_the_photograph(
+            k in -0.2..0.3f64,
+            p in -0.02..0.02f64,
+            skew in -5.0..5.0f64,
+        ) {
             let lens = Lens { radial: [k, 0.0], tangential: [p, -p], skew };
             let ideal = lens.pinhole(&camera()).unwrap();
             prop_assert!(ideal.focal.x >= 80.0);
             for i in 0..100 {
                 for j in 0..80 {
-                    let at = lens.source(&ideal, &camera(), DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5));
+                    let u = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5);
+                    let at = lens.source_position(&ideal, &camera(), u);
                     prop_assert!(at.min_element() >= 0.0 && at.x <= 100.0 && at.y <= 80.0, "{at}");
                 }
             }
         }
     }
 
-    /// A photograph through a lens of a smooth pattern in the plane z = 0, evaluated exactly at
-    /// each pixel's centre: the distortion is inverted by Newton's method here, where the module
-    /// only ever applies it.
+    /// A photograph through a lens of a smooth pattern in the plane z = 0, exact at each pixel's
+    /// centre. It inverts the distortion by Newton's method; the module only applies it.
     fn photograph(lens: &Lens, camera: &Camera) -> Film {
         let mut film = Film::new(camera.width, camera.height);
         for y in 0..camera.height {
@@ -227,14 +249,14 @@ mod tests {
             let expected = photograph(&Lens::default(), &ideal);
             let worst = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
             let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            // Linear interpolation of these patterns is exact to 1/8 |second derivative|, or half a
-            // pixel of extrapolation at the border.
-            assert!(worst < 0.03, "{lens:?}: off by {worst}");
+            // Bilinear interpolation of these patterns has an error of 1/8 |second derivative|; at
+            // the border it is that of half a pixel of constant extrapolation.
+            assert!(worst < 0.03, "{lens:?}: largest error {worst}");
         }
     }
 
     #[test]
-    fn a_plain_lens_is_negligible_and_a_folding_one_is_refused() {
+    fn a_lens_without_distortion_is_negligible_and_a_folding_one_is_refused() {
         assert!(Lens::default().is_negligible(&camera()));
         assert!(Lens { skew: 0.005, ..Lens::default() }.is_negligible(&camera()));
         assert!(Lens { radial: [-30.0, 0.0], ..Lens::default() }.pinhole(&camera()).is_none());

@@ -1,11 +1,11 @@
-//! Which views are held out where the data set does not say.
+//! The training/held-out split of data sets that have none of their own.
 
-/// One view in this many is held out, beginning with the first.
-const HELD_OUT: usize = 8;
+/// One view of this many is held out, the first of each group.
+pub(crate) const HELD_OUT: usize = 8;
 
-/// Splits views into those to fit and every eighth to hold out; a set of one or two is fitted
-/// whole.
-pub(super) fn every_eighth<T>(views: Vec<T>) -> (Vec<T>, Vec<T>) {
+/// Splits views into those to fit and those held out: views 0, 8, 16, … are held out. A set of one
+/// or two views is fitted whole.
+pub(crate) fn every_eighth<T>(views: Vec<T>) -> (Vec<T>, Vec<T>) {
     if views.len() < 3 {
         return (views, Vec::new());
     }
@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_in_eight_is_held_out() {
+    fn every_eighth_view_is_held_out() {
         let (train, test) = every_eighth((0..16).collect());
         assert_eq!((train.len(), test), (14, vec![0, 8]));
         assert_eq!(every_eighth(vec![1, 2]), (vec![1, 2], vec![]));

@@ -1,25 +1,27 @@
-//! Posed images of a scene around its object, as a NeRF/Blender data set with exact ground truth.
+//! Synthesis of a NeRF/Blender data set from a scene, with exact ground truth.
 
 use std::path::Path;
 
-use field::Field;
+use field::{Field, Sphere};
 use glam::{DVec2, DVec3};
-use serde_json::json;
+use serde_json::{Value, json};
 
+use crate::fibonacci;
+use crate::split::HELD_OUT;
 use estimate::{Setup, render};
-use film::Film;
+use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};
 use mesh::{extract, write_mesh};
 use render::Camera;
 use scene::Scene;
 
-/// What to synthesise.
+/// Options of [`synthesise`].
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Views to fit; an eighth as many (at least one) are held out beside them.
+    /// Views to fit, 1 or more. An eighth as many, rounded up, are held out in addition.
     pub views: usize,
-    /// Width and height of the images.
+    /// Width and height of the images in pixels.
     pub size: [u32; 2],
     /// Samples a pixel.
     pub spp: u32,
@@ -27,50 +29,66 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// How far cameras are from the centre, in bounding radii, and how much of the film the ball fills.
+/// Distance of the cameras from the centre, in bounding radii.
 const DISTANCE: f64 = 3.5;
+
+/// The diameter of the bounding ball's outline, as a fraction of the film's shorter side.
 const FILL: f64 = 0.95;
 
-/// Grid cells of the true mesh along the bounding ball's diameter.
-const TRUTH: usize = 256;
+/// If |z| of a viewing direction is larger than this, the film's top is towards x instead of z.
+const POLAR: f64 = 0.999;
 
-/// Cameras spread evenly over the sphere of directions (a Fibonacci lattice), all looking at the
-/// centre.
+/// Grid cells of the true mesh along the diameter of its sphere.
+const TRUTH_CELLS: usize = 256;
+
+/// Radius of the sphere in which the true mesh is extracted, in bounding radii.
+const TRUTH_MARGIN: f64 = 1.02;
+
+/// The views of one transforms file.
+struct Set {
+    name: &'static str,
+    views: usize,
+    /// Rotation of the camera lattice about z, radians: no held-out view repeats a training view.
+    azimuth: f64,
+}
+
+/// `count` cameras spread evenly around a sphere, all looking at its centre with z up.
+///
+/// They stand at 3.5 radii on a Fibonacci lattice, rotated about z by `azimuth` radians. The focal
+/// length is such that the sphere fills 95 % of the film's shorter side.
 pub fn cameras(
     center: DVec3,
     radius: f64,
     count: usize,
     [width, height]: [u32; 2],
-    turn: f64,
+    azimuth: f64,
 ) -> Vec<Camera> {
+    // The tangent of half the angle that the sphere subtends.
     let tangent = 1.0 / (DISTANCE * DISTANCE - 1.0).sqrt();
     let focal = 0.5 * f64::from(width.min(height)) * FILL / tangent;
     let principal = DVec2::new(f64::from(width), f64::from(height)) / 2.0;
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count)
         .filter_map(|i| {
-            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
-            let (s, c) = (golden * i as f64 + turn).sin_cos();
-            let direction = DVec3::new(c, s, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
-            let up = if z.abs() > 0.999 { DVec3::X } else { DVec3::Z };
-            Camera::look_at(
-                width,
-                height,
-                DVec2::splat(focal),
-                principal,
-                center + direction * DISTANCE * radius,
-                center,
-                up,
-            )
+            let direction = fibonacci::direction(i, count, azimuth);
+            let up = if direction.z.abs() > POLAR { DVec3::X } else { DVec3::Z };
+            let eye = center + direction * DISTANCE * radius;
+            Camera::look_at(width, height, DVec2::splat(focal), principal, eye, center, up)
         })
         .collect()
 }
 
-/// Writes images, poses, masks, the scene and the true mesh into `folder`. `progress` is told the
-/// fraction done.
+/// Renders a scene from all around its object and writes a NeRF/Blender data set into `folder`:
+/// images, poses, masks, the scene file and the true mesh.
+///
+/// `source` is the scene's file. It is copied to `scene.json` if it can be read, and named in
+/// errors. The scene's camera is not used. `progress` receives the fraction done, from several
+/// threads.
 ///
 /// # Errors
-/// If the scene is unbounded, or a file cannot be written.
+/// If the scene is unbounded, its size does not suit single precision, or a file cannot be written.
+///
+/// # Panics
+/// If `options.views` is 0.
 pub fn synthesise(
     scene: &Scene,
     source: &Path,
@@ -79,64 +97,98 @@ pub fn synthesise(
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<()> {
     let field = scene.sdf.build::<f32>()?;
-    let Some(ball) = scene.sdf.build::<f64>()?.bounds() else {
-        return Err(InputError::new(
-            source,
-            "/sdf",
-            "an unbounded solid",
-            "a solid that a sphere can hold",
-        )
-        .into());
-    };
-    if !(ball.center.is_finite() && ((ball.radius * ball.radius) as f32).is_normal()) {
-        let found = format!("a solid of radius {:e}", ball.radius);
-        return Err(InputError::new(
-            source,
-            "/sdf",
-            found,
-            "a size that single precision can square",
-        )
-        .into());
-    }
+    let ball = bounding_ball(scene, source)?;
     let shader = scene.shader::<f32>(&*field)?;
-    let held_out = options.views.div_ceil(8);
-    let sets = [("train", options.views, 0.0), ("test", held_out, 1.0)];
+    let background = DVec3::from(scene.background).as_vec3();
+    let held_out = options.views.div_ceil(HELD_OUT);
     let total = (options.views + held_out) as f64;
+    let sets = [
+        Set { name: "train", views: options.views, azimuth: 0.0 },
+        Set { name: "test", views: held_out, azimuth: 1.0 },
+    ];
     let mut done = 0.0;
-    for (name, count, turn) in sets {
-        for sub in [folder.join(name), folder.join("masks").join(name)] {
-            std::fs::create_dir_all(&sub)
-                .map_err(|e| InputError::new(&sub, "output", e, "a folder that can be written"))?;
-        }
-        let cameras = cameras(ball.center, ball.radius, count, options.size, turn);
-        let background = DVec3::from(scene.background).as_vec3();
+    for set in sets {
+        set.create_folders(folder)?;
+        let cameras = cameras(ball.center, ball.radius, set.views, options.size, set.azimuth);
         let setup = Setup::new(&*field, &*shader, &cameras, &scene.bounds, background);
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
-            let image =
-                render(&setup, i, options.spp, options.seed, &|p| progress((done + p) / total))?;
-            write_image(&folder.join(name).join(format!("r_{i:03}.png")), &image.film)?;
-            let pixels = image.coverage.iter().map(|c| [film::srgb_decode(*c); 3]).collect();
-            write_image(
-                &folder.join("masks").join(name).join(format!("r_{i:03}.png")),
-                &Film { pixels, ..image.film },
-            )?;
-            let rows = camera.pose().transpose().to_cols_array_2d();
-            frames
-                .push(json!({"file_path": format!("./{name}/r_{i:03}"), "transform_matrix": rows}));
+            let progress = |p: f64| progress((done + p) / total);
+            let image = render(&setup, i, options.spp, options.seed, &progress)?;
+            frames.push(set.write_view(folder, i, camera, image.film, &image.coverage)?);
             done += 1.0;
         }
-        let (c, [w, h]) = (&cameras[0], options.size);
-        let angle = 2.0 * (0.5 * f64::from(w) / c.focal.x).atan();
+        set.write_transforms(folder, &cameras[0], frames)?;
+    }
+    copy_scene(source, folder)?;
+    let mesh = extract(&*field, &ball.scaled(TRUTH_MARGIN), TRUTH_CELLS, &|_| {});
+    write_mesh(&folder.join("truth.ply"), &mesh)
+}
+
+/// The solid's bounding ball. Refuses a solid without one, or of a size whose square single
+/// precision cannot represent.
+fn bounding_ball(scene: &Scene, source: &Path) -> anyhow::Result<Sphere<f64>> {
+    let error =
+        |found: String, expected: &str| InputError::new(source, "/sdf", found, expected).into();
+    let Some(ball) = scene.sdf.build::<f64>()?.bounds() else {
+        return Err(error("an unbounded solid".to_owned(), "a solid that a sphere can contain"));
+    };
+    if ball.center.is_finite() && ((ball.radius * ball.radius) as f32).is_normal() {
+        return Ok(ball);
+    }
+    let found = format!("a solid of radius {:e}", ball.radius);
+    Err(error(found, "a size whose square fits single precision"))
+}
+
+impl Set {
+    fn create_folders(&self, folder: &Path) -> Result<(), InputError> {
+        for sub in [folder.join(self.name), folder.join("masks").join(self.name)] {
+            std::fs::create_dir_all(&sub)
+                .map_err(|e| InputError::new(&sub, "output", e, "a folder that can be written"))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the image and the mask of view `i`; returns its frame for the transforms file.
+    fn write_view(
+        &self,
+        folder: &Path,
+        i: usize,
+        camera: &Camera,
+        image: Film,
+        coverage: &[f32],
+    ) -> anyhow::Result<Value> {
+        let name = self.name;
+        let file = format!("r_{i:03}.png");
+        write_image(&folder.join(name).join(&file), &image)?;
+        // A mask file holds coverage as display values; `write_image` encodes linear ones.
+        let pixels = coverage.iter().map(|c| [srgb_decode(*c); 3]).collect();
+        write_image(&folder.join("masks").join(name).join(&file), &Film { pixels, ..image })?;
+        let rows = camera.pose().transpose().to_cols_array_2d();
+        Ok(json!({"file_path": format!("./{name}/r_{i:03}"), "transform_matrix": rows}))
+    }
+
+    /// Writes `transforms_{name}.json`; all cameras have the intrinsics of `camera`.
+    fn write_transforms(
+        &self,
+        folder: &Path,
+        camera: &Camera,
+        frames: Vec<Value>,
+    ) -> anyhow::Result<()> {
+        let (w, h) = (camera.width, camera.height);
+        let angle = 2.0 * (0.5 * f64::from(w) / camera.focal.x).atan();
         let json = json!({"camera_angle_x": angle, "w": w, "h": h, "frames": frames});
         let text = serde_json::to_vec_pretty(&json)?;
-        atomic_write(&folder.join(format!("transforms_{name}.json")), |out| {
-            Ok(out.write_all(&text)?)
-        })?;
+        let file = folder.join(format!("transforms_{}.json", self.name));
+        atomic_write(&file, |out| Ok(out.write_all(&text)?))
     }
+}
+
+/// Copies the scene file, if there is one.
+fn copy_scene(source: &Path, folder: &Path) -> anyhow::Result<()> {
     let text = std::fs::read(source).unwrap_or_default();
-    if !text.is_empty() {
-        atomic_write(&folder.join("scene.json"), |out| Ok(out.write_all(&text)?))?;
+    if text.is_empty() {
+        return Ok(());
     }
-    write_mesh(&folder.join("truth.ply"), &extract(&*field, &ball.scaled(1.02), TRUTH, &|_| {}))
+    atomic_write(&folder.join("scene.json"), |out| Ok(out.write_all(&text)?))
 }

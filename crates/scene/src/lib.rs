@@ -1,41 +1,46 @@
-//! Scene files: a camera, a field, an appearance, a background.
+#![doc = include_str!("../README.md")]
 
 mod appearance;
+mod camera;
 mod sdf;
 
 use std::path::Path;
 
 use field::{Field, Real, Sphere, Vector3};
-use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
 pub use sdf::{Sdf, network};
 
 use io::InputError;
-use io::json::{Object, numbers};
+use io::json::Object;
 use render::{Camera, Precision, Shader};
 
-/// Everything a scene file says.
+/// The content of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// The camera.
     pub camera: Camera,
-    /// The field.
+    /// The signed distance field.
     pub sdf: Sdf,
-    /// How its surface looks.
+    /// The appearance of the field's surface.
     pub appearance: AppearanceModel,
     /// Radiance of rays that hit nothing, linear RGB.
     pub background: [f64; 3],
-    /// Where tracing starts and ends.
+    /// The sphere in which rays are traced, world units.
     pub bounds: Sphere<f64>,
 }
 
-/// How far tracing starts outside a solid's own bounding ball, as a factor on its radius. The warp
-/// field must live on both sides of every silhouette, so a ball that hugs the solid will not do; at
-/// 1 the outline of a sphere would be the border of the traced region. A network's ball is where
-/// the network exists and is taken as it is.
+/// Radius of the tracing sphere of an analytic solid, in radii of the solid's own bounding ball.
+///
+/// A warp field needs traced points on both sides of every silhouette. At 1, the silhouette of a
+/// lone sphere would be the border of the traced region. A network's ball is used unscaled, because
+/// the network is not defined outside it.
 const BOUNDS_MARGIN: f64 = 1.5;
+
+/// Radius of the tracing sphere of an unbounded solid, in distances of the eye from the origin. A
+/// distance below 1 world unit counts as 1.
+const UNBOUNDED_REACH: f64 = 1e3;
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -43,8 +48,8 @@ impl Scene {
     /// Reads a scene file.
     ///
     /// # Errors
-    /// If the file, or a model file it names, is missing or wrong: with the place and what was
-    /// expected.
+    /// If the file, or a model file that it names, is missing or wrong. The error holds the place
+    /// in the file, the value found and the value expected.
     pub fn load(path: &Path) -> Result<Scene> {
         let text = std::fs::read_to_string(path)
             .map_err(|e| InputError::new(path, "scene", e, "a readable scene file"))?;
@@ -53,15 +58,17 @@ impl Scene {
         Self::from_value(path, &value)
     }
 
-    /// Reads a scene from parsed JSON; `path` is the file it came from, for messages and relative
-    /// paths.
+    /// Reads a scene from parsed JSON.
+    ///
+    /// `path` is the file that the JSON came from. Error messages name it, and relative paths of
+    /// model files start at its folder. The file itself is not read.
     ///
     /// # Errors
     /// As [`Scene::load`].
     pub fn from_value(path: &Path, value: &Value) -> Result<Scene> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let root = Object::new(path, "", value)?;
-        let camera = read_camera(root.object("camera")?)?;
+        let camera = camera::read(root.object("camera")?)?;
         let sdf = Sdf::read(root.object("sdf")?, folder)?;
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
         let background = root.light("background")?;
@@ -70,8 +77,10 @@ impl Scene {
         Ok(Scene { camera, sdf, appearance, background, bounds })
     }
 
-    /// Builds the appearance's shader; `occluders` is the scene's field, which blocks light where
-    /// shadows are asked for.
+    /// Builds the shader of the appearance.
+    ///
+    /// `occluders` is the scene's field. It blocks lights if the appearance has shadows, and is
+    /// unused otherwise.
     ///
     /// # Errors
     /// If a model file cannot be used.
@@ -87,44 +96,14 @@ impl Scene {
     }
 }
 
+/// The tracing sphere: around a bounded solid, else around the eye.
 fn bounds(sdf: &Sdf, camera: &Camera) -> Result<Sphere<f64>> {
     let field = sdf.build::<f64>()?;
     Ok(match field.bounds() {
         Some(ball) if matches!(sdf, Sdf::Neural { .. }) => ball,
         Some(ball) => ball.scaled(BOUNDS_MARGIN),
-        // An unbounded solid is seen as far as a thousand times the camera's distance from the
-        // origin.
-        None => Sphere { center: camera.eye, radius: 1e3 * camera.eye.length().max(1.0) },
+        None => {
+            Sphere { center: camera.eye, radius: UNBOUNDED_REACH * camera.eye.length().max(1.0) }
+        }
     })
-}
-
-fn read_camera(object: Object<'_>) -> Result<Camera> {
-    let (width, height) = (object.size("width")?, object.size("height")?);
-    let focal = match object.optional("focal") {
-        Some(value) if value.is_array() => DVec2::from(object.numbers::<2>("focal")?),
-        _ => DVec2::splat(object.number("focal")?),
-    };
-    if focal.min_element() <= 0.0 {
-        return Err(object.error("focal", "a focal length above 0, in pixels"));
-    }
-    let principal = DVec2::from(object.numbers("principal")?);
-    let camera = if let Some(pose) = object.optional("pose") {
-        let rows = pose.as_array().filter(|rows| rows.len() == 4);
-        let rows: Option<Vec<[f64; 4]>> = rows.and_then(|rows| rows.iter().map(numbers).collect());
-        let rigid = "a 4 x 4 camera-to-world matrix, row-major, whose upper 3 x 3 is a rotation";
-        rows.and_then(|r| {
-            let matrix = DMat4::from_cols_array_2d(&[r[0], r[1], r[2], r[3]]).transpose();
-            Camera::from_pose(width, height, focal, principal, matrix)
-        })
-        .ok_or_else(|| object.error("pose", rigid))?
-    } else {
-        let eye = DVec3::from(object.numbers("eye")?);
-        let (target, up) =
-            (DVec3::from(object.numbers("target")?), DVec3::from(object.numbers("up")?));
-        Camera::look_at(width, height, focal, principal, eye, target, up).ok_or_else(|| {
-            object.error("target", "a point away from eye, with up not along the view")
-        })?
-    };
-    object.finish()?;
-    Ok(camera)
 }

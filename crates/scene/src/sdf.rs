@@ -1,92 +1,108 @@
-//! The `sdf` part of a scene: which field to build, and which JSON pointer each parameter has.
+//! The `sdf` object of a scene file: the field to build, and the JSON pointer of each parameter.
 
 use std::path::{Path, PathBuf};
 
 use field::{Csg, Field, Kind, Operation, Shape};
 use sdf_nn::Network;
 
+use crate::Result;
 use io::InputError;
 use io::json::Object;
 use render::Precision;
 
-/// A field as a scene file describes it.
+/// The description of a field in a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sdf {
-    /// An analytic shape with its flat parameters (see [`Kind::layout`]).
+    /// An analytic shape with its parameters in one vector (see [`Kind::layout`]).
     Shape(Kind, Vec<f64>),
-    /// A combination of children; the number is a smooth union's k.
+    /// A combination of children. The number is the width k of a smooth union in world units, and 0
+    /// for the other operations.
     Csg(Operation, f64, Vec<Sdf>),
-    /// A network, from the bytes of its model file.
+    /// A network.
     Neural {
         /// The model file.
         path: PathBuf,
-        /// Its content.
+        /// The bytes of the model file.
         bytes: Vec<u8>,
     },
 }
-
-type Result<T> = std::result::Result<T, InputError>;
 
 const TYPES: &str =
     "sphere, box, torus, capsule, plane, union, intersection, subtraction, smooth_union or neural";
 
 impl Sdf {
-    /// Reads the object; relative paths of model files start at `folder`.
+    /// Reads the object. Relative paths of model files start at `folder`.
     pub(crate) fn read(object: Object<'_>, folder: &Path) -> Result<Self> {
+        let combination =
+            |operation, k| -> Result<Self> { Self::read_children(operation, k, &object, folder) };
         let sdf = match object.string("type")? {
-            "sphere" => Sdf::Shape(
-                Kind::Sphere,
-                join([&object.numbers::<3>("center")?, &[object.positive("radius")?]]),
-            ),
-            "box" => {
-                let (center, half_size) =
-                    (object.numbers::<3>("center")?, object.numbers::<3>("half_size")?);
-                if half_size.iter().any(|h| *h <= 0.0) {
-                    return Err(object.error("half_size", "three numbers above 0"));
-                }
-                Sdf::Shape(Kind::Box, join([&center, &half_size]))
-            }
-            "torus" => {
-                let (center, axis) =
-                    (object.numbers::<3>("center")?, object.direction("axis")?.to_array());
-                let radii = [object.positive("major")?, object.positive("minor")?];
-                Sdf::Shape(Kind::Torus, [&center[..], &axis, &radii].concat())
-            }
-            "capsule" => {
-                let (a, b) = (object.numbers::<3>("a")?, object.numbers::<3>("b")?);
-                Sdf::Shape(Kind::Capsule, [&a[..], &b, &[object.positive("radius")?]].concat())
-            }
-            "plane" => {
-                let normal = object.direction("normal")?.to_array();
-                Sdf::Shape(Kind::Plane, join([&normal, &[object.number("offset")?]]))
-            }
-            "union" => Self::children(Operation::Union, 0.0, &object, folder)?,
-            "intersection" => Self::children(Operation::Intersection, 0.0, &object, folder)?,
-            "subtraction" => Self::children(Operation::Subtraction, 0.0, &object, folder)?,
-            "smooth_union" => {
-                Self::children(Operation::SmoothUnion, object.positive("k")?, &object, folder)?
-            }
-            "neural" => {
-                let path = folder.join(object.string("weights")?);
-                let bytes = std::fs::read(&path)
-                    .map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
-                check_model(&path, &bytes)?;
-                Sdf::Neural { path, bytes }
-            }
-            _ => return Err(object.error("type", TYPES)),
+            "union" => combination(Operation::Union, 0.0)?,
+            "intersection" => combination(Operation::Intersection, 0.0)?,
+            "subtraction" => combination(Operation::Subtraction, 0.0)?,
+            "smooth_union" => combination(Operation::SmoothUnion, object.positive("k")?)?,
+            "neural" => Self::read_network(&object, folder)?,
+            shape => Self::read_shape(shape, &object)?,
         };
         object.finish()?;
         Ok(sdf)
     }
 
-    fn children(operation: Operation, k: f64, object: &Object<'_>, folder: &Path) -> Result<Self> {
+    /// Reads an analytic shape: its parameters in the order of [`Kind::layout`].
+    fn read_shape(name: &str, object: &Object<'_>) -> Result<Self> {
+        let (kind, parameters) = match name {
+            "sphere" => (
+                Kind::Sphere,
+                [&object.numbers::<3>("center")?[..], &[object.positive("radius")?]].concat(),
+            ),
+            "box" => {
+                let center = object.numbers::<3>("center")?;
+                let half_size = object.numbers::<3>("half_size")?;
+                if half_size.iter().any(|h| *h <= 0.0) {
+                    return Err(object.error("half_size", "three numbers above 0"));
+                }
+                (Kind::Box, [center, half_size].concat())
+            }
+            "torus" => {
+                let center = object.numbers::<3>("center")?;
+                let axis = object.direction("axis")?.to_array();
+                let radii = [object.positive("major")?, object.positive("minor")?];
+                (Kind::Torus, [&center[..], &axis, &radii].concat())
+            }
+            "capsule" => {
+                let (a, b) = (object.numbers::<3>("a")?, object.numbers::<3>("b")?);
+                (Kind::Capsule, [&a[..], &b, &[object.positive("radius")?]].concat())
+            }
+            "plane" => {
+                let normal = object.direction("normal")?.to_array();
+                (Kind::Plane, [&normal[..], &[object.number("offset")?]].concat())
+            }
+            _ => return Err(object.error("type", TYPES)),
+        };
+        Ok(Sdf::Shape(kind, parameters))
+    }
+
+    fn read_children(
+        operation: Operation,
+        k: f64,
+        object: &Object<'_>,
+        folder: &Path,
+    ) -> Result<Self> {
         let children = object.objects("children", true)?;
         let children: Result<Vec<_>> =
             children.into_iter().map(|child| Self::read(child, folder)).collect();
         Ok(Sdf::Csg(operation, k, children?))
     }
 
-    /// Builds the field in a precision.
+    /// Reads a model file and checks that it describes a signed distance.
+    fn read_network(object: &Object<'_>, folder: &Path) -> Result<Self> {
+        let path = folder.join(object.string("weights")?);
+        let bytes = std::fs::read(&path)
+            .map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
+        network::<f32>(&path, &bytes)?;
+        Ok(Sdf::Neural { path, bytes })
+    }
+
+    /// Builds the field in single or double precision.
     ///
     /// # Errors
     /// If a model file cannot be used.
@@ -104,14 +120,15 @@ impl Sdf {
         })
     }
 
-    /// The JSON pointer of every parameter in the order of the field's flat vector; `None` for a
-    /// network's weights.
+    /// The JSON pointer of every parameter, in the order of the field's parameter vector. A weight
+    /// of a network has none.
     pub fn pointers(&self) -> Vec<Option<String>> {
         let mut out = Vec::new();
         self.collect_pointers("/sdf", &mut out);
         out
     }
 
+    /// Appends the pointers of the object at the pointer `at`.
     fn collect_pointers(&self, at: &str, out: &mut Vec<Option<String>>) {
         match self {
             Sdf::Shape(kind, _) => {
@@ -139,16 +156,11 @@ impl Sdf {
     }
 }
 
-/// A network from a model file's bytes.
+/// Builds a network from the bytes of a model file; `path` is for error messages.
+///
+/// # Errors
+/// If the bytes are not a model file of a signed distance.
 pub fn network<R: Precision>(path: &Path, bytes: &[u8]) -> Result<Network<R>> {
     Network::from_safetensors(bytes)
         .map_err(|e| InputError::new(path, "weights", e, "a model file of a signed distance"))
-}
-
-fn check_model(path: &Path, bytes: &[u8]) -> Result<()> {
-    network::<f32>(path, bytes).map(|_| ())
-}
-
-fn join<const A: usize>(parts: [&[f64]; A]) -> Vec<f64> {
-    parts.concat()
 }

@@ -1,5 +1,4 @@
-//! The report on views whose every figure is known, and the outline against the rays that meet the
-//! sphere.
+//! The report on views with known figures, and the drawn outline against rays that meet the sphere.
 
 use glam::DVec2;
 
@@ -43,7 +42,7 @@ fn report(dataset: &Dataset) -> Report {
 }
 
 #[test]
-fn the_report_tells_what_is_known() {
+fn the_report_has_the_known_figures() {
     let report = report(&dataset());
     assert_eq!(
         (report.train_views, report.test_views, report.masks, report.axes_through),
@@ -78,7 +77,7 @@ fn the_report_tells_what_is_known() {
 }
 
 #[test]
-fn what_looks_wrong_is_said() {
+fn suspicious_views_give_warnings() {
     let mut turned = dataset();
     for view in &mut turned.train {
         view.camera.forward = -view.camera.forward;
@@ -106,9 +105,9 @@ fn what_looks_wrong_is_said() {
 }
 
 #[test]
-fn the_outline_runs_where_rays_begin_to_meet_the_sphere() {
+fn the_outline_separates_rays_that_meet_the_sphere_from_others() {
     let mut dataset = dataset();
-    // Off to the side, so that the outline is an ellipse.
+    // Aimed beside the sphere's centre, so that the outline is an ellipse.
     let camera = &mut dataset.train[0].camera;
     let target = BOUNDS.center + DVec3::new(0.0, 0.45, 0.2);
     *camera = Camera::look_at(60, 50, camera.focal, camera.principal, camera.eye, target, DVec3::Z)
@@ -128,29 +127,33 @@ fn the_outline_runs_where_rays_begin_to_meet_the_sphere() {
             let orange = r == 1.0 && g == 0.6 && b == 0.0;
             marked += u32::from(orange);
             boundary += u32::from(crossed);
-            // A corner may be cut without any of the nine rays in the pixel telling.
+            // The outline may cut a corner of the pixel between its nine rays.
             let near = (0..25).any(|i| {
                 hit(u + DVec2::new(f64::from(i % 5), f64::from(i / 5)) * 0.5 - 0.5) != around[4]
             });
             assert!(!orange || near, "pixel {x}, {y}");
-            assert!(orange || !crossed || is_axis([r, g, b]) || corner(&around), "pixel {x}, {y}");
+            assert!(
+                orange || !crossed || is_axis([r, g, b]) || cuts_corner(&around),
+                "pixel {x}, {y}"
+            );
         }
     }
     assert!(marked > 60 && boundary > 60, "{marked} of {boundary}");
 }
 
+/// True for the colours of the three axes.
 fn is_axis([r, g, b]: [f32; 3]) -> bool {
     r > 0.9 && g < 0.1 || g > 0.7 && r < 0.1 || b > 0.9 && r < 0.2
 }
 
-/// True if all but one or two of the nine rays agree: the outline just touches the pixel.
-fn corner(around: &[bool]) -> bool {
+/// True if all but one or two of the nine rays agree: the outline cuts at most a corner.
+fn cuts_corner(around: &[bool]) -> bool {
     let hits = around.iter().filter(|h| **h).count();
     hits <= 2 || hits >= 7
 }
 
 #[test]
-fn the_axes_point_where_they_should() {
+fn the_axes_are_drawn_along_world_x_y_and_z() {
     // From +x, with z up: y to the right, z up, x towards the eye.
     let sheet = overlay(&dataset(), &BOUNDS);
     assert_eq!(sheet.at(36, 25), [0.05, 0.8, 0.05]);

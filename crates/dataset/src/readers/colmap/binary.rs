@@ -4,10 +4,10 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{Intrinsics, Registered, Result};
+use super::{CameraRecord, ImageRecord, Result};
 use io::InputError;
 
-/// Names and parameter counts of the camera models, by number.
+/// Name and parameter count of each camera model; the index is the model's number.
 const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -29,7 +29,7 @@ const MODELS: [(&str, usize); 18] = [
     ("EQUIRECTANGULAR", 2),
 ];
 
-/// A file's bytes, read from front to back.
+/// The bytes of a file, read from front to back. `item` names the next item in error messages.
 struct Bytes<'a> {
     file: &'a Path,
     data: Vec<u8>,
@@ -43,65 +43,65 @@ impl<'a> Bytes<'a> {
         Ok(Bytes { file, data, at: 0 })
     }
 
-    fn take(&mut self, count: usize, what: &str) -> Result<&[u8]> {
+    /// The next `count` bytes.
+    fn take(&mut self, count: usize, item: &str) -> Result<&[u8]> {
         let end = self.at.checked_add(count).filter(|end| *end <= self.data.len());
         let end = end.ok_or_else(|| {
+            let (place, expected) =
+                (format!("byte {}", self.at), format!("{count} bytes of {item}"));
             let found = format!("the file's end at byte {}", self.data.len());
-            InputError::new(
-                self.file,
-                format!("byte {}", self.at),
-                found,
-                format!("{count} bytes of {what}"),
-            )
+            InputError::new(self.file, place, found, expected)
         })?;
         let start = std::mem::replace(&mut self.at, end);
         Ok(&self.data[start..end])
     }
 
-    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+    fn array<const N: usize>(&mut self, item: &str) -> Result<[u8; N]> {
         let mut bytes = [0; N];
-        bytes.copy_from_slice(self.take(N, what)?);
+        bytes.copy_from_slice(self.take(N, item)?);
         Ok(bytes)
     }
 
-    fn u32(&mut self, what: &str) -> Result<u32> {
-        self.array(what).map(u32::from_le_bytes)
+    fn u32(&mut self, item: &str) -> Result<u32> {
+        self.array(item).map(u32::from_le_bytes)
     }
 
-    fn u64(&mut self, what: &str) -> Result<u64> {
-        self.array(what).map(u64::from_le_bytes)
+    fn u64(&mut self, item: &str) -> Result<u64> {
+        self.array(item).map(u64::from_le_bytes)
     }
 
-    fn f64(&mut self, what: &str) -> Result<f64> {
-        self.array(what).map(f64::from_le_bytes)
+    fn f64(&mut self, item: &str) -> Result<f64> {
+        self.array(item).map(f64::from_le_bytes)
     }
 
-    fn vector(&mut self, what: &str) -> Result<DVec3> {
-        Ok(DVec3::new(self.f64(what)?, self.f64(what)?, self.f64(what)?))
+    fn vector(&mut self, item: &str) -> Result<DVec3> {
+        Ok(DVec3::new(self.f64(item)?, self.f64(item)?, self.f64(item)?))
     }
 
-    /// A text that ends in a zero byte.
-    fn text(&mut self, what: &str) -> Result<String> {
+    /// A string that ends in a zero byte.
+    fn text(&mut self, item: &str) -> Result<String> {
         let length = self.data[self.at..].iter().position(|b| *b == 0).unwrap_or(self.data.len());
-        let text = String::from_utf8_lossy(self.take(length, what)?).into_owned();
-        self.take(1, what)?;
+        let text = String::from_utf8_lossy(self.take(length, item)?).into_owned();
+        self.take(1, item)?;
         Ok(text)
     }
 
-    /// Passes over a list of records of `size` bytes, after its length.
-    fn skip_list(&mut self, size: usize, what: &str) -> Result<()> {
-        let count = self.u64(what)?;
+    /// Skips a list: its length, then records of `size` bytes each.
+    fn skip_list(&mut self, size: usize, item: &str) -> Result<()> {
+        let count = self.u64(item)?;
         let bytes =
             usize::try_from(count).ok().and_then(|n| n.checked_mul(size)).unwrap_or(usize::MAX);
-        self.take(bytes, what).map(|_| ())
+        self.take(bytes, item).map(|_| ())
     }
 
+    /// The error of the item just read.
     fn error(&self, field: &str, found: impl std::fmt::Display, expected: &str) -> InputError {
         InputError::new(self.file, format!("{field} before byte {}", self.at), found, expected)
     }
 }
 
-pub(super) fn cameras(file: &Path) -> Result<Vec<Intrinsics>> {
+/// Reads `cameras.bin`: id, model, width, height, parameters.
+pub(super) fn cameras(file: &Path) -> Result<Vec<CameraRecord>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of cameras")?;
     (0..count)
@@ -114,12 +114,13 @@ pub(super) fn cameras(file: &Path) -> Result<Vec<Intrinsics>> {
             let size = [bytes.u64("a camera's width")?, bytes.u64("a camera's height")?];
             let parameters: Result<Vec<f64>> =
                 (0..parameters).map(|_| bytes.f64("a camera's parameters")).collect();
-            Ok(Intrinsics { id, model: model.to_owned(), size, parameters: parameters? })
+            Ok(CameraRecord { id, model: model.to_owned(), size, parameters: parameters? })
         })
         .collect()
 }
 
-pub(super) fn images(file: &Path) -> Result<Vec<Registered>> {
+/// Reads `images.bin`: id, quaternion, translation, camera id, name; image points are skipped.
+pub(super) fn images(file: &Path) -> Result<Vec<ImageRecord>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of images")?;
     (0..count)
@@ -131,11 +132,12 @@ pub(super) fn images(file: &Path) -> Result<Vec<Registered>> {
             let camera = bytes.u32("a camera's number")?;
             let name = bytes.text("an image's name")?;
             bytes.skip_list(24, "image points")?;
-            Ok(Registered { quaternion: [w, xyz.x, xyz.y, xyz.z], translation, camera, name })
+            Ok(ImageRecord { quaternion: [w, xyz.x, xyz.y, xyz.z], translation, camera, name })
         })
         .collect()
 }
 
+/// Reads `points3D.bin`: id and position; colour, error and track are skipped.
 pub(super) fn points(file: &Path) -> Result<Vec<DVec3>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of points")?;

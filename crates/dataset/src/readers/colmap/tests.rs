@@ -1,22 +1,22 @@
-//! One small model, written in both forms.
+//! One small model, written as text and as binary and read back.
 
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use super::super::tests::{
-    ball, cameras, in_order, photograph, refused, same_camera, world_to_camera,
+use crate::tests::{
+    assert_same_camera, ball, cameras, in_order, photograph, refused, world_to_camera,
 };
-use super::super::{LoadOptions, load, surroundings};
+use crate::{LoadOptions, load, surroundings};
 use io::write_image;
 use render::Camera;
 
-/// Numbers of images and cameras are neither ordered nor without gaps, and images not in the order
-/// of their names.
+/// The number of image i. Image numbers have gaps, and do not have the order of the names.
 fn image_number(i: usize) -> u32 {
     100 - 7 * i as u32
 }
 
+/// The world-to-camera quaternion (w, x, y, z) and translation.
 fn pose(c: &Camera) -> ([f64; 4], [f64; 3]) {
     let (r, t) = world_to_camera(c);
     let q = DQuat::from_mat3(&r);
@@ -30,7 +30,7 @@ fn write_images(folder: &Path, cameras: &[Camera]) {
     }
 }
 
-/// Points on the ball, and some far behind it.
+/// 200 points on the ball, and 50 far behind it.
 fn points() -> Vec<DVec3> {
     let on_ball = (0..200).map(|i| {
         let (s, c) = (2.4 * f64::from(i)).sin_cos();
@@ -50,7 +50,7 @@ fn write_text(folder: &Path, cameras: &[Camera], model: &str, parameters: &[f64]
     let mut text = "# Image list with two lines of data per image\n".to_owned();
     for (i, camera) in cameras.iter().enumerate().rev() {
         let (q, t) = pose(camera);
-        // A line of image points follows, which may be empty.
+        // The line of image points may be empty.
         let seen = if i % 2 == 0 { "2362.39 248.498 58396 1784.7 268.254 -1" } else { "" };
         text += &format!(
             "{} {} {} 5 {i:02} a.png\n{seen}\n",
@@ -113,7 +113,7 @@ fn pinhole_of(c: &Camera) -> [f64; 4] {
 }
 
 #[test]
-fn both_forms_are_read_from_every_place() {
+fn text_and_binary_models_are_read_from_every_folder() {
     let all = cameras(9);
     for place in ["sparse/0", "sparse", "."] {
         for binary in [false, true] {
@@ -135,7 +135,7 @@ fn both_forms_are_read_from_every_place() {
                 assert_eq!(dataset.points.len(), 250);
                 for (i, view) in in_order(&dataset).into_iter().enumerate() {
                     assert_eq!(view.name, format!("{i:02} a.png"));
-                    same_camera(&view.camera, &all[i], 1e-9);
+                    assert_same_camera(&view.camera, &all[i], 1e-9);
                 }
             }
         }
@@ -143,7 +143,7 @@ fn both_forms_are_read_from_every_place() {
 }
 
 #[test]
-fn points_bound_the_object_where_the_background_does_not() {
+fn points_give_the_sphere_if_the_background_is_clutter() {
     let all = cameras(9);
     let folder = tempfile::tempdir().unwrap();
     write_images(folder.path(), &all);
@@ -218,7 +218,7 @@ fn wrong_text_models_are_refused() {
 }
 
 #[test]
-fn wrong_binary_models_are_refused_wherever_they_are_cut() {
+fn binary_models_truncated_at_any_byte_are_refused() {
     let all = cameras(3);
     let folder = tempfile::tempdir().unwrap();
     write_images(folder.path(), &all);
@@ -234,10 +234,10 @@ fn wrong_binary_models_are_refused_wherever_they_are_cut() {
             std::fs::write(&path, &whole[..length]).unwrap();
             refused(folder.path(), &[name, "the file's end at byte"]);
         }
-        // A count that no memory holds.
-        let mut poisoned = whole.clone();
-        poisoned[..8].fill(0xff);
-        std::fs::write(&path, &poisoned).unwrap();
+        // A count that does not fit in memory.
+        let mut wrong_count = whole.clone();
+        wrong_count[..8].fill(0xff);
+        std::fs::write(&path, &wrong_count).unwrap();
         refused(folder.path(), &[name]);
         std::fs::write(&path, &whole).unwrap();
     }

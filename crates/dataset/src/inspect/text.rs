@@ -1,0 +1,81 @@
+//! The report as text: a label of 13 columns, then a sentence.
+
+use std::fmt::{Display, Formatter, Result};
+
+use super::Report;
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        self.write_images(f)?;
+        self.write_cameras(f)?;
+        self.write_surroundings(f)?;
+        for warning in &self.warnings {
+            write!(f, "\nWARNING      {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Report {
+    fn write_images(&self, f: &mut Formatter<'_>) -> Result {
+        let ([width, height], [fx, fy]) = (self.image_size, self.focal);
+        writeln!(f, "format       {}", self.format)?;
+        writeln!(
+            f,
+            "views        {} to fit, {} held out, {} with masks",
+            self.train_views, self.test_views, self.masks
+        )?;
+        writeln!(
+            f,
+            "images       {width} x {height} pixels, {:.1} degrees across \
+             (focal {fx:.1}, {fy:.1} pixels)",
+            self.field_of_view
+        )
+    }
+
+    fn write_cameras(&self, f: &mut Formatter<'_>) -> Result {
+        let ([near, mean, far], [low, high]) = (self.distance, self.elevation);
+        writeln!(
+            f,
+            "cameras      {near:.4} to {far:.4} from the centre (mean {mean:.4}), \
+             up to {:.0} degrees apart",
+            self.spread
+        )?;
+        writeln!(
+            f,
+            "             {low:.0} to {high:.0} degrees above the centre (z up), \
+             within 30 degrees of {:.0} % of all directions",
+            100.0 * self.surrounded
+        )?;
+        let (through, all) = (self.axes_through, self.train_views + self.test_views);
+        writeln!(
+            f,
+            "             {through} of {all} axes pass through the sphere, \
+             {:.1} degrees off its centre on average",
+            self.off_axis
+        )
+    }
+
+    fn write_surroundings(&self, f: &mut Formatter<'_>) -> Result {
+        let [x, y, z] = self.center;
+        writeln!(
+            f,
+            "sphere       centre ({x:.4}, {y:.4}, {z:.4}), radius {:.4}, {}",
+            self.radius, self.bounds_from
+        )?;
+        let least = self.coverage.iter().copied().fold(1.0, f64::min);
+        let largest = self.coverage.iter().copied().fold(0.0, f64::max);
+        writeln!(
+            f,
+            "coverage     the sphere covers {:.0} to {:.0} % of each image",
+            100.0 * least,
+            100.0 * largest
+        )?;
+        let (spread, confidence) = (self.background_spread, self.background_confidence);
+        write!(
+            f,
+            "background   linear RGB {:.3?}, spread {spread:.3}, confidence {confidence:.2}",
+            self.background
+        )
+    }
+}

@@ -1,0 +1,98 @@
+//! NeRF/Blender and nerfstudio camera files.
+
+use super::*;
+
+#[test]
+fn data_sets_are_read_with_their_own_split() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = cameras(6);
+    write_nerf(folder.path(), "transforms_train.json", &all[..4]);
+    write_nerf(folder.path(), "transforms_val.json", &all[4..5]);
+    for path in [folder.path().to_owned(), folder.path().join("transforms_train.json")] {
+        let dataset = load(&path, &LoadOptions::default()).unwrap();
+        assert_eq!((dataset.train.len(), dataset.test.len()), (4, 1));
+        for (view, camera) in dataset.train.iter().chain(&dataset.test).zip(&all) {
+            assert_same_camera(&view.camera, camera, 1e-12);
+        }
+    }
+    // transforms_test.json has precedence over transforms_val.json.
+    write_nerf(folder.path(), "transforms_test.json", &all[4..]);
+    assert_eq!(load(folder.path(), &LoadOptions::default()).unwrap().test.len(), 2);
+}
+
+#[test]
+fn focal_length_and_principal_point_have_defaults() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut root = write_nerf(folder.path(), "transforms.json", &cameras(9));
+    for key in ["fl_x", "fl_y", "cx", "cy", "w", "h"] {
+        root.as_object_mut().unwrap().remove(key);
+    }
+    root["camera_angle_x"] = json!(0.6);
+    write_json(&folder.path().join("transforms.json"), &root);
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!((dataset.train.len(), dataset.test.len()), (7, 2));
+    let camera = dataset.train[0].camera;
+    assert_relative_eq!(camera.focal, DVec2::splat(24.0 / 0.3f64.tan()), epsilon = 1e-12);
+    assert_eq!(camera.principal, DVec2::new(24.0, 20.0));
+}
+
+#[test]
+fn an_error_names_the_place_in_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = write_nerf(folder.path(), "transforms.json", &cameras(3));
+    let path = folder.path().join("transforms.json");
+    let with = |pointer: &str, value: Value| {
+        let mut root = good.clone();
+        match root.pointer_mut(pointer) {
+            Some(place) => *place = value,
+            None => root[&pointer[1..]] = value,
+        }
+        write_json(&path, &root);
+    };
+    let cases = [
+        ("/frames", json!([]), vec!["frames", "found []"]),
+        ("/frames", json!(3), vec!["frames", "found 3"]),
+        ("/frames/1/file_path", json!(7), vec!["frames/1/file_path", "found 7"]),
+        ("/frames/1/file_path", json!("gone"), vec!["gone", "no such file", "frames/1"]),
+        (
+            "/frames/2/transform_matrix",
+            json!([[1, 2], [3, 4]]),
+            vec!["frames/2/transform_matrix", "4 x 4"],
+        ),
+        (
+            "/frames/2/transform_matrix/0/0",
+            json!("x"),
+            vec!["frames/2/transform_matrix", "finite numbers"],
+        ),
+        (
+            "/frames/2/transform_matrix/0/0",
+            json!(9),
+            vec!["frames/2/transform_matrix", "determinant", "rotation"],
+        ),
+        (
+            "/frames/2/transform_matrix/3",
+            json!([1, 2, 3, 1]),
+            vec!["frames/2/transform_matrix", "last row"],
+        ),
+        (
+            "/w",
+            json!(50),
+            vec!["transforms_1.png", "found 48 x 40", "expected 50 x 40 (from transforms.json)"],
+        ),
+        ("/w", json!(-48), vec!["w:", "found -48"]),
+        ("/w", json!("wide"), vec!["w:", "found \"wide\"", "a finite number"]),
+        ("/fl_x", json!(0), vec!["fl_x", "focal lengths 0"]),
+        ("/is_fisheye", json!(true), vec!["is_fisheye"]),
+        ("/camera_model", json!("EQUIRECTANGULAR"), vec!["camera_model", "EQUIRECTANGULAR"]),
+        ("/k3", json!(0.1), vec!["k3", "found 0.1"]),
+        ("/k1", json!(-40), vec!["distortion"]),
+    ];
+    for (pointer, value, words) in cases {
+        with(pointer, value);
+        refused(&path, &words);
+    }
+    std::fs::write(&path, "{\"frames\": [\n  {\"file_path\": NaN}]}").unwrap();
+    refused(&path, &["transforms.json", "line 2 column"]);
+    std::fs::write(&path, "{\"frames\": [{\"a\": 1e999}]}").unwrap();
+    refused(&path, &["line 1 column"]);
+}

@@ -1,0 +1,94 @@
+//! `cameras_sphere.npz`.
+
+use std::fs::File;
+
+use npyz::WriterBuilder;
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+use super::*;
+
+/// Writes the archive; every third array is stored by columns.
+fn write_npz(folder: &Path, arrays: &[(String, DMat4)]) {
+    let mut npz = ZipWriter::new(File::create(folder.join("cameras_sphere.npz")).unwrap());
+    for (i, (name, matrix)) in arrays.iter().enumerate() {
+        npz.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
+        let (order, stored) = match i % 3 {
+            2 => (npyz::Order::Fortran, *matrix),
+            _ => (npyz::Order::C, matrix.transpose()),
+        };
+        let options = npyz::WriteOptions::new().default_dtype().shape(&[4, 4]).order(order);
+        let mut array = options.writer(&mut npz).begin_nd().unwrap();
+        array.extend(stored.to_cols_array()).unwrap();
+        array.finish().unwrap();
+    }
+    npz.finish().unwrap();
+}
+
+/// Writes archive, images and masks; returns the arrays.
+fn write_neus(folder: &Path, cameras: &[Camera]) -> Vec<(String, DMat4)> {
+    let mut arrays = Vec::new();
+    for sub in ["image", "mask"] {
+        std::fs::create_dir(folder.join(sub)).unwrap();
+    }
+    for (i, c) in cameras.iter().enumerate() {
+        let film = photograph(c);
+        write_image(&folder.join(format!("image/{i:03}.png")), &film).unwrap();
+        let white =
+            film.pixels.iter().map(|p| [f32::from(u8::from(*p != BACKGROUND)); 3]).collect();
+        write_image(&folder.join(format!("mask/{i:03}.png")), &Film { pixels: white, ..film })
+            .unwrap();
+        let (r, t) = world_to_camera(c);
+        let p = c.principal - 0.5;
+        let k = DMat3::from_cols(DVec3::X * c.focal.x, DVec3::Y * c.focal.y, p.extend(1.0));
+        let mut world = DMat4::from_mat3(k * r);
+        world.w_axis = (k * t).extend(1.0);
+        arrays.push((format!("world_mat_{i}"), world));
+        let scale = DMat4::from_translation(ball().center) * DMat4::from_scale(DVec3::splat(0.7));
+        arrays.push((format!("scale_mat_{i}"), scale));
+    }
+    write_npz(folder, &arrays);
+    arrays
+}
+
+#[test]
+fn cameras_and_sphere_are_read_in_world_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = cameras(9);
+    write_neus(folder.path(), &all);
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    let bounds = dataset.bounds.unwrap();
+    assert_relative_eq!(bounds.center, ball().center, epsilon = 1e-12);
+    assert_relative_eq!(bounds.radius, 0.7, epsilon = 1e-12);
+    for (view, camera) in in_order(&dataset).into_iter().zip(&all) {
+        assert_same_camera(&view.camera, camera, 1e-9);
+        let mask = view.mask.as_ref().unwrap();
+        let film = photograph(camera);
+        let covered = film.pixels.iter().map(|p| f32::from(u8::from(*p != BACKGROUND)));
+        assert!(mask.iter().zip(covered).all(|(m, c)| (m - c).abs() < 1e-5));
+    }
+}
+
+#[test]
+fn wrong_archives_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let arrays = write_neus(folder.path(), &cameras(3));
+    let with = |name: &str, change: &dyn Fn(DMat4) -> DMat4| {
+        let changed =
+            |(n, m): &(String, DMat4)| (n.clone(), if n == name { change(*m) } else { *m });
+        write_npz(folder.path(), &arrays.iter().map(changed).collect::<Vec<_>>());
+    };
+    with("world_mat_1", &|_| DMat4::ZERO);
+    refused(folder.path(), &["cameras_sphere.npz", "world_mat_1", "singular"]);
+    with("world_mat_2", &|_| DMat4::NAN);
+    refused(folder.path(), &["world_mat_2", "not finite"]);
+    with("scale_mat_0", &|m| m * DMat4::from_scale(DVec3::new(1.0, 2.0, 1.0)));
+    refused(folder.path(), &["scale_mat_0", "uniform scale"]);
+    write_npz(folder.path(), &arrays[..4]);
+    refused(folder.path(), &["world_mat_*", "2 arrays", "3, one for each image"]);
+    let without: Vec<_> = arrays.iter().filter(|(n, _)| n != "scale_mat_1").cloned().collect();
+    write_npz(folder.path(), &without);
+    refused(folder.path(), &["scale_mat_1", "nothing"]);
+    std::fs::write(folder.path().join("cameras_sphere.npz"), "no archive").unwrap();
+    refused(folder.path(), &["cameras_sphere.npz", ".npz"]);
+}

@@ -1,0 +1,144 @@
+//! A view whose image is not read yet, and the steps from its files to a [`View`].
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec2;
+
+use crate::View;
+use crate::lens::Lens;
+use film::{Film, srgb_encode};
+use io::InputError;
+use io::read_image;
+use render::Camera;
+
+type Result<T> = std::result::Result<T, InputError>;
+
+/// A view whose image is not read yet.
+pub(crate) struct UnreadView {
+    pub(crate) name: String,
+    /// The image file.
+    pub(crate) path: PathBuf,
+    /// A separate mask image, if the data set has one.
+    pub(crate) mask: Option<PathBuf>,
+    /// The pinhole part of the camera that took the photograph.
+    pub(crate) camera: Camera,
+    /// Distortion and skew, to be removed from the photograph.
+    pub(crate) lens: Lens,
+    /// The file or the record that the camera's size comes from, for messages.
+    pub(crate) size_source: String,
+}
+
+/// A photograph and its mask, in the geometry of one pinhole camera.
+struct Photograph {
+    camera: Camera,
+    image: Film,
+    /// Coverage as a grey film.
+    mask: Option<Film>,
+}
+
+impl UnreadView {
+    /// Reads the image and the mask, removes the lens distortion, and reduces both to
+    /// 1/`downscale` of the size.
+    ///
+    /// # Errors
+    /// If a file is missing or wrong, or the distortion cannot be removed.
+    pub(crate) fn read(self, downscale: u32) -> Result<View> {
+        let photograph = self.read_photograph()?;
+        let photograph = self.undistorted(photograph)?;
+        let Photograph { camera, image, mask } = match downscale {
+            2.. => photograph.downscaled(downscale),
+            _ => photograph,
+        };
+        let mask = mask.map(|mask| mask.pixels.iter().map(|p| p[0]).collect());
+        Ok(View { name: self.name, path: self.path, camera, image, mask })
+    }
+
+    /// Reads the image over black, and its mask: the alpha channel, or else the mask image.
+    fn read_photograph(&self) -> Result<Photograph> {
+        let UnreadView { path, camera, .. } = self;
+        let (image, alpha) = read_image(path)?;
+        check_size(path, &image, camera, &format!("(from {})", self.size_source))?;
+        if let Some(bad) = image.pixels.as_flattened().iter().find(|v| !v.is_finite()) {
+            return Err(InputError::new(path, "pixels", bad, "finite numbers"));
+        }
+        let image = match &alpha {
+            Some(alpha) => over_black(image, alpha),
+            None => image,
+        };
+        let mask = match (alpha, &self.mask) {
+            (Some(alpha), _) => Some(coverage_film(&image, &alpha)),
+            (None, Some(mask)) => Some(read_mask(mask, camera)?),
+            (None, None) => None,
+        };
+        Ok(Photograph { camera: *camera, image, mask })
+    }
+
+    /// The photograph as a pinhole camera would have taken it.
+    fn undistorted(&self, photograph: Photograph) -> Result<Photograph> {
+        let Photograph { camera, image, mask } = &photograph;
+        if self.lens.is_negligible(camera) {
+            return Ok(photograph);
+        }
+        let ideal = self.lens.pinhole(camera).ok_or_else(|| {
+            let expected = "a lens whose distortion can be removed from most of the image \
+                (undistort the images first)";
+            InputError::new(&self.path, "distortion", format!("{:?}", self.lens), expected)
+        })?;
+        let resample = |film: &Film| self.lens.undistort(film, camera, &ideal);
+        Ok(Photograph { image: resample(image), mask: mask.as_ref().map(resample), camera: ideal })
+    }
+}
+
+impl Photograph {
+    /// The photograph at 1/`n` of its width and height, rounded up. A pixel is the mean of n × n
+    /// pixels; at the right and lower border, of those that exist.
+    fn downscaled(self, n: u32) -> Self {
+        let Photograph { camera, image, mask } = self;
+        let (width, height) = (camera.width.div_ceil(n), camera.height.div_ceil(n));
+        let scale = DVec2::splat(f64::from(n));
+        let (focal, principal) = (camera.focal / scale, camera.principal / scale);
+        Photograph {
+            camera: Camera { width, height, focal, principal, ..camera },
+            image: image.downscaled(n),
+            mask: mask.map(|mask| mask.downscaled(n)),
+        }
+    }
+}
+
+/// The image times its alpha channel.
+///
+/// The colour of a transparent pixel is undefined in many files; over black it is defined.
+fn over_black(image: Film, alpha: &[f32]) -> Film {
+    let pixels = image.pixels.iter().zip(alpha).map(|(p, a)| p.map(|c| c * a)).collect();
+    Film { pixels, ..image }
+}
+
+/// Coverage in [0, 1] as a grey film of the image's size.
+fn coverage_film(image: &Film, coverage: &[f32]) -> Film {
+    Film {
+        width: image.width,
+        height: image.height,
+        pixels: coverage.iter().map(|&c| [c; 3]).collect(),
+    }
+}
+
+/// Reads a mask image: white, or opaque, is the object.
+fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
+    let (mask, alpha) = read_image(path)?;
+    check_size(path, &mask, camera, "(the photograph's size)")?;
+    // A mask file holds coverage as display values, so the decoding of `read_image` is inverted.
+    let shown: Vec<f32> = mask.pixels.iter().map(|p| srgb_encode(p[0]).clamp(0.0, 1.0)).collect();
+    // If the mask is in the alpha channel, the colours of the mask file are not used.
+    let in_alpha = alpha.filter(|a| a.iter().any(|a| *a < 1.0));
+    Ok(coverage_film(&mask, in_alpha.as_ref().unwrap_or(&shown)))
+}
+
+/// Refuses an image whose size differs from the camera's.
+fn check_size(path: &Path, image: &Film, camera: &Camera, source: &str) -> Result<()> {
+    if (image.width, image.height) == (camera.width, camera.height) {
+        return Ok(());
+    }
+    let found = format!("{} x {}", image.width, image.height);
+    let expected = format!("{} x {} {source}", camera.width, camera.height);
+    Err(InputError::new(path, "size", found, expected))
+}

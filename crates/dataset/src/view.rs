@@ -1,0 +1,41 @@
+//! A data set in memory: views, bounding sphere and surface points.
+
+use std::path::PathBuf;
+
+use field::Sphere;
+use film::Film;
+use glam::DVec3;
+use render::Camera;
+
+/// One posed photograph, without lens distortion.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The image's name in the data set, for messages and pictures.
+    pub name: String,
+    /// The image's file.
+    pub path: PathBuf,
+    /// The pinhole camera of the image.
+    pub camera: Camera,
+    /// The photograph, linear RGB; composited over black if the file has an alpha channel.
+    pub image: Film,
+    /// Coverage of each pixel by the object in [0, 1], row-major, from the alpha channel or a mask
+    /// image. `None` if the data set has neither for this view.
+    pub mask: Option<Vec<f32>>,
+}
+
+/// A data set. Lengths are in its own units.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// The folder or camera file that was loaded.
+    pub path: PathBuf,
+    /// The recognised format and camera convention, as text.
+    pub format: String,
+    /// Views to fit.
+    pub train: Vec<View>,
+    /// Held-out views, for evaluation only.
+    pub test: Vec<View>,
+    /// The bounding sphere, if the data set has one (NeuS/IDR `scale_mat`).
+    pub bounds: Option<Sphere<f64>>,
+    /// Points on the scene's surfaces, if the data set has any (COLMAP); else empty.
+    pub points: Vec<DVec3>,
+}
