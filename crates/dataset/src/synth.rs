@@ -8,13 +8,12 @@ use serde_json::{Value, json};
 
 use crate::fibonacci;
 use crate::split::HELD_OUT;
-use estimate::{Setup, render};
 use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};
 use mesh::{extract, write_mesh};
-use render::Camera;
-use scene::Scene;
+use render::{Camera, Scene, render};
+use scene::SceneFile;
 
 /// Options of [`synthesise`].
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +89,7 @@ pub fn cameras(
 /// # Panics
 /// If `options.views` is 0.
 pub fn synthesise(
-    scene: &Scene,
+    scene: &SceneFile,
     source: &Path,
     folder: &Path,
     options: &Options,
@@ -110,11 +109,11 @@ pub fn synthesise(
     for set in sets {
         set.create_folders(folder)?;
         let cameras = cameras(ball.center, ball.radius, set.views, options.size, set.azimuth);
-        let setup = Setup::new(&*field, &*shader, &cameras, &scene.bounds, background);
+        let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, background);
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             let progress = |p: f64| progress((done + p) / total);
-            let image = render(&setup, i, options.spp, options.seed, &progress)?;
+            let image = render(&ready, i, options.spp, options.seed, &progress)?;
             frames.push(set.write_view(folder, i, camera, image.film, &image.coverage)?);
             done += 1.0;
         }
@@ -127,7 +126,7 @@ pub fn synthesise(
 
 /// The solid's bounding ball. Refuses a solid without one, or of a size whose square single
 /// precision cannot represent.
-fn bounding_ball(scene: &Scene, source: &Path) -> anyhow::Result<Sphere<f64>> {
+fn bounding_ball(scene: &SceneFile, source: &Path) -> anyhow::Result<Sphere<f64>> {
     let error =
         |found: String, expected: &str| InputError::new(source, "/sdf", found, expected).into();
     let Some(ball) = scene.sdf.build::<f64>()?.bounds() else {

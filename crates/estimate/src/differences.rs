@@ -1,15 +1,15 @@
 //! Ground truth by finite differences with common random numbers.
 
-use super::image::{Image, Mean};
-use super::{Derivative, Sampling};
 use film::Film;
 
-/// The central difference (I(+h) − I(−h))/2h of images rendered with the same samples. `render` is
-/// given the offset, the samples a pixel and the seed.
+use crate::derivative_image::Derivative;
+use crate::replicates::{Image, Mean, Sampling};
+
+/// The central difference (I(+h) − I(−h))/2h of images rendered with the same samples.
 ///
-/// The error is of second order in `step`, of first in pixels whose corner a silhouette passes
-/// within it; the noise grows as 1/√(h · samples), where a silhouette is moved by less than the
-/// samples' distance.
+/// `render` gets the offset ±h and the samples. The error is of second order in h = `step`, and of
+/// first order in pixels whose corner a silhouette passes within h. The noise grows as
+/// 1/√(h · samples) where a silhouette moves by less than the distance between samples.
 ///
 /// # Errors
 /// Those of `render`.
@@ -19,7 +19,7 @@ pub fn finite_difference<E>(
     progress: &(dyn Fn(f64) + Sync),
     render: impl Fn(f64, Sampling) -> Result<Film, E>,
 ) -> Result<Derivative, E> {
-    let parts = sampling.replicates();
+    let parts = sampling.replicates(true);
     let mut images: Vec<Image> = Vec::new();
     let mut size = (0, 0);
     for (i, part) in parts.iter().enumerate() {
@@ -31,11 +31,9 @@ pub fn finite_difference<E>(
         images.push(plus.pixels.iter().zip(&minus.pixels).map(|(a, b)| slope(a, b)).collect());
         progress((i + 1) as f64 / parts.len() as f64);
     }
-    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.spp)).collect();
+    let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.counts.spp)).collect();
     let mean = Mean::of(images[0].len(), &weights, |r, p| images[r][p]);
     let standard_error = Mean::standard_error(std::iter::once(&mean), weights.len());
-    Ok(Derivative {
-        film: Film { width: size.0, height: size.1, pixels: mean.pixels },
-        standard_error,
-    })
+    let film = Film { width: size.0, height: size.1, pixels: mean.pixels };
+    Ok(Derivative { film, standard_error })
 }

@@ -4,10 +4,7 @@
 
 use std::path::Path;
 
-use estimate::{
-    Direction, Method, Sampling, Setup, differentiate, random_unit, render, target_gradient,
-};
-use scene::Scene;
+XX
 
 const DIRECTIONS: u64 = 8;
 

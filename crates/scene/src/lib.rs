@@ -18,7 +18,7 @@ use render::{Camera, Precision, Shader};
 
 /// The content of a scene file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
+pub struct SceneFile {
     /// The camera.
     pub camera: Camera,
     /// The signed distance field.
@@ -44,13 +44,13 @@ const UNBOUNDED_REACH: f64 = 1e3;
 
 type Result<T> = std::result::Result<T, InputError>;
 
-impl Scene {
+impl SceneFile {
     /// Reads a scene file.
     ///
     /// # Errors
     /// If the file, or a model file that it names, is missing or wrong. The error holds the place
     /// in the file, the value found and the value expected.
-    pub fn load(path: &Path) -> Result<Scene> {
+    pub fn load(path: &Path) -> Result<SceneFile> {
         let text = std::fs::read_to_string(path)
             .map_err(|e| InputError::new(path, "scene", e, "a readable scene file"))?;
         let value = serde_json::from_str(&text)
@@ -64,8 +64,8 @@ impl Scene {
     /// model files start at its folder. The file itself is not read.
     ///
     /// # Errors
-    /// As [`Scene::load`].
-    pub fn from_value(path: &Path, value: &Value) -> Result<Scene> {
+    /// As [`SceneFile::load`].
+    pub fn from_value(path: &Path, value: &Value) -> Result<SceneFile> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let root = Object::new(path, "", value)?;
         let camera = camera::read(root.object("camera")?)?;
@@ -74,7 +74,7 @@ impl Scene {
         let background = root.light("background")?;
         root.finish()?;
         let bounds = bounds(&sdf, &camera)?;
-        Ok(Scene { camera, sdf, appearance, background, bounds })
+        Ok(SceneFile { camera, sdf, appearance, background, bounds })
     }
 
     /// Builds the shader of the appearance.
