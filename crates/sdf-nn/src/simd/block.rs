@@ -7,7 +7,8 @@ use super::Isa;
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
 pub(crate) const LANES: usize = 32;
 
-/// Points of half a block. A batch's last block takes half the time if it has at most this many.
+/// Points of half a block. A block with at most this many points takes half the time, except in a
+/// parameter VJP, which always computes whole blocks.
 ///
 /// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
 pub(crate) const HALF: usize = LANES / 2;

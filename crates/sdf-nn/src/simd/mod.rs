@@ -1,4 +1,5 @@
-//! Kernels on blocks of points, compiled for each instruction set: the only module with `unsafe`.
+//! Kernels on blocks of points, compiled for each instruction set. No other module of the library
+//! has `unsafe`.
 //!
 //! - [`block`]: blocks of points as rows of lanes, and packed weights.
 //! - [`portable`]: the kernels for any machine and both precisions.
