@@ -1,4 +1,4 @@
-//! Points a second of analytic shapes, one core, single precision.
+//! Throughput of analytic shapes in points per second, on one core, in single precision.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;

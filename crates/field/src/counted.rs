@@ -1,20 +1,20 @@
-//! Counting field evaluations by kind.
+//! Counts of field evaluations by kind.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Field, Real, Sphere};
 
-/// How many points each kind of pass has seen.
+/// The number of evaluated points, by kind of evaluation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Evaluations {
-    /// Points whose value alone was asked for.
+    /// Points of [`Field::value`].
     pub value: u64,
-    /// Points whose value and gradient were asked for.
+    /// Points of [`Field::value_gradient`].
     pub gradient: u64,
-    /// Hessian–vector products.
+    /// Points of [`Field::hessian_vector`].
     pub hessian_vector: u64,
-    /// Points of a parameter VJP or JVP.
+    /// Points of [`Field::parameter_vjp`] and [`Field::parameter_jvp`].
     pub parameter: u64,
 }
 
@@ -27,8 +27,9 @@ impl std::ops::AddAssign for Evaluations {
     }
 }
 
-/// A field that counts what is asked of it; shared by all threads, read with
-/// [`Counted::evaluations`].
+/// A field with a counter for each kind of evaluation.
+///
+/// All threads share the counters. [`Counted::evaluations`] reads them.
 #[derive(Debug)]
 pub struct Counted<F> {
     inner: F,
@@ -39,7 +40,7 @@ pub struct Counted<F> {
 }
 
 impl<F> Counted<F> {
-    /// Starts counting at zero.
+    /// Wraps a field; all counts are zero.
     pub fn new(inner: F) -> Self {
         let zero = || AtomicU64::new(0);
         Counted {
@@ -61,18 +62,18 @@ impl<F> Counted<F> {
         }
     }
 
-    /// The field itself.
+    /// The wrapped field.
     pub fn inner(&self) -> &F {
         &self.inner
     }
 
-    /// The field itself, to change its parameters.
+    /// The wrapped field, to change its parameters.
     pub fn inner_mut(&mut self) -> &mut F {
         &mut self.inner
     }
 }
 
-fn add(counter: &AtomicU64, points: usize) {
+fn count(counter: &AtomicU64, points: usize) {
     counter.fetch_add(points as u64, Ordering::Relaxed);
 }
 
@@ -84,11 +85,11 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
         self.inner.bounds()
     }
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
-        add(&self.value, x.len());
+        count(&self.value, x.len());
         self.inner.value(x, f);
     }
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
-        add(&self.gradient, x.len());
+        count(&self.gradient, x.len());
         self.inner.value_gradient(x, f, gradient);
     }
     fn hessian_vector(
@@ -98,20 +99,21 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
         gradient: &mut [R::Vec3],
         product: &mut [R::Vec3],
     ) {
-        add(&self.hessian_vector, x.len());
+        count(&self.hessian_vector, x.len());
         self.inner.hessian_vector(x, p, gradient, product);
     }
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
-        add(&self.parameter, x.len());
+        count(&self.parameter, x.len());
         self.inner.parameter_vjp(x, alpha, c, adjoint);
     }
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
-        add(&self.parameter, x.len());
+        count(&self.parameter, x.len());
         self.inner.parameter_jvp(x, tangent, f, gradient);
     }
 }
 
-macro_rules! forward {
+/// Implements [`Field`] for a pointer to a field.
+macro_rules! implement_for_pointer {
     ($ty:ty) => {
         impl<R: Real, F: Field<R> + ?Sized> Field<R> for $ty {
             fn parameter_count(&self) -> usize {
@@ -151,8 +153,8 @@ macro_rules! forward {
     };
 }
 
-forward!(&F);
-forward!(Box<F>);
+implement_for_pointer!(&F);
+implement_for_pointer!(Box<F>);
 
 #[cfg(test)]
 mod tests {
@@ -161,7 +163,7 @@ mod tests {
     use glam::DVec3;
 
     #[test]
-    fn counts_points_by_kind() {
+    fn points_are_counted_by_kind() {
         let field = Counted::new(Shape::<f64>::sphere([0.0; 3], 1.0));
         let x = [DVec3::X, DVec3::Y, DVec3::Z];
         let (mut f, mut g, mut h) = ([0.0; 3], [DVec3::ZERO; 3], [DVec3::ZERO; 3]);

@@ -1,27 +1,38 @@
-//! Constructive solid geometry over any fields.
+//! Constructive solid geometry (CSG) over any fields.
+//!
+//! Minimum and maximum as union and intersection: A. Ricci, “A constructive geometry for computer
+//! graphics”, The Computer Journal 16(2), 1973. Smooth union: the quadratic polynomial minimum of
+//! Inigo Quilez, “Smooth minimum”, 2013.
 
 use crate::{Dual, Field, Real, Scalar, Sphere, Vector3};
 
-/// How children become one solid.
+/// The operation that combines children f_1, …, f_n into one solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// The smallest child.
+    /// min(f_1, …, f_n).
     Union,
-    /// The largest child.
+    /// max(f_1, …, f_n).
     Intersection,
-    /// The first child without all the others.
+    /// max(f_1, −f_2, …, −f_n): the first solid without all the others.
     Subtraction,
-    /// Children blended pairwise from the left by the quadratic polynomial minimum of width k:
-    /// min(a, b) − k h²/4 with h = max(0, 1 − |a − b|/k).
+    /// A union with rounded joints of width k, in world units. Two children a and b become
+    /// min(a, b) − k h²/4 with h = max(0, 1 − |a − b|/k); more children are blended in pairs from
+    /// the left, so their order matters.
     SmoothUnion,
 }
 
 /// A combination F = g(f_1, …, f_n) of child fields.
 ///
-/// F is exact on the side where the solid's distance is that of one child, and a lower bound
-/// elsewhere (the inside of a union, the outside of an intersection), so sphere tracing stays safe.
-/// Where two children tie, the derivative is that of the earlier child. Parameters are the
-/// children's, one after the other; a smooth union's k comes last.
+/// Parameters are those of the children, one child after the other. A smooth union has one more,
+/// its width k, at the end.
+///
+/// If the children are exact signed distances, then |F| is at most the distance to the surface
+/// {F = 0}: sphere tracing with steps F does not cross it. F is the exact distance outside a union,
+/// inside an intersection and inside a subtraction. Elsewhere, and for a smooth union, |F| can be
+/// smaller than the distance.
+///
+/// Derivatives do not exist where two children are equal. There the derivative is that of the
+/// earlier child.
 pub struct Csg<R> {
     operation: Operation,
     blend: R,
@@ -34,8 +45,11 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
     /// # Panics
     /// If there are no children, or the operation is a smooth union (see [`Csg::smooth_union`]).
     pub fn new(operation: Operation, children: Vec<Box<dyn Field<R>>>) -> Self {
-        assert!(operation != Operation::SmoothUnion, "a smooth union needs its width");
-        assert!(!children.is_empty(), "a combination needs a child");
+        assert!(
+            operation != Operation::SmoothUnion,
+            "use `Csg::smooth_union`, which takes the width k"
+        );
+        assert!(!children.is_empty(), "a CSG operation needs at least one child");
         Csg { operation, blend: R::zero(), children }
     }
 
@@ -44,12 +58,12 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
     /// # Panics
     /// If there are no children or `k` is not positive.
     pub fn smooth_union(k: f64, children: Vec<Box<dyn Field<R>>>) -> Self {
-        assert!(k > 0.0, "the width of a smooth union is positive, not {k}");
-        assert!(!children.is_empty(), "a combination needs a child");
+        assert!(k > 0.0, "the width k of a smooth union must be above 0, not {k}");
+        assert!(!children.is_empty(), "a CSG operation needs at least one child");
         Csg { operation: Operation::SmoothUnion, blend: R::of(k), children }
     }
 
-    /// g, in any arithmetic.
+    /// g for children in the number type `S`, with the smooth union's width `k`.
     fn combine<S: Scalar<Real = R>>(&self, k: S, children: impl Iterator<Item = S>) -> S {
         let half = S::constant(R::of(0.5));
         let zero = S::constant(R::zero());
@@ -67,31 +81,34 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
             .unwrap_or(zero)
     }
 
-    /// ∂g/∂f_i for every child and ∂g/∂k, at child values `f` whose tangent is `dot` (and their
-    /// tangents, in `.d[0]`).
-    fn slopes(&self, f: &[R], dot: &[R], slope: &mut [Dual<R, 1>]) {
+    /// The slopes ∂g/∂f_i of all children, then ∂g/∂k, at the children's values `f`.
+    ///
+    /// `.d[0]` of a slope is its tangent as the children's values move along `f_tangent`.
+    fn slopes(&self, f: &[R], f_tangent: &[R], slope: &mut [Dual<R, 1>]) {
         let zero = Dual::<R, 1>::constant(R::zero());
         let one = Dual::<R, 1>::constant(R::one());
         let seed = |on: bool| [if on { one } else { zero }];
         let n = self.children.len();
         for (j, slope) in slope.iter_mut().enumerate() {
-            let values =
-                (0..n).map(|i| Dual { value: Dual { value: f[i], d: [dot[i]] }, d: seed(i == j) });
+            let values = (0..n)
+                .map(|i| Dual { value: Dual { value: f[i], d: [f_tangent[i]] }, d: seed(i == j) });
             let k = Dual { value: Dual::lift(self.blend), d: seed(j == n) };
             *slope = self.combine(k, values).d[0];
         }
     }
 
-    fn offsets(&self) -> impl Iterator<Item = (usize, &dyn Field<R>)> {
+    /// Every child with the index of its first parameter.
+    fn children_with_offsets(&self) -> impl Iterator<Item = (usize, &dyn Field<R>)> {
         self.children.iter().scan(0, |start, child| {
-            let at = *start;
+            let offset = *start;
             *start += child.parameter_count();
-            Some((at, child.as_ref()))
+            Some((offset, child.as_ref()))
         })
     }
 
-    /// Values and gradients of all children, child after child.
-    fn evaluate(&self, x: &[R::Vec3]) -> (Vec<R>, Vec<R::Vec3>) {
+    /// Values and gradients of all children: those of child i at point p have index i n + p, with n
+    /// the number of points.
+    fn evaluate_children(&self, x: &[R::Vec3]) -> (Vec<R>, Vec<R::Vec3>) {
         let n = x.len();
         let mut f = vec![R::zero(); n * self.children.len()];
         let mut g = vec![R::Vec3::zero(); f.len()];
@@ -102,51 +119,55 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
         (f, g)
     }
 
-    /// Visits every point with the children's values, their slopes in g, and the slopes' change as
-    /// the point moves along `direction`.
+    /// Calls `visit` for every point: with its index, the [`slopes`](Self::slopes) there and the
+    /// children's gradients.
+    ///
+    /// The slopes' tangents are for a motion of the point along `direction`.
     fn for_each_point(
         &self,
         x: &[R::Vec3],
         direction: impl Fn(usize) -> R::Vec3,
         mut visit: impl FnMut(usize, &[Dual<R, 1>], &[R::Vec3]),
     ) {
-        let (f, g) = self.evaluate(x);
+        let (f, g) = self.evaluate_children(x);
         let (n, children) = (x.len(), self.children.len());
-        let (mut fs, mut dots) = (vec![R::zero(); children], vec![R::zero(); children]);
-        let mut gs = vec![R::Vec3::zero(); children];
+        let (mut f_here, mut f_tangent) = (vec![R::zero(); children], vec![R::zero(); children]);
+        let mut g_here = vec![R::Vec3::zero(); children];
         let mut slope = vec![Dual::constant(R::zero()); children + 1];
         for p in 0..n {
             for i in 0..children {
-                fs[i] = f[i * n + p];
-                gs[i] = g[i * n + p];
-                dots[i] = gs[i].dot(direction(p));
+                f_here[i] = f[i * n + p];
+                g_here[i] = g[i * n + p];
+                f_tangent[i] = g_here[i].dot(direction(p));
             }
-            self.slopes(&fs, &dots, &mut slope);
-            visit(p, &slope, &gs);
+            self.slopes(&f_here, &f_tangent, &mut slope);
+            visit(p, &slope, &g_here);
         }
     }
 }
 
 impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
     fn parameter_count(&self) -> usize {
-        let own = usize::from(self.operation == Operation::SmoothUnion);
-        self.children.iter().map(|c| c.parameter_count()).sum::<usize>() + own
+        let blend_parameters = usize::from(self.operation == Operation::SmoothUnion);
+        self.children.iter().map(|c| c.parameter_count()).sum::<usize>() + blend_parameters
     }
 
     fn bounds(&self) -> Option<Sphere<R>> {
         let mut bounds = self.children.iter().map(|c| c.bounds());
         match self.operation {
             Operation::Subtraction => bounds.next().flatten(),
-            // Of the children's balls any one will do; the smallest is the tightest.
+            // Each child's ball contains the intersection: take the smallest.
             Operation::Intersection => {
                 bounds.flatten().reduce(|a, b| if b.radius < a.radius { b } else { a })
             }
             Operation::Union | Operation::SmoothUnion => {
                 let all: Option<Vec<_>> = bounds.collect();
                 let union = all?.into_iter().reduce(|a, b| a.union(&b))?;
-                // Each pairwise blend pulls the surface out by at most k/4.
-                let swell = self.blend * R::of(0.25) * R::of((self.children.len() - 1) as f64);
-                Some(Sphere { center: union.center, radius: union.radius + swell })
+                // Each blend of two children lowers F by at most k/4, which moves the surface of
+                // exact distances out by at most k/4.
+                let blend_margin =
+                    self.blend * R::of(0.25) * R::of((self.children.len() - 1) as f64);
+                Some(Sphere { center: union.center, radius: union.radius + blend_margin })
             }
         }
     }
@@ -164,7 +185,11 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
 
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
         self.value(x, f);
-        self.for_each_point(x, |_| R::Vec3::zero(), |p, slope, g| gradient[p] = weighted(slope, g));
+        self.for_each_point(
+            x,
+            |_| R::Vec3::zero(),
+            |p, slope, g| gradient[p] = weighted_sum(slope, g),
+        );
     }
 
     fn hessian_vector(
@@ -184,7 +209,7 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
             x,
             |q| p[q],
             |q, slope, g| {
-                gradient[q] = weighted(slope, g);
+                gradient[q] = weighted_sum(slope, g);
                 product[q] = g.iter().enumerate().fold(R::Vec3::zero(), |sum, (i, g)| {
                     sum + child_product[i * n + q] * slope[i].value + *g * slope[i].d[0]
                 });
@@ -196,7 +221,7 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         let (n, children) = (x.len(), self.children.len());
         let mut child_alpha = vec![R::zero(); n * children];
         let mut child_c = vec![R::Vec3::zero(); n * children];
-        let mut blend = R::zero();
+        let mut blend_adjoint = R::zero();
         self.for_each_point(
             x,
             |p| c[p],
@@ -205,10 +230,10 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
                     child_alpha[i * n + p] = alpha[p] * slope[i].value + slope[i].d[0];
                     child_c[i * n + p] = c[p] * slope[i].value;
                 }
-                blend += alpha[p] * slope[children].value + slope[children].d[0];
+                blend_adjoint += alpha[p] * slope[children].value + slope[children].d[0];
             },
         );
-        for (i, (start, child)) in self.offsets().enumerate() {
+        for (i, (start, child)) in self.children_with_offsets().enumerate() {
             let (span, end) = (i * n..(i + 1) * n, start + child.parameter_count());
             child.parameter_vjp(
                 x,
@@ -220,12 +245,12 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         if self.operation == Operation::SmoothUnion
             && let Some(last) = adjoint.last_mut()
         {
-            *last += blend;
+            *last += blend_adjoint;
         }
     }
 }
 
-/// Σ_i slope_i g_i.
-fn weighted<R: Real + Scalar<Real = R>>(slope: &[Dual<R, 1>], g: &[R::Vec3]) -> R::Vec3 {
+/// The gradient of F: Σ_i slope_i ∇f_i.
+fn weighted_sum<R: Real + Scalar<Real = R>>(slope: &[Dual<R, 1>], g: &[R::Vec3]) -> R::Vec3 {
     g.iter().zip(slope).fold(R::Vec3::zero(), |sum, (g, s)| sum + *g * s.value)
 }

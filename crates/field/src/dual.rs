@@ -1,5 +1,8 @@
-//! Forward-mode dual numbers, nestable, for the analytic shapes and for checks of hand-written
-//! derivatives.
+//! Dual numbers: forward-mode derivatives of formulas, nestable for second derivatives.
+//!
+//! The analytic shapes take all their derivatives from them, and tests compare hand-written
+//! derivatives with them. Rules: Griewank and Walther, “Evaluating Derivatives”, 2nd edition, SIAM,
+//! 2008, chapter 3.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -7,10 +10,10 @@ use num_traits::Float;
 
 use crate::Real;
 
-/// What a formula needs of its numbers so that one text serves values, gradients and second
-/// derivatives.
+/// A number type for formulas: a real number, or a [`Dual`] number with derivatives.
 ///
-/// Comparisons look at the value alone, so at a kink the derivative is that of the branch taken.
+/// A formula written for any `Scalar` gives its value, its gradient and its second derivatives.
+/// Comparisons use only the value: at a kink, the derivative is that of the branch taken.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -19,13 +22,13 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The precision underneath.
+    /// The precision of the values and derivatives.
     type Real: Real;
-    /// A constant: all derivatives zero.
+    /// A constant: all its derivatives are zero.
     fn constant(value: Self::Real) -> Self;
-    /// The value without its derivatives.
+    /// The value, without derivatives.
     fn real(self) -> Self::Real;
-    /// The square root, with derivative 0 at 0, where the one-sided limit is infinite.
+    /// The square root. Its derivative at 0, an infinite limit, is set to 0.
     fn sqrt(self) -> Self;
     /// The exponential.
     fn exp(self) -> Self;
@@ -36,21 +39,22 @@ pub trait Scalar:
     /// The cosine.
     fn cos(self) -> Self;
 
-    /// The larger of two numbers; the first on a tie. NaN on either side is passed on.
+    /// The larger number, the first if they are equal. NaN if either is NaN.
     fn max(self, other: Self) -> Self {
         if self.real() >= other.real() || self.real().is_nan() { self } else { other }
     }
-    /// The smaller of two numbers; the first on a tie. NaN on either side is passed on.
+    /// The smaller number, the first if they are equal. NaN if either is NaN.
     fn min(self, other: Self) -> Self {
         if self.real() <= other.real() || self.real().is_nan() { self } else { other }
     }
-    /// The absolute value; derivative +1 at 0.
+    /// The absolute value. Its derivative at 0 is set to +1.
     fn abs(self) -> Self {
         if self.real() < num_traits::Zero::zero() { -self } else { self }
     }
 }
 
-macro_rules! scalar_real {
+/// Implements [`Scalar`] for a precision: a number without derivatives.
+macro_rules! implement_scalar {
     ($real:ty) => {
         impl Scalar for $real {
             type Real = $real;
@@ -79,10 +83,12 @@ macro_rules! scalar_real {
     };
 }
 
-scalar_real!(f32);
-scalar_real!(f64);
+implement_scalar!(f32);
+implement_scalar!(f64);
 
-/// A number with `N` first derivatives; nest it for second derivatives.
+/// A number with its derivatives in `N` directions.
+///
+/// A `Dual` of `Dual` numbers also has second derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual<S, const N: usize> {
     /// The value.
@@ -92,18 +98,22 @@ pub struct Dual<S, const N: usize> {
 }
 
 impl<S: Scalar, const N: usize> Dual<S, N> {
-    /// An independent variable: derivative 1 in direction `index`, 0 in the others.
+    /// An independent variable: its derivative is 1 in direction `index` and 0 in the others.
+    ///
+    /// # Panics
+    /// If `index` is not below `N`.
     pub fn variable(value: S, index: usize) -> Self {
         let mut dual = Self::lift(value);
         dual.d[index] = S::constant(num_traits::One::one());
         dual
     }
 
-    /// A number that does not depend on this level's variables.
+    /// A number whose derivatives at this level of nesting are zero.
     pub fn lift(value: S) -> Self {
         Dual { value, d: [S::constant(num_traits::Zero::zero()); N] }
     }
 
+    /// The chain rule: a function of `self` with this value and this slope.
     fn chain(self, value: S, slope: S) -> Self {
         Dual { value, d: self.d.map(|d| d * slope) }
     }
@@ -111,25 +121,25 @@ impl<S: Scalar, const N: usize> Dual<S, N> {
 
 impl<S: Scalar, const N: usize> Add for Dual<S, N> {
     type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Dual { value: self.value + o.value, d: std::array::from_fn(|i| self.d[i] + o.d[i]) }
+    fn add(self, other: Self) -> Self {
+        Dual { value: self.value + other.value, d: std::array::from_fn(|i| self.d[i] + other.d[i]) }
     }
 }
 
 impl<S: Scalar, const N: usize> Sub for Dual<S, N> {
     type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        Dual { value: self.value - o.value, d: std::array::from_fn(|i| self.d[i] - o.d[i]) }
+    fn sub(self, other: Self) -> Self {
+        Dual { value: self.value - other.value, d: std::array::from_fn(|i| self.d[i] - other.d[i]) }
     }
 }
 
 #[allow(clippy::suspicious_arithmetic_impl, reason = "the product rule is a sum")]
 impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
     type Output = Self;
-    fn mul(self, o: Self) -> Self {
+    fn mul(self, other: Self) -> Self {
         Dual {
-            value: self.value * o.value,
-            d: std::array::from_fn(|i| self.d[i] * o.value + self.value * o.d[i]),
+            value: self.value * other.value,
+            d: std::array::from_fn(|i| self.d[i] * other.value + self.value * other.d[i]),
         }
     }
 }
@@ -140,9 +150,9 @@ impl<S: Scalar, const N: usize> Mul for Dual<S, N> {
 )]
 impl<S: Scalar, const N: usize> Div for Dual<S, N> {
     type Output = Self;
-    fn div(self, o: Self) -> Self {
-        let value = self.value / o.value;
-        Dual { value, d: std::array::from_fn(|i| (self.d[i] - value * o.d[i]) / o.value) }
+    fn div(self, other: Self) -> Self {
+        let value = self.value / other.value;
+        Dual { value, d: std::array::from_fn(|i| (self.d[i] - value * other.d[i]) / other.value) }
     }
 }
 
@@ -196,7 +206,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn first_and_second_derivative_match_differences(x in 0.1f64..2.5) {
+        fn first_and_second_derivatives_match_finite_differences(x in 0.1f64..2.5) {
             let h = 1e-4;
             let nested = formula(Dual::<_, 1>::variable(Dual::<f64, 1>::variable(x, 0), 0));
             let slope = (formula(x + h) - formula(x - h)) / (2.0 * h);
@@ -209,13 +219,13 @@ mod tests {
     }
 
     #[test]
-    fn square_root_of_zero_has_a_finite_derivative() {
+    fn square_root_has_derivative_zero_at_zero() {
         let root = Scalar::sqrt(Dual::<f64, 1>::variable(0.0, 0));
         assert_eq!((root.value, root.d[0]), (0.0, 0.0));
     }
 
     #[test]
-    fn nan_survives_comparisons() {
+    fn maximum_and_minimum_propagate_nan() {
         assert!(Scalar::max(f64::NAN, 1.0).is_nan());
         assert!(Scalar::min(f64::NAN, 1.0).is_nan());
         assert!(Scalar::min(1.0, f64::NAN).is_nan());

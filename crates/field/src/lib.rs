@@ -1,35 +1,4 @@
-//! Scalar fields over batches of points: the bottom layer of dsdf.
-//!
-//! A *field* is a function f(x; θ) of a point x in space and a flat vector of parameters θ. dsdf
-//! reads it as a signed distance: negative inside the solid, positive outside, in world units.
-//! Everything above this crate (sphere tracing, warp fields, fitting) knows a field by the
-//! [`Field`] trait alone: its value, its spatial gradient, Hessian–vector products, and the
-//! parameter gradient of α f(x) + c·∇f(x), all over batches.
-//!
-//! The crate also holds the analytic shapes ([`Shape`]) and their constructive combinations
-//! ([`Csg`]), which have closed-form answers and so serve as scenes and as ground truth.
-//!
-//! ```
-//! use field::{Csg, Field, Operation, Shape, Vector3};
-//! use glam::DVec3;
-//!
-//! // A unit ball with a smaller ball carved out of its right side.
-//! let ball = Shape::<f64>::sphere([0.0; 3], 1.0);
-//! let bite = Shape::<f64>::sphere([1.0, 0.0, 0.0], 0.5);
-//! let solid = Csg::new(Operation::Subtraction, vec![Box::new(ball), Box::new(bite)]);
-//!
-//! let points = [DVec3::new(-0.5, 0.0, 0.0), DVec3::new(0.75, 0.0, 0.0)];
-//! let (mut f, mut gradient) = ([0.0; 2], [DVec3::ZERO; 2]);
-//! solid.value_gradient(&points, &mut f, &mut gradient);
-//! assert_eq!(f, [-0.5, 0.25]); // half a unit inside; in the bite, a quarter outside
-//! assert_eq!(gradient[1], DVec3::X); // the way into the solid's outside, towards the bite's centre
-//! ```
-//!
-//! # Conventions
-//! Points are in world units; gradients are per world unit. A batch is a slice with one element a
-//! point, and all slices of one call have one length. Fields do not parallelise: the caller splits
-//! batches over threads, in chunks whose size does not depend on the number of threads, so that
-//! sums come out with the same bits.
+#![doc = include_str!("../README.md")]
 
 mod counted;
 mod csg;
@@ -47,27 +16,32 @@ pub use shape::{Kind, Shape};
 pub use sphere::Sphere;
 pub use surface::{SurfaceAdjoint, SurfaceBatch};
 
-/// A differentiable scalar field f(x; θ) over batches of points.
+/// A differentiable scalar field f(x; θ) over batches of points, read as a signed distance:
+/// negative inside.
 ///
-/// Every slice of a call has the length of `x`, except those in parameter space, which have
-/// [`parameter_count`](Field::parameter_count). Implementations panic on other lengths. A NaN or an
-/// infinity in a point comes out as a NaN, never as a panic.
+/// Points and values are in world units, gradients per world unit. The length of every slice of a
+/// call is the number of points, except slices in parameter space: their length is
+/// [`parameter_count`](Field::parameter_count). Other lengths are an error of the caller: an
+/// implementation may panic or leave elements unset.
+///
+/// A NaN or an infinity in a point gives a value that is not finite, and never a panic.
 pub trait Field<R: Real>: Send + Sync {
     /// The length of θ.
     fn parameter_count(&self) -> usize;
 
-    /// A sphere that holds the solid {f ≤ 0}, or `None` where the solid is unbounded.
+    /// A ball that contains the solid {f ≤ 0}, or `None` if the solid is unbounded.
     ///
-    /// For a field that is defined in a ball only (a network), that ball: nothing outside is seen.
+    /// A field that is defined only in a ball (a network) returns that ball. Callers ignore the
+    /// field outside it.
     fn bounds(&self) -> Option<Sphere<R>>;
 
-    /// f(x).
+    /// Writes the values f(x).
     fn value(&self, x: &[R::Vec3], f: &mut [R]);
 
-    /// f(x) and ∇f(x).
+    /// Writes the values f(x) and the gradients ∇f(x).
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]);
 
-    /// ∇f(x) and the Hessian–vector product ∇²f(x) p.
+    /// Writes the gradients ∇f(x) and the Hessian–vector products ∇²f(x) p.
     fn hessian_vector(
         &self,
         x: &[R::Vec3],
@@ -76,18 +50,22 @@ pub trait Field<R: Real>: Send + Sync {
         product: &mut [R::Vec3],
     );
 
-    /// VJP of θ ↦ (f, ∇f): adds Σ_i ∂_θ [α_i f(x_i) + c_i·∇f(x_i)] to `adjoint`, points and
-    /// coefficients held fixed.
+    /// VJP of θ ↦ (f(x; θ), ∇f(x; θ)) to θ: adds Σ_i ∂_θ [α_i f(x_i; θ) + c_i·∇f(x_i; θ)] to
+    /// `adjoint`.
+    ///
+    /// `alpha` holds the adjoints α_i of the values, `c` those of the gradients. The points do not
+    /// move with θ.
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]);
 
-    /// JVP of θ ↦ (f, ∇f): the change of value and gradient at fixed points as θ moves along
-    /// `tangent`.
+    /// JVP of θ ↦ (f(x; θ), ∇f(x; θ)): writes the changes of values and gradients as θ moves along
+    /// `tangent`. The points do not move with θ.
     ///
-    /// The provided method transposes [`parameter_vjp`](Field::parameter_vjp) point by point, four
-    /// calls each: right for any field, slow for one with many parameters.
+    /// The provided method calls [`parameter_vjp`](Field::parameter_vjp) four times for each point,
+    /// once for each row of the Jacobian. It is correct for every field, but slow for a field with
+    /// many parameters.
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
         let (zero, one) = (R::zero(), R::one());
-        let axes = [
+        let outputs = [
             (one, R::Vec3::zero()),
             (zero, R::Vec3::new(one, zero, zero)),
             (zero, R::Vec3::new(zero, one, zero)),
@@ -95,13 +73,13 @@ pub trait Field<R: Real>: Send + Sync {
         ];
         let mut row = vec![zero; self.parameter_count()];
         for ((x, f), gradient) in x.iter().zip(f).zip(gradient) {
-            let along = axes.map(|(alpha, c)| {
+            let change = outputs.map(|(alpha, c)| {
                 row.fill(zero);
                 self.parameter_vjp(&[*x], &[alpha], &[c], &mut row);
                 row.iter().zip(tangent).fold(zero, |sum, (&r, &t)| sum + r * t)
             });
-            *f = along[0];
-            *gradient = R::Vec3::new(along[1], along[2], along[3]);
+            *f = change[0];
+            *gradient = R::Vec3::new(change[1], change[2], change[3]);
         }
     }
 }

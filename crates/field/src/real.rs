@@ -1,26 +1,26 @@
-//! Precision: the two floating-point types every layer is generic over.
+//! The precision of a computation: `f32` or `f64`, a type parameter in all crates.
 
 use std::fmt::{Debug, Display};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use num_traits::{Float, FloatConst, NumAssign};
 
-/// A floating-point type with its glam vector: `f32` with [`glam::Vec3`], `f64` with
+/// A floating-point type and its vector type: `f32` with [`glam::Vec3`], `f64` with
 /// [`glam::DVec3`].
 pub trait Real:
     Float + FloatConst + NumAssign + Debug + Display + Default + Send + Sync + 'static
 {
-    /// The three-vector of this precision.
+    /// The vector type with three components of this precision.
     type Vec3: Vector3<Self>;
 
-    /// A constant of the algorithm, rounded to this precision.
+    /// A double-precision number rounded to this precision.
     fn of(value: f64) -> Self;
 
     /// The value in double precision.
     fn to_double(self) -> f64;
 }
 
-/// The operations the generic layers use on a three-vector.
+/// A vector with three components, generic over the precision.
 pub trait Vector3<R: Real>:
     Copy
     + Debug
@@ -48,7 +48,7 @@ pub trait Vector3<R: Real>:
     fn zero() -> Self {
         Self::default()
     }
-    /// The vector of the components.
+    /// The vector of the components (x, y, z).
     fn from_array([x, y, z]: [R; 3]) -> Self {
         Self::new(x, y, z)
     }
@@ -65,13 +65,13 @@ pub trait Vector3<R: Real>:
     fn length(self) -> R {
         self.dot(self).sqrt()
     }
-    /// True if no component is infinite or NaN.
+    /// Whether no component is infinite or NaN.
     fn is_finite(self) -> bool {
         self.to_array().iter().all(|c| c.is_finite())
     }
 }
 
-macro_rules! real {
+macro_rules! implement_real {
     ($real:ty, $vec:ty) => {
         impl Real for $real {
             type Vec3 = $vec;
@@ -106,5 +106,5 @@ macro_rules! real {
     };
 }
 
-real!(f32, glam::Vec3);
-real!(f64, glam::DVec3);
+implement_real!(f32, glam::Vec3);
+implement_real!(f64, glam::DVec3);

@@ -1,24 +1,32 @@
-//! Analytic signed distances: sphere, box, torus, capsule, plane.
+//! Analytic signed distances: sphere, box, torus, capsule and plane.
+//!
+//! Formulas: J. C. Hart, “Sphere tracing: a geometric method for the antialiased ray tracing of
+//! implicit surfaces”, The Visual Computer 12, 1996, appendix.
 
 use crate::{Dual, Field, Real, Scalar, Sphere, Vector3};
 
-/// The kind of an analytic shape; each documents the order of its parameters in the flat vector.
+/// The kind of an analytic shape.
+///
+/// Each kind lists its parameters in the order of the flat vector θ, with the number of components
+/// of a vector. All lengths and positions are in world units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `center` (3), `radius`.
     Sphere,
-    /// `center` (3), `half_size` (3); edges along the axes.
+    /// `center` (3), `half_size` (3): a box with its edges along the coordinate axes.
     Box,
-    /// `center` (3), `axis` (3, any length but 0), `major`, `minor`.
+    /// `center` (3), `axis` (3, any length except 0), `major`, `minor`: the points within `minor`
+    /// of the circle of radius `major` about the axis.
     Torus,
-    /// `a` (3), `b` (3), `radius`: all points within `radius` of the segment.
+    /// `a` (3), `b` (3), `radius`: the points within `radius` of the segment from a to b.
     Capsule,
-    /// `normal` (3, any length but 0), `offset`: f = x·n/|n| − offset, solid below.
+    /// `normal` n (3, any length except 0), `offset`: f = x·n/|n| − offset. The normal points out
+    /// of the solid, a half-space.
     Plane,
 }
 
 impl Kind {
-    /// Names and lengths of the parameters, in the order of the flat vector.
+    /// The name and number of components of every parameter, in the order of the flat vector.
     pub fn layout(self) -> &'static [(&'static str, usize)] {
         match self {
             Kind::Sphere => &[("center", 3), ("radius", 1)],
@@ -29,75 +37,97 @@ impl Kind {
         }
     }
 
-    /// The number of parameters.
+    /// The length of the flat vector.
     pub fn parameter_count(self) -> usize {
         self.layout().iter().map(|(_, n)| n).sum()
     }
 }
 
-type V<S> = [S; 3];
+type Vec3<S> = [S; 3];
 
-fn sub<S: Scalar>(a: V<S>, b: V<S>) -> V<S> {
+fn sub<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
-fn dot<S: Scalar>(a: V<S>, b: V<S>) -> S {
+fn dot<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn vector<S: Scalar>(p: &[S]) -> V<S> {
+/// The first three parameters of a slice.
+fn first_three<S: Scalar>(p: &[S]) -> Vec3<S> {
     [p[0], p[1], p[2]]
 }
 
-/// The signed distance of `x`, in any arithmetic; the one formula behind every derivative here.
-fn distance<S: Scalar>(kind: Kind, p: &[S], x: V<S>) -> S {
-    let constant = |v: f64| S::constant(S::Real::of(v));
+fn constant<S: Scalar>(value: f64) -> S {
+    S::constant(S::Real::of(value))
+}
+
+/// The signed distance of `x` to a shape with parameters `p`. All derivatives come from this
+/// formula.
+fn distance<S: Scalar>(kind: Kind, p: &[S], x: Vec3<S>) -> S {
     match kind {
-        Kind::Sphere => {
-            let r = sub(x, vector(p));
-            dot(r, r).sqrt() - p[3]
-        }
-        Kind::Box => {
-            let r = sub(x, vector(p));
-            let q: V<S> = std::array::from_fn(|i| r[i].abs() - p[3 + i]);
-            let outside = q.map(|c| c.max(constant(0.0)));
-            let inside = q[0].max(q[1]).max(q[2]).min(constant(0.0));
-            dot(outside, outside).sqrt() + inside
-        }
-        Kind::Torus => {
-            let r = sub(x, vector(p));
-            let axis = vector(&p[3..]);
-            let along = dot(r, axis) / dot(axis, axis).sqrt();
-            let radial = (dot(r, r) - along * along).max(constant(0.0)).sqrt() - p[6];
-            (radial * radial + along * along).sqrt() - p[7]
-        }
-        Kind::Capsule => {
-            let (a, b) = (vector(p), vector(&p[3..]));
-            let (r, e) = (sub(x, a), sub(b, a));
-            let square = dot(e, e);
-            let h = if square.real() == num_traits::Zero::zero() {
-                constant(0.0)
-            } else {
-                (dot(r, e) / square).max(constant(0.0)).min(constant(1.0))
-            };
-            let nearest: V<S> = std::array::from_fn(|i| r[i] - e[i] * h);
-            dot(nearest, nearest).sqrt() - p[6]
-        }
-        Kind::Plane => {
-            let n = vector(p);
-            dot(x, n) / dot(n, n).sqrt() - p[3]
-        }
+        Kind::Sphere => sphere_distance(p, x),
+        Kind::Box => box_distance(p, x),
+        Kind::Torus => torus_distance(p, x),
+        Kind::Capsule => capsule_distance(p, x),
+        Kind::Plane => plane_distance(p, x),
     }
 }
 
-/// Room for the parameters of any kind on the stack.
+#[inline]
+fn sphere_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+    let r = sub(x, first_three(p));
+    dot(r, r).sqrt() - p[3]
+}
+
+#[inline]
+fn box_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+    let r = sub(x, first_three(p));
+    let q: Vec3<S> = std::array::from_fn(|i| r[i].abs() - p[3 + i]);
+    let outside = q.map(|c| c.max(constant(0.0)));
+    let inside = q[0].max(q[1]).max(q[2]).min(constant(0.0));
+    dot(outside, outside).sqrt() + inside
+}
+
+#[inline]
+fn torus_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+    let r = sub(x, first_three(p));
+    let axis = first_three(&p[3..]);
+    let along = dot(r, axis) / dot(axis, axis).sqrt();
+    let radial = (dot(r, r) - along * along).max(constant(0.0)).sqrt() - p[6];
+    (radial * radial + along * along).sqrt() - p[7]
+}
+
+#[inline]
+fn capsule_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+    let (a, b) = (first_three(p), first_three(&p[3..]));
+    let (r, e) = (sub(x, a), sub(b, a));
+    let square = dot(e, e);
+    // A segment of length 0 is the point a: the capsule is a sphere.
+    let fraction = if square.real() == num_traits::Zero::zero() {
+        constant(0.0)
+    } else {
+        (dot(r, e) / square).max(constant(0.0)).min(constant(1.0))
+    };
+    let from_segment: Vec3<S> = std::array::from_fn(|i| r[i] - e[i] * fraction);
+    dot(from_segment, from_segment).sqrt() - p[6]
+}
+
+#[inline]
+fn plane_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+    let n = first_three(p);
+    dot(x, n) / dot(n, n).sqrt() - p[3]
+}
+
+/// The largest number of parameters of a kind: the torus has 8.
 const MAX_PARAMETERS: usize = 8;
 
-/// One analytic shape with its parameters; distances are exact, negative inside.
+/// One analytic shape with its parameters.
 ///
-/// Derivatives come from dual numbers through one formula. At the medial axis (a sphere's centre,
-/// say), where the gradient does not exist, the derivative of a vanishing square root is taken as
-/// 0.
+/// Values are exact signed distances, negative inside, in world units. (A torus with `minor` >
+/// `major` overlaps itself: inside it, the values are only bounds.) Derivatives come from [`Dual`]
+/// numbers. Gradients do not exist on the medial axis, for example at a sphere's centre: there the
+/// derivative of a square root of 0 is set to 0.
 #[derive(Clone, Debug)]
 pub struct Shape<R> {
     kind: Kind,
@@ -108,13 +138,13 @@ impl<R: Real + Scalar<Real = R>> Shape<R> {
     /// A shape from its flat parameters, in the order of [`Kind::layout`].
     ///
     /// # Panics
-    /// If the number of parameters is not that of the kind.
+    /// If the number of parameters is not [`Kind::parameter_count`].
     pub fn new(kind: Kind, parameters: &[f64]) -> Self {
-        assert_eq!(parameters.len(), kind.parameter_count(), "parameters of {kind:?}");
+        assert_eq!(parameters.len(), kind.parameter_count(), "number of parameters of {kind:?}");
         Shape { kind, parameters: parameters.iter().map(|&p| R::of(p)).collect() }
     }
 
-    /// A sphere.
+    /// A sphere, in world units.
     pub fn sphere(center: [f64; 3], radius: f64) -> Self {
         Self::new(Kind::Sphere, &[center[0], center[1], center[2], radius])
     }
@@ -123,8 +153,8 @@ impl<R: Real + Scalar<Real = R>> Shape<R> {
         R::Vec3::new(self.parameters[start], self.parameters[start + 1], self.parameters[start + 2])
     }
 
-    /// Evaluates with the parameters and the point turned into `S` by the caller.
-    fn eval<S: Scalar<Real = R>>(&self, parameter: impl Fn(usize, R) -> S, x: V<S>) -> S {
+    /// The signed distance of `x` in the number type `S`, with parameters converted by `parameter`.
+    fn evaluate<S: Scalar<Real = R>>(&self, parameter: impl Fn(usize, R) -> S, x: Vec3<S>) -> S {
         let mut p = [S::constant(R::zero()); MAX_PARAMETERS];
         for (i, &value) in self.parameters.iter().enumerate() {
             p[i] = parameter(i, value);
@@ -162,8 +192,8 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
         for ((x, f), g) in x.iter().zip(f).zip(gradient) {
             let x = x.to_array();
-            let at = std::array::from_fn(|i| Dual::<R, 3>::variable(x[i], i));
-            let y = self.eval(|_, p| Dual::lift(p), at);
+            let point = std::array::from_fn(|i| Dual::<R, 3>::variable(x[i], i));
+            let y = self.evaluate(|_, p| Dual::lift(p), point);
             *f = y.value;
             *g = R::Vec3::from_array(y.d);
         }
@@ -178,10 +208,10 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
     ) {
         for (((x, p), g), hp) in x.iter().zip(p).zip(gradient).zip(product) {
             let (x, p) = (x.to_array(), p.to_array());
-            let at = std::array::from_fn(|i| {
+            let point = std::array::from_fn(|i| {
                 Dual::<_, 3>::variable(Dual::<R, 1> { value: x[i], d: [p[i]] }, i)
             });
-            let y = self.eval(|_, p| Dual::lift(Dual::lift(p)), at);
+            let y = self.evaluate(|_, p| Dual::lift(Dual::lift(p)), point);
             *g = R::Vec3::from_array(y.d.map(|d| d.value));
             *hp = R::Vec3::from_array(y.d.map(|d| d.d[0]));
         }
@@ -190,11 +220,12 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         for ((x, &alpha), c) in x.iter().zip(alpha).zip(c) {
             let (x, c) = (x.to_array(), c.to_array());
-            let at = std::array::from_fn(|i| {
+            let point = std::array::from_fn(|i| {
                 Dual::<_, 1>::lift(Dual::<R, 1> { value: x[i], d: [c[i]] })
             });
             for (j, out) in adjoint.iter_mut().enumerate() {
-                let y = self.eval(|i, p| Dual { value: Dual::lift(p), d: [unit(i == j)] }, at);
+                let y =
+                    self.evaluate(|i, p| Dual { value: Dual::lift(p), d: [seed(i == j)] }, point);
                 *out += alpha * y.d[0].value + y.d[0].d[0];
             }
         }
@@ -203,16 +234,17 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
         for ((x, f), g) in x.iter().zip(f).zip(gradient) {
             let x = x.to_array();
-            let at = std::array::from_fn(|i| Dual::<_, 1>::lift(Dual::<R, 3>::variable(x[i], i)));
-            let y =
-                self.eval(|i, p| Dual { value: Dual::lift(p), d: [Dual::lift(tangent[i])] }, at);
+            let point =
+                std::array::from_fn(|i| Dual::<_, 1>::lift(Dual::<R, 3>::variable(x[i], i)));
+            let y = self
+                .evaluate(|i, p| Dual { value: Dual::lift(p), d: [Dual::lift(tangent[i])] }, point);
             *f = y.d[0].value;
             *g = R::Vec3::from_array(y.d[0].d);
         }
     }
 }
 
-/// One or zero, without derivatives.
-fn unit<R: Real + Scalar<Real = R>>(one: bool) -> Dual<R, 1> {
+/// 1 if `one`, else 0, as a constant: the derivative of a parameter by a parameter.
+fn seed<R: Real + Scalar<Real = R>>(one: bool) -> Dual<R, 1> {
     Dual::lift(if one { R::one() } else { R::zero() })
 }

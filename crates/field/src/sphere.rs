@@ -1,4 +1,4 @@
-//! Balls as bounds.
+//! Balls that bound fields.
 
 use crate::{Real, Vector3};
 
@@ -12,15 +12,18 @@ pub struct Sphere<R: Real> {
 }
 
 impl<R: Real> Sphere<R> {
-    /// The interval of t ≥ 0 in which o + t d (|d| = 1) is inside, or `None` if the ray misses.
+    /// Clips the ray o + t d, t ≥ 0, with |d| = 1: the first and last t inside the ball, in world
+    /// units.
+    ///
+    /// `None` if the ray misses the ball, or if origin or direction are not finite numbers.
     pub fn clip(&self, origin: R::Vec3, direction: R::Vec3) -> Option<(R, R)> {
         let to_center = self.center - origin;
         let along = to_center.dot(direction);
-        // The distance from the axis squared, from a difference of vectors: |oc|² − along² cancels
-        // far away.
+        // The vector from the ray's line to the centre. The textbook |o − c|² − along² loses its
+        // digits to cancellation when the origin is far away.
         let across = to_center - direction * along;
         let half_square = self.radius * self.radius - across.dot(across);
-        // Written so that a NaN misses.
+        // Comparisons with a NaN are false, so a ray with a NaN misses.
         if half_square >= R::zero() && along + half_square.sqrt() > R::zero() {
             let half = half_square.sqrt();
             Some(((along - half).max(R::zero()), along + half))
@@ -29,7 +32,7 @@ impl<R: Real> Sphere<R> {
         }
     }
 
-    /// The smallest sphere that holds both.
+    /// The smallest ball that contains both balls.
     pub fn union(&self, other: &Self) -> Self {
         let between = other.center - self.center;
         let distance = between.length();
@@ -43,7 +46,7 @@ impl<R: Real> Sphere<R> {
         Sphere { center: self.center + between * ((radius - self.radius) / distance), radius }
     }
 
-    /// The sphere about the same centre with its radius multiplied by `factor`.
+    /// The ball with the same centre and `factor` times the radius.
     pub fn scaled(&self, factor: R) -> Self {
         Sphere { center: self.center, radius: self.radius * factor }
     }
@@ -62,7 +65,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn clip_ends_lie_on_the_sphere(o in point(), d in point(), c in point(), radius in 0.1..2.0f64) {
+        fn clip_ends_lie_on_the_sphere(
+            o in point(),
+            d in point(),
+            c in point(),
+            radius in 0.1..2.0f64,
+        ) {
             prop_assume!(d.length() > 0.1);
             let (d, sphere) = (d.normalize(), Sphere::<f64> { center: c, radius });
             if let Some((near, far)) = sphere.clip(o, d) {
@@ -77,8 +85,14 @@ mod tests {
         }
 
         #[test]
-        fn union_holds_both(a in point(), ra in 0.0..2.0f64, b in point(), rb in 0.0..2.0f64) {
-            let (a, b) = (Sphere::<f64> { center: a, radius: ra }, Sphere { center: b, radius: rb });
+        fn union_contains_both_balls(
+            a in point(),
+            ra in 0.0..2.0f64,
+            b in point(),
+            rb in 0.0..2.0f64,
+        ) {
+            let a = Sphere::<f64> { center: a, radius: ra };
+            let b = Sphere { center: b, radius: rb };
             let both = a.union(&b);
             for s in [a, b] {
                 prop_assert!((s.center - both.center).length() + s.radius <= both.radius + 1e-9);
@@ -87,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_poisoned_ray_misses() {
+    fn a_ray_with_nan_misses() {
         let sphere = Sphere::<f64> { center: DVec3::ZERO, radius: 1.0 };
         assert_eq!(sphere.clip(DVec3::NAN, DVec3::X), None);
         assert_eq!(sphere.clip(DVec3::splat(-5.0), DVec3::new(f64::NAN, 0.0, 0.0)), None);

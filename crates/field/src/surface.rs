@@ -1,26 +1,29 @@
-//! Batches of surface points, as shaders take them.
+//! Batches of surface points, the input of shaders, and their adjoints.
 
 use crate::{Real, Vector3};
 
-/// Surface points with all that radiance depends on; one element of every slice a point.
+/// Surface points with their normals and view directions: all inputs of a shader.
+///
+/// The three slices have the same length, one element for each point.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceBatch<'a, R: Real> {
-    /// The points, world units.
+    /// The points, in world units.
     pub x: &'a [R::Vec3],
-    /// The unit normals.
+    /// The unit normals, pointing out of the solid.
     pub normal: &'a [R::Vec3],
     /// The unit view directions, from the camera to the points.
     pub direction: &'a [R::Vec3],
 }
 
-/// Adjoints of a [`SurfaceBatch`]: derivatives of a scalar by the points, normals and directions.
+/// Adjoints of a [`SurfaceBatch`]: the derivatives of one scalar by every point, normal and
+/// direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceAdjoint<R: Real> {
-    /// By the points, per world unit.
+    /// Adjoints of the points, per world unit.
     pub x: Vec<R::Vec3>,
-    /// By the normals.
+    /// Adjoints of the normals.
     pub normal: Vec<R::Vec3>,
-    /// By the view directions.
+    /// Adjoints of the view directions.
     pub direction: Vec<R::Vec3>,
 }
 
@@ -30,12 +33,15 @@ impl<'a, R: Real> SurfaceBatch<'a, R> {
         self.x.len()
     }
 
-    /// Whether there is no point.
+    /// Whether the batch has no points.
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
     }
 
-    /// The points of a range.
+    /// The batch of the points with indices in `range`.
+    ///
+    /// # Panics
+    /// If `range` ends after the last point.
     pub fn range(&self, range: std::ops::Range<usize>) -> SurfaceBatch<'a, R> {
         let SurfaceBatch { x, normal, direction } = *self;
         let (x, normal) = (&x[range.clone()], &normal[range.clone()]);
@@ -44,7 +50,7 @@ impl<'a, R: Real> SurfaceBatch<'a, R> {
 }
 
 impl<R: Real> SurfaceAdjoint<R> {
-    /// Zeros for `points` points.
+    /// Zero adjoints for a batch of `points` points.
     pub fn zeros(points: usize) -> Self {
         let zero = || vec![R::Vec3::zero(); points];
         SurfaceAdjoint { x: zero(), normal: zero(), direction: zero() }

@@ -1,5 +1,5 @@
-//! Every derivative of the analytic fields against finite differences of their values in f64, and
-//! poison inputs.
+//! Analytic fields in f64: every derivative against finite differences, inputs that are not finite,
+//! and bounds.
 
 use approx::assert_relative_eq;
 use field::{Csg, Field, Kind, Operation, Shape};
@@ -8,11 +8,11 @@ use proptest::prelude::*;
 
 type Children = Vec<Box<dyn Field<f64>>>;
 
-/// A field as a function of its parameters, so that parameters can be moved.
+/// Builds a field from its parameters.
 type Build = fn(&[f64]) -> Box<dyn Field<f64>>;
 
-/// The second child takes the parameters from `SPLIT` on.
-fn two(p: &[f64]) -> Children {
+/// A torus with the first 8 parameters and a capsule with the next 7.
+fn torus_and_capsule(p: &[f64]) -> Children {
     let torus = Shape::new(Kind::Torus, &p[..8]);
     let capsule = Shape::new(Kind::Capsule, &p[8..15]);
     vec![Box::new(torus), Box::new(capsule)]
@@ -21,7 +21,7 @@ fn two(p: &[f64]) -> Children {
 const TORUS: [f64; 8] = [0.1, -0.2, 0.3, 0.3, 0.2, 1.1, 0.8, 0.25];
 const CAPSULE: [f64; 7] = [-0.6, 0.1, 0.2, 0.7, 0.4, -0.3, 0.3];
 
-/// Each case: a name, parameters, and the field made of them.
+/// Every case has a name, parameters, and the function that builds its field.
 fn cases() -> Vec<(&'static str, Vec<f64>, Build)> {
     let pair = [&TORUS[..], &CAPSULE].concat();
     vec![
@@ -30,11 +30,15 @@ fn cases() -> Vec<(&'static str, Vec<f64>, Build)> {
         ("torus", TORUS.to_vec(), |p| Box::new(Shape::new(Kind::Torus, p))),
         ("capsule", CAPSULE.to_vec(), |p| Box::new(Shape::new(Kind::Capsule, p))),
         ("plane", vec![0.3, -1.2, 0.4, 0.2], |p| Box::new(Shape::new(Kind::Plane, p))),
-        ("union", pair.clone(), |p| Box::new(Csg::new(Operation::Union, two(p)))),
-        ("intersection", pair.clone(), |p| Box::new(Csg::new(Operation::Intersection, two(p)))),
-        ("subtraction", pair.clone(), |p| Box::new(Csg::new(Operation::Subtraction, two(p)))),
+        ("union", pair.clone(), |p| Box::new(Csg::new(Operation::Union, torus_and_capsule(p)))),
+        ("intersection", pair.clone(), |p| {
+            Box::new(Csg::new(Operation::Intersection, torus_and_capsule(p)))
+        }),
+        ("subtraction", pair.clone(), |p| {
+            Box::new(Csg::new(Operation::Subtraction, torus_and_capsule(p)))
+        }),
         ("smooth union", [&pair[..], &[0.6]].concat(), |p| {
-            Box::new(Csg::smooth_union(p[15], two(p)))
+            Box::new(Csg::smooth_union(p[15], torus_and_capsule(p)))
         }),
     ]
 }
@@ -52,7 +56,7 @@ fn gradient(field: &dyn Field<f64>, x: DVec3) -> DVec3 {
     g[0]
 }
 
-/// A central difference, or `None` where a kink of f lies within the step.
+/// The central difference of `f` at 0 with step `h`/2, or `None` if `f` has a kink within `h`.
 fn difference(h: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
     let coarse = (f(h) - f(-h)) / (2.0 * h);
     let fine = (f(h / 2.0) - f(-h / 2.0)) / h;
@@ -66,7 +70,7 @@ fn point() -> impl Strategy<Value = DVec3> {
 
 proptest! {
     #[test]
-    fn spatial_derivatives_match_differences(x in point(), p in point()) {
+    fn spatial_derivatives_match_finite_differences(x in point(), p in point()) {
         for (name, parameters, build) in cases() {
             let field = build(&parameters);
             let g = gradient(&*field, x);
@@ -75,11 +79,19 @@ proptest! {
             assert_relative_eq!(g, g2[0], epsilon = 1e-13);
             for (axis, e) in DVec3::AXES.into_iter().enumerate() {
                 if let Some(d) = difference(1e-4, |h| value(&*field, x + h * e)) {
-                    prop_assert!((g[axis] - d).abs() < 1e-5, "{name}: ∇f[{axis}] {} against {d}", g[axis]);
+                    prop_assert!(
+                        (g[axis] - d).abs() < 1e-5,
+                        "{name}: ∇f[{axis}] is {}, the finite difference {d}",
+                        g[axis]
+                    );
                     let change = difference(1e-4, |h| gradient(&*field, x + h * p)[axis]);
                     let kink = difference(1e-3, |h| value(&*field, x + h * p)).is_none();
                     if let (Some(d), false) = (change, kink) {
-                        prop_assert!((hp[0][axis] - d).abs() < 1e-4 * (1.0 + d.abs()), "{name}: Hp[{axis}] {} against {d}", hp[0][axis]);
+                        prop_assert!(
+                            (hp[0][axis] - d).abs() < 1e-4 * (1.0 + d.abs()),
+                            "{name}: (∇²f p)[{axis}] is {}, the finite difference {d}",
+                            hp[0][axis]
+                        );
                     }
                 }
             }
@@ -87,7 +99,11 @@ proptest! {
     }
 
     #[test]
-    fn parameter_derivatives_match_differences(x in point(), c in point(), alpha in -1.0..1.0f64) {
+    fn parameter_derivatives_match_finite_differences(
+        x in point(),
+        c in point(),
+        alpha in -1.0..1.0f64,
+    ) {
         for (name, parameters, build) in cases() {
             let n = parameters.len();
             let mut adjoint = vec![0.0; n];
@@ -104,45 +120,67 @@ proptest! {
                     alpha * value(&*field, x) + c.dot(gradient(&*field, x))
                 });
                 if let (Some(_), Some(d)) = (value_slope, total) {
-                    prop_assert!((adjoint[j] - d).abs() < 1e-4 * (1.0 + d.abs()), "{name}: parameter {j}: {} against {d}", adjoint[j]);
+                    prop_assert!(
+                        (adjoint[j] - d).abs() < 1e-4 * (1.0 + d.abs()),
+                        "{name}: adjoint of parameter {j} is {}, the finite difference {d}",
+                        adjoint[j]
+                    );
                 }
-                // The forward mode, and its default by transposition, are the same linear map.
+                // The JVP (of shapes their own, of CSG the provided one) is the VJP's transpose.
                 let mut tangent = vec![0.0; n];
                 tangent[j] = 1.0;
                 let (mut f, mut g) = ([0.0], [DVec3::ZERO]);
                 build(&parameters).parameter_jvp(&[x], &tangent, &mut f, &mut g);
-                assert_relative_eq!(alpha * f[0] + c.dot(g[0]), adjoint[j], epsilon = 1e-11, max_relative = 1e-11);
+                assert_relative_eq!(
+                    alpha * f[0] + c.dot(g[0]),
+                    adjoint[j],
+                    epsilon = 1e-11,
+                    max_relative = 1e-11
+                );
             }
         }
     }
 
     #[test]
-    fn poison_never_panics_and_never_hides(i in 0usize..3, poison in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-310])) {
+    fn extreme_points_do_not_panic_and_non_finite_ones_give_non_finite_values(
+        i in 0usize..3,
+        extreme in prop::sample::select(vec![
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            1e30,
+            -1e30,
+            1e-310,
+        ]),
+    ) {
         for (_, parameters, build) in cases() {
             let field = build(&parameters);
             let mut x = DVec3::new(0.1, 0.2, 0.3);
-            x[i] = poison;
+            x[i] = extreme;
             let mut out = ([0.0], [DVec3::ZERO], [DVec3::ZERO]);
             field.value_gradient(&[x], &mut out.0, &mut out.1);
-            prop_assert!(poison.is_finite() || !out.0[0].is_finite());
+            prop_assert!(extreme.is_finite() || !out.0[0].is_finite());
             field.hessian_vector(&[x], &[DVec3::X], &mut out.1, &mut out.2);
             field.parameter_vjp(&[x], &[1.0], &[DVec3::X], &mut vec![0.0; parameters.len()]);
         }
     }
 
     #[test]
-    fn solids_lie_in_their_bounds(x in point()) {
+    fn bounds_contain_the_solid(x in point()) {
         for (name, parameters, build) in cases() {
             let field = build(&parameters);
             if let Some(ball) = field.bounds() && value(&*field, x) <= 0.0 {
-                prop_assert!((x - ball.center).length() <= ball.radius + 1e-12, "{name} leaves its ball at {x}");
+                prop_assert!(
+                    (x - ball.center).length() <= ball.radius + 1e-12,
+                    "{name}: the point {x} of the solid is outside its bounds"
+                );
             }
         }
     }
 }
 
 #[test]
-fn medial_axes_have_finite_derivatives() {
+fn gradients_on_medial_axes_are_finite() {
     let sphere = Shape::<f64>::sphere([0.0; 3], 1.0);
     assert_eq!(gradient(&sphere, DVec3::ZERO), DVec3::ZERO);
     let torus = Shape::<f64>::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.2]);
@@ -150,7 +188,7 @@ fn medial_axes_have_finite_derivatives() {
 }
 
 #[test]
-fn single_precision_follows_double() {
+fn single_precision_agrees_with_double_precision() {
     for x in [DVec3::new(0.3, -0.9, 0.4), DVec3::new(-1.2, 0.1, 0.8)] {
         let (mut f, mut g) = ([0.0f32], [glam::Vec3::ZERO]);
         let single = Shape::<f32>::new(Kind::Torus, &TORUS);

@@ -1,5 +1,6 @@
-//! Points a second of every pass, one core, single precision, beside the machine's fused
-//! multiply–add peak.
+//! Throughput of every pass in points per second, on one core, in single precision.
+//!
+//! The bench `machine` compares them with the machine's peak.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;
@@ -32,7 +33,7 @@ fn passes(c: &mut Criterion) {
         let mut theta = vec![0.0; net.parameters().len()];
         let multiply_adds = net.parameters().len();
         let mut group =
-            c.benchmark_group(format!("{width}x{layers}, {multiply_adds} multiply-adds a point"));
+            c.benchmark_group(format!("{width}x{layers}, {multiply_adds} multiply-adds per point"));
         group.throughput(Throughput::Elements(POINTS as u64)).sample_size(10);
         group.bench_function("value", |b| b.iter(|| net.value(black_box(&x), &mut f)));
         group.bench_function("value_gradient", |b| {

@@ -1,30 +1,36 @@
-//! What a network looks like, apart from its numbers.
+//! The description of a network without its parameters.
 
 use glam::DVec3;
 
-/// The nonlinearity after every hidden layer.
+/// The nonlinearity σ(z) of every hidden layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Activation {
-    /// ln(1 + exp(β z))/β.
+    /// ln(1 + exp(β z))/β: a smooth ReLU.
     Softplus {
-        /// The sharpness, per unit of z.
+        /// The sharpness β, per unit of z.
         beta: f64,
     },
-    /// sin(ω z).
+    /// sin(ω z), as in Sitzmann et al., “Implicit Neural Representations with Periodic Activation
+    /// Functions”, NeurIPS 2020.
     Sine {
-        /// The frequency, radians per unit of z.
+        /// The frequency ω, in radians per unit of z.
         omega: f64,
     },
-    /// max(0, z): no curvature, so normals do not vary within a linear piece.
+    /// max(0, z). The network is linear in pieces: its curvature is zero, and normals are constant
+    /// in each piece.
     Relu,
 }
 
-/// What the network sees of a position x of the unit ball.
+/// The features of a position x in the unit ball, the input of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// x itself.
     None,
-    /// [x, sin(2⁰x), cos(2⁰x), …, sin(2ᵇ⁻¹x), cos(2ᵇ⁻¹x)], each over the three coordinates.
+    /// [x, sin(2⁰x), cos(2⁰x), …, sin(2ᵇ⁻¹x), cos(2ᵇ⁻¹x)], each for the three coordinates.
+    ///
+    /// This is the positional encoding of Mildenhall et al., “NeRF: Representing Scenes as Neural
+    /// Radiance Fields for View Synthesis”, ECCV 2020, section 5.1, equation 4, without its factor
+    /// π and with x itself.
     Frequency {
         /// The number b of octaves.
         bands: usize,
@@ -32,7 +38,7 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// The number b of octaves.
+    /// The number b of octaves; 0 without waves.
     pub fn bands(self) -> usize {
         match self {
             Encoding::None => 0,
@@ -40,22 +46,23 @@ impl Encoding {
         }
     }
 
-    /// The number of features.
+    /// The number of features: 3 + 6 b.
     pub fn features(self) -> usize {
         3 + 6 * self.bands()
     }
 }
 
-/// The shape of a signed distance network.
+/// The architecture of a signed distance network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Architecture {
-    /// What it sees of a position.
+    /// The features of a position.
     pub encoding: Encoding,
-    /// The widths of its hidden layers.
+    /// The widths of the hidden layers, from input to output.
     pub hidden: Vec<usize>,
-    /// Indices of layers whose input is [h, encoded x]/√2.
+    /// Indices of layers with a skip connection, from 1 to the number of hidden layers: their input
+    /// is [h, features]/√2, with h the outputs of the layer below.
     pub skip: Vec<usize>,
-    /// The nonlinearity.
+    /// The nonlinearity of the hidden layers.
     pub activation: Activation,
 }
 
@@ -69,6 +76,7 @@ pub struct Transform {
 }
 
 impl Default for Transform {
+    /// The unit ball about the origin.
     fn default() -> Self {
         Transform { center: DVec3::ZERO, radius: 1.0 }
     }

@@ -1,14 +1,12 @@
-//! The frequency encoding of a block of positions, forward and backward.
+//! The encoding of a block of positions as features, and its derivatives.
 
 use field::{Real, Vector3};
-use glam::DVec3;
 
 use crate::architecture::{Encoding, Transform};
-use crate::kernel::{LANES, Row, fma};
 use crate::math::Lane;
-use crate::simd::Isa;
+use crate::simd::{Isa, LANES, Row, fma};
 
-/// The transform and encoding in the precision of the computation.
+/// The map from points in world space to features: the transform, then the frequency encoding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Encoder<R: Real> {
     center: R::Vec3,
@@ -22,7 +20,7 @@ impl<R: Lane> Encoder<R> {
         Encoder { center, inverse_radius: R::of(1.0 / transform.radius), bands: encoding.bands() }
     }
 
-    /// Writes the features of up to a block of points; lanes without a point repeat the last one.
+    /// Writes the features of at most `LANES` points. Lanes without a point repeat the last point.
     #[inline(always)]
     pub(crate) fn encode<I: Isa>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
         for l in 0..LANES {
@@ -45,9 +43,10 @@ impl<R: Lane> Encoder<R> {
         }
     }
 
-    /// Writes the features' tangents as the points move along `p`.
+    /// JVP of [`encode`](Self::encode): writes the tangents of the features as the points move
+    /// along `p`.
     #[inline(always)]
-    pub(crate) fn tangent<I: Isa>(
+    pub(crate) fn encode_jvp<I: Isa>(
         &self,
         p: &[R::Vec3],
         features: &[Row<R>],
@@ -59,13 +58,13 @@ impl<R: Lane> Encoder<R> {
                 tangent[c].0[l] = y[c];
             }
         }
-        let (along, waves) = tangent.split_at_mut(3);
+        let (y_tangent, waves) = tangent.split_at_mut(3);
         for band in 0..self.bands {
             let frequency = R::of((1u64 << band) as f64);
             for c in 0..3 {
                 let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
                 for l in 0..LANES {
-                    let speed = frequency * along[c].0[l];
+                    let speed = frequency * y_tangent[c].0[l];
                     waves[sine].0[l] = speed * features[3 + cosine].0[l];
                     waves[cosine].0[l] = -speed * features[3 + sine].0[l];
                 }
@@ -73,9 +72,10 @@ impl<R: Lane> Encoder<R> {
         }
     }
 
-    /// VJP of [`encode`](Self::encode): the adjoint of the points, times `factor`.
+    /// VJP of [`encode`](Self::encode) to the points, times `factor`: `adjoint` holds the adjoints
+    /// of the features.
     #[inline(always)]
-    pub(crate) fn pull_back<I: Isa>(
+    pub(crate) fn encode_vjp<I: Isa>(
         &self,
         features: &[Row<R>],
         adjoint: &[Row<R>],
@@ -100,10 +100,11 @@ impl<R: Lane> Encoder<R> {
         out
     }
 
-    /// What the change of the features' slopes along the tangent adds to the adjoint of the points:
-    /// `adjoint` is that of the features' tangents.
+    /// VJP of [`encode_jvp`](Self::encode_jvp) to the points, times `factor`: adds to `out`.
+    ///
+    /// `adjoint` holds the adjoints of the features' tangents, `tangent` these tangents themselves.
     #[inline(always)]
-    pub(crate) fn pull_back_curve<I: Isa>(
+    pub(crate) fn add_vjp_of_jvp<I: Isa>(
         &self,
         features: &[Row<R>],
         tangent: &[Row<R>],
@@ -117,15 +118,15 @@ impl<R: Lane> Encoder<R> {
             for (c, out) in out.iter_mut().enumerate() {
                 let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
                 for l in 0..LANES {
-                    let curve = adjoint[sine].0[l] * features[sine].0[l]
+                    let curvature = adjoint[sine].0[l] * features[sine].0[l]
                         + adjoint[cosine].0[l] * features[cosine].0[l];
-                    out.0[l] = fma::<R, I>(-square * tangent[c].0[l], curve, out.0[l]);
+                    out.0[l] = fma::<R, I>(-square * tangent[c].0[l], curvature, out.0[l]);
                 }
             }
         }
     }
 
-    /// The factors on the features for a weight on every octave.
+    /// The factor of every feature from the weight of every octave; 1 for the coordinates.
     pub(crate) fn window(bands: &[R]) -> Vec<R> {
         let waves = bands.iter().flat_map(|w| [*w; 6]);
         [R::one(); 3].into_iter().chain(waves).collect()
@@ -136,16 +137,4 @@ impl<R: Lane> Encoder<R> {
 #[inline(always)]
 pub(crate) fn lane<R: Real>(rows: &[Row<R>; 3], l: usize) -> R::Vec3 {
     R::Vec3::new(rows[0].0[l], rows[1].0[l], rows[2].0[l])
-}
-
-/// Points uniform in the unit ball, from a seed.
-pub(crate) fn points_in_ball(count: usize, random: &mut crate::init::Random) -> Vec<DVec3> {
-    let mut points = Vec::with_capacity(count);
-    while points.len() < count {
-        let p = DVec3::new(random.uniform(), random.uniform(), random.uniform()) * 2.0 - 1.0;
-        if p.length_squared() <= 1.0 {
-            points.push(p);
-        }
-    }
-    points
 }

@@ -1,20 +1,23 @@
-//! The radiance head: what leaves a surface point towards the camera.
+//! The radiance head: the radiance from a surface point towards the camera.
 
 use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
-use crate::kernel::{LANES, Row};
 use crate::math::Lane;
 use crate::mlp::Mlp;
-use crate::simd::{Isa, Pass, dispatch};
+use crate::simd::{Isa, LANES, Pass, Row, dispatch};
 
-/// A network from a point, its unit normal and the view direction to linear RGB.
+/// A network from a surface point, its unit normal n and the view direction d to linear RGB.
 ///
-/// Its inputs are the frequency encoding of the position in the unit ball, then n, then d. Each
-/// output y becomes a radiance sigmoid(y)², in [0, 1]: with a display's transfer function on top
-/// that is close to sigmoid(y) again, so that dark and bright parts are fitted with like effort.
+/// Its inputs are the encoding of the position in the unit ball, then n, then d, as in Yariv et
+/// al., “Multiview Neural Surface Reconstruction by Disentangling Geometry and Appearance”, NeurIPS
+/// 2020, but without its feature vector.
+///
+/// Each output y becomes a radiance sigmoid(y)² in [0, 1]. The transfer function of a display is
+/// close to a square root, so the displayed value is close to sigmoid(y): dark and bright parts are
+/// equally easy to fit.
 #[derive(Clone, Debug)]
 pub struct RadianceHead<R: Real> {
     pub(crate) encoding: Encoding,
@@ -23,11 +26,13 @@ pub struct RadianceHead<R: Real> {
     encoder: Encoder<R>,
 }
 
-/// Inputs beside the encoded position: normal and direction.
+/// The number of inputs after the encoded position: normal and direction.
 pub(crate) const DIRECTIONS: usize = 6;
 
 impl<R: Lane> RadianceHead<R> {
-    /// A head with random hidden layers and a small last one: grey to begin with.
+    /// A head with random weights, small in the last layer: its first radiance is close to grey.
+    ///
+    /// The same `seed` gives the same head.
     pub fn new(
         encoding: Encoding,
         hidden: Vec<usize>,
@@ -41,6 +46,7 @@ impl<R: Lane> RadianceHead<R> {
         head
     }
 
+    /// A head whose parameters are all zero.
     pub(crate) fn zero(
         encoding: Encoding,
         hidden: &[usize],
@@ -59,47 +65,56 @@ impl<R: Lane> RadianceHead<R> {
     /// Sets all parameters.
     ///
     /// # Panics
-    /// If their number is not that of the network.
+    /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
         self.mlp.parameters.copy_from_slice(parameters);
         self.mlp.repack();
     }
 
-    /// Sets a weight in [0, 1] on every octave of the position's encoding; see
+    /// Sets the weight, in [0, 1], of every octave of the position's encoding, as
     /// [`crate::Network::set_band_weights`].
     ///
     /// # Panics
-    /// If their number is not that of the encoding's octaves.
+    /// If `weights` does not have one element for each octave.
     pub fn set_band_weights(&mut self, weights: &[R]) {
-        assert_eq!(weights.len(), self.encoding.bands(), "weights of octaves");
+        assert_eq!(weights.len(), self.encoding.bands(), "number of octave weights");
         let mut window = Encoder::window(weights);
         window.extend([R::one(); DIRECTIONS]);
         self.mlp.set_window(window);
     }
 
-    /// Linear RGB at every point of a batch.
+    /// Writes the radiance, in linear RGB, from every point of a batch towards the camera.
     pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         dispatch(Radiance { head: self, points: *points, rgb });
     }
 
-    /// VJP of (x, n, d; parameters) ↦ RGB: overwrites `bars` (for x, per world unit), adds to
-    /// `parameters`.
+    /// VJP of (x, n, d; θ) ↦ RGB to all of its inputs.
+    ///
+    /// `rgb_adjoint` has one element for each point. The adjoints of x, n and d replace the
+    /// contents of `surface_adjoint`; that of θ is added to `parameter_adjoint`.
     ///
     /// # Panics
-    /// If `parameters` has not one element a parameter.
+    /// If `parameter_adjoint` does not have the length of θ, or if `surface_adjoint` is shorter
+    /// than the batch.
     pub fn vjp(
         &self,
         points: &SurfaceBatch<'_, R>,
-        adjoint: &[R::Vec3],
-        bars: &mut SurfaceAdjoint<R>,
-        parameters: &mut [R],
+        rgb_adjoint: &[R::Vec3],
+        surface_adjoint: &mut SurfaceAdjoint<R>,
+        parameter_adjoint: &mut [R],
     ) {
-        assert_eq!(parameters.len(), self.mlp.parameters.len(), "parameters");
-        dispatch(Vjp { head: self, points: *points, adjoint, bars, parameters });
+        assert_eq!(
+            parameter_adjoint.len(),
+            self.mlp.parameters.len(),
+            "number of parameter adjoints"
+        );
+        let points = *points;
+        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, parameter_adjoint });
     }
 
+    /// Writes the inputs of at most `LANES` points. Lanes without a point repeat the last point.
     #[inline(always)]
-    fn inputs<I: Isa>(&self, points: SurfaceBatch<'_, R>, features: &mut [Row<R>]) {
+    fn write_inputs<I: Isa>(&self, points: SurfaceBatch<'_, R>, features: &mut [Row<R>]) {
         let SurfaceBatch { x, normal, direction } = points;
         self.encoder.encode::<I>(x, features);
         let start = self.encoding.features();
@@ -114,9 +129,9 @@ impl<R: Lane> RadianceHead<R> {
     }
 }
 
-/// sigmoid(y)² and its slope.
+/// sigmoid(y)² and its derivative.
 #[inline(always)]
-fn squash<R: Lane, I: Isa>(y: R) -> (R, R) {
+fn sigmoid_squared<R: Lane, I: Isa>(y: R) -> (R, R) {
     let e = R::exp_negative::<I>(y.abs());
     let high = R::one() / (R::one() + e);
     let s = if y > R::zero() { high } else { e * high } + y * R::zero();
@@ -124,6 +139,7 @@ fn squash<R: Lane, I: Isa>(y: R) -> (R, R) {
     (s * s, R::of(2.0) * s * s * complement)
 }
 
+/// The pass of [`RadianceHead::radiance`].
 struct Radiance<'a, R: Real> {
     head: &'a RadianceHead<R>,
     points: SurfaceBatch<'a, R>,
@@ -137,23 +153,24 @@ impl<R: Lane> Pass for Radiance<'_, R> {
         let count = self.points.len();
         for (first, rgb) in (0..count).step_by(LANES).zip(self.rgb.chunks_mut(LANES)) {
             let block = self.points.range(first..(first + LANES).min(count));
-            self.head.inputs::<I>(block, &mut s.features[0]);
+            self.head.write_inputs::<I>(block, &mut s.features[0]);
             self.head.mlp.forward::<I, LANES, false, false>(&mut s);
             for (l, rgb) in rgb.iter_mut().enumerate() {
                 *rgb = R::Vec3::from_array(std::array::from_fn(|c| {
-                    squash::<R, I>(s.output[0][c].0[l]).0
+                    sigmoid_squared::<R, I>(s.output[0][c].0[l]).0
                 }));
             }
         }
     }
 }
 
+/// The pass of [`RadianceHead::vjp`].
 struct Vjp<'a, R: Real> {
     head: &'a RadianceHead<R>,
     points: SurfaceBatch<'a, R>,
-    adjoint: &'a [R::Vec3],
-    bars: &'a mut SurfaceAdjoint<R>,
-    parameters: &'a mut [R],
+    rgb_adjoint: &'a [R::Vec3],
+    surface_adjoint: &'a mut SurfaceAdjoint<R>,
+    parameter_adjoint: &'a mut [R],
 }
 
 impl<R: Lane> Pass for Vjp<'_, R> {
@@ -163,25 +180,28 @@ impl<R: Lane> Pass for Vjp<'_, R> {
         let mut s = mlp.scratch(true, false, true);
         for first in (0..self.points.len()).step_by(LANES) {
             let block = first..(first + LANES).min(self.points.len());
-            self.head.inputs::<I>(self.points.range(block.clone()), &mut s.features[0]);
+            self.head.write_inputs::<I>(self.points.range(block.clone()), &mut s.features[0]);
             mlp.forward::<I, LANES, true, false>(&mut s);
             for l in 0..LANES {
                 let adjoint =
-                    self.adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
+                    self.rgb_adjoint[block.clone()].get(l).map_or([R::zero(); 3], |a| a.to_array());
                 for c in 0..3 {
-                    s.output[0][c].0[l] = adjoint[c] * squash::<R, I>(s.output[0][c].0[l]).1;
+                    s.output[0][c].0[l] =
+                        adjoint[c] * sigmoid_squared::<R, I>(s.output[0][c].0[l]).1;
                 }
             }
             mlp.backward::<I, LANES, false, true>(&mut s);
-            let x_rows = self.head.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
-            let rows = |at: usize| [s.adjoint[0][at], s.adjoint[0][at + 1], s.adjoint[0][at + 2]];
+            let x_rows = self.head.encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
+            let rows = |first: usize| {
+                [s.adjoint[0][first], s.adjoint[0][first + 1], s.adjoint[0][first + 2]]
+            };
             let (n_rows, d_rows) = (rows(start), rows(start + 3));
             for (l, i) in block.enumerate() {
-                self.bars.x[i] = lane(&x_rows, l);
-                self.bars.normal[i] = lane(&n_rows, l);
-                self.bars.direction[i] = lane(&d_rows, l);
+                self.surface_adjoint.x[i] = lane(&x_rows, l);
+                self.surface_adjoint.normal[i] = lane(&n_rows, l);
+                self.surface_adjoint.direction[i] = lane(&d_rows, l);
             }
         }
-        mlp.collect_gradient(&s, self.parameters);
+        mlp.collect_gradient(&s, self.parameter_adjoint);
     }
 }

@@ -1,13 +1,16 @@
-//! Initial weights.
+//! Initial parameters.
+
+use glam::DVec3;
 
 use crate::architecture::{Activation, Architecture, Transform};
-use crate::encode::points_in_ball;
-use crate::kernel::LANES;
 use crate::math::Lane;
-use crate::mlp::Mlp;
+use crate::mlp::{LayerShape, Mlp};
 use crate::network::Network;
+use crate::simd::LANES;
 
-/// A small generator (SplitMix64), so that a seed gives the same weights everywhere.
+/// The random number generator SplitMix64: a seed gives the same numbers on every machine.
+///
+/// Steele, Lea and Flood, “Fast splittable pseudorandom number generators”, OOPSLA 2014.
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -23,44 +26,54 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in [0, 1).
-    pub(crate) fn uniform(&mut self) -> f64 {
+    /// A number with uniform density in [0, 1).
+    fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Normal with variance 1.
+    /// A normal number with mean 0 and variance 1 (Box and Muller, “A note on the generation of
+    /// random normal deviates”, Annals of Mathematical Statistics 29, 1958).
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (2.0 * std::f64::consts::PI * self.uniform()).cos()
     }
 }
 
-/// Fills hidden layers so that activations neither grow nor fade with depth, and the last layer
-/// with small numbers.
+/// The factor of the last layer's random weights: a radiance head starts close to grey.
+const LAST_LAYER_GAIN: f64 = 0.1;
+
+/// Fills the weights with random numbers whose variance keeps the size of activations from layer to
+/// layer. The last layer gets smaller numbers. The bias does not change.
+///
+/// The variance is 2/inputs: He et al., “Delving deep into rectifiers”, ICCV 2015, section 2.2.
 pub(crate) fn variance_preserving<R: Lane>(mlp: &mut Mlp<R>, random: &mut Random) {
     let last = mlp.layers.len() - 1;
     for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
         let gain = match mlp.activation {
             Activation::Sine { omega } => 1.0 / omega,
-            // Half of the inputs of a rectifier are cut off.
+            // The 2 in the variance makes up for a ReLU that sets half of its inputs to 0.
             Activation::Relu | Activation::Softplus { .. } => 1.0,
         };
-        let spread = if l == last { 0.1 } else { gain } * (2.0 / layer.inputs as f64).sqrt();
+        let gain = if l == last { LAST_LAYER_GAIN } else { gain };
+        let deviation = gain * (2.0 / layer.inputs as f64).sqrt();
         for weight in &mut mlp.parameters[layer.start..layer.bias()] {
-            *weight = R::of(spread * random.normal());
+            *weight = R::of(deviation * random.normal());
         }
     }
 }
 
 impl<R: Lane> Network<R> {
-    /// A network that starts as a sphere of `radius`, as a fraction of the unit ball: f ≈ |x| −
-    /// radius.
+    /// A network that starts as a sphere about the centre of its ball: f ≈ |x| − `radius` in the
+    /// unit ball, with `radius` a fraction of the ball's radius.
     ///
-    /// Hidden layers see the plain coordinates only (the encoding's waves start with weight zero)
-    /// and are random with a variance that keeps lengths (Atzmon and Lipman 2020); their features
-    /// are functions that grow linearly from the origin, among which |x| is the rotationally
-    /// symmetric mean. Instead of taking that mean at infinite width, the last layer is the
-    /// least-squares fit of |x| − radius over the ball, which is closer at any width.
+    /// The geometric initialisation of Atzmon and Lipman, “SAL: Sign Agnostic Learning of Shapes
+    /// from Raw Data”, CVPR 2020: random hidden layers that keep lengths, and all weights of the
+    /// encoding's waves zero. The hidden layers' outputs then grow linearly from the origin. SAL
+    /// gives all of them the same weight in the last layer: their mean is a multiple of |x| at
+    /// infinite width. Here the last layer is the least-squares fit of |x| − `radius` over the unit
+    /// ball, which is closer at any width.
+    ///
+    /// The same `seed` gives the same network.
     pub fn geometric(
         architecture: Architecture,
         transform: Transform,
@@ -70,27 +83,7 @@ impl<R: Lane> Network<R> {
         let mut random = Random::new(seed);
         let mut network = Network::<f64>::zero(architecture.clone(), Transform::default(), 1.0);
         variance_preserving(&mut network.mlp, &mut random);
-        let (features, first) = (network.mlp.features, network.mlp.layers[0]);
-        let mlp = &mut network.mlp;
-        for layer in mlp.layers.clone() {
-            let own = if layer.start == first.start {
-                0
-            } else if layer.skip {
-                layer.inputs - features
-            } else {
-                layer.inputs
-            };
-            for row in 0..layer.outputs {
-                let row = layer.start + row * layer.inputs;
-                // Three columns carry what the variance was spread over.
-                if own == 0 {
-                    let gain = R::of((layer.inputs as f64 / 3.0).sqrt()).to_double();
-                    mlp.parameters[row..row + 3].iter_mut().for_each(|w| *w *= gain);
-                }
-                let waves = (own + 3).min(layer.inputs);
-                mlp.parameters[row + waves..row + layer.inputs].fill(0.0);
-            }
-        }
+        ignore_waves::<R>(&mut network.mlp);
         network.fit_last_layer(radius, &mut random);
         let mut out = Network::<R>::zero(architecture, transform, 1.0);
         let parameters: Vec<R> = network.mlp.parameters.iter().map(|p| R::of(*p)).collect();
@@ -99,18 +92,53 @@ impl<R: Lane> Network<R> {
     }
 }
 
+/// Sets the weights of the encoding's waves to zero in all layers.
+///
+/// In the first layer the three coordinates' weights then get the variance of all its columns.
+fn ignore_waves<R: Lane>(mlp: &mut Mlp<f64>) {
+    for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
+        let hidden = mlp.hidden_columns(l);
+        for row in 0..layer.outputs {
+            let row = layer.start + row * layer.inputs;
+            if hidden == 0 {
+                let gain = R::of((layer.inputs as f64 / 3.0).sqrt()).to_double();
+                mlp.parameters[row..row + 3].iter_mut().for_each(|w| *w *= gain);
+            }
+            let waves = (hidden + 3).min(layer.inputs);
+            mlp.parameters[row + waves..row + layer.inputs].fill(0.0);
+        }
+    }
+}
+
 /// Points that the last layer is fitted to.
 const FIT_POINTS: usize = 2048;
 
-/// Ridge of the fit, as a fraction of the mean diagonal: enough to keep unused features near zero.
+/// Ridge of the fit, as a fraction of the matrix's mean diagonal: it keeps the weights of unused
+/// features near zero.
 const RIDGE: f64 = 1e-4;
 
 impl Network<f64> {
-    /// Sets the last layer to the least-squares fit of |x| − radius.
+    /// Sets the last layer to the least-squares fit of |x| − `radius` over the unit ball.
     fn fit_last_layer(&mut self, radius: f64, random: &mut Random) {
         let Some(last) = self.mlp.layers.last().copied() else { return };
         let n = last.inputs + 1;
-        let (mut normal, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+        let (mut matrix, right) = self.normal_equations(last, radius, random);
+        let ridge = RIDGE * (0..n).map(|i| matrix[i * n + i]).sum::<f64>() / n as f64;
+        (0..n).for_each(|i| matrix[i * n + i] += ridge);
+        let solution = solve(&mut matrix, right);
+        self.mlp.parameters[last.start..].copy_from_slice(&solution);
+        self.mlp.repack();
+    }
+
+    /// The matrix and right-hand side of the fit's normal equations: weights first, then the bias.
+    fn normal_equations(
+        &mut self,
+        last: LayerShape,
+        radius: f64,
+        random: &mut Random,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let n = last.inputs + 1;
+        let (mut matrix, mut right) = (vec![0.0; n * n], vec![0.0; n]);
         self.mlp.repack();
         let mut scratch = self.mlp.scratch(false, false, false);
         for block in points_in_ball(FIT_POINTS, random).chunks(LANES) {
@@ -122,20 +150,29 @@ impl Network<f64> {
                 for i in 0..n {
                     right[i] += row[i] * target;
                     for j in 0..n {
-                        normal[i * n + j] += row[i] * row[j];
+                        matrix[i * n + j] += row[i] * row[j];
                     }
                 }
             }
         }
-        let ridge = RIDGE * (0..n).map(|i| normal[i * n + i]).sum::<f64>() / n as f64;
-        (0..n).for_each(|i| normal[i * n + i] += ridge);
-        let solution = solve(&mut normal, right);
-        self.mlp.parameters[last.start..].copy_from_slice(&solution);
-        self.mlp.repack();
+        (matrix, right)
     }
 }
 
-/// Solves a symmetric positive definite system by Cholesky's factorisation, in place.
+/// Points with uniform density in the unit ball.
+fn points_in_ball(count: usize, random: &mut Random) -> Vec<DVec3> {
+    let mut points = Vec::with_capacity(count);
+    while points.len() < count {
+        let p = DVec3::new(random.uniform(), random.uniform(), random.uniform()) * 2.0 - 1.0;
+        if p.length_squared() <= 1.0 {
+            points.push(p);
+        }
+    }
+    points
+}
+
+/// Solves a linear system with a symmetric positive definite `matrix` by Cholesky factorisation.
+/// The factor replaces the matrix.
 fn solve(matrix: &mut [f64], mut right: Vec<f64>) -> Vec<f64> {
     let n = right.len();
     for i in 0..n {

@@ -1,5 +1,5 @@
-//! Model files: safetensors with `layers.{i}.weight`, `layers.{i}.bias` and the architecture in the
-//! metadata.
+//! Model files: safetensors files with the tensors `layers.{i}.weight` and `layers.{i}.bias`, and
+//! the architecture in the metadata.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -12,40 +12,41 @@ use crate::math::Lane;
 use crate::mlp::Mlp;
 use crate::network::Network;
 
-/// Why a model file cannot be used.
+/// An error of reading or writing a model file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelError {
-    /// Not a safetensors file, or a damaged one.
-    #[error("no safetensors file ({0})")]
+    /// The data is not valid in the safetensors format.
+    #[error("invalid safetensors data: {0}")]
     Container(String),
-    /// A metadata string that is missing or makes no sense.
-    #[error("metadata \"{key}\" is {found:?}, expected {expected}")]
+    /// A metadata entry is missing or has a wrong value.
+    #[error("metadata entry \"{key}\" is {found:?}, expected {expected}")]
     Metadata {
-        /// The key.
+        /// The key of the entry.
         key: &'static str,
-        /// The string found.
+        /// The value in the file; empty if the entry is missing.
         found: String,
-        /// What it should be.
+        /// A description of valid values.
         expected: &'static str,
     },
-    /// A tensor that is missing, or has another shape or type than the architecture asks for.
+    /// A tensor is missing, has a wrong shape or type, or has elements that are not finite.
     #[error("tensor \"{name}\" is {found}, expected {expected}")]
     Tensor {
         /// The tensor's name.
         name: String,
-        /// What was found.
+        /// A description of the tensor in the file.
         found: String,
-        /// What was expected.
+        /// A description of a valid tensor.
         expected: String,
     },
 }
 
 type Result<T> = std::result::Result<T, ModelError>;
 
-/// Metadata strings of a file.
+/// The metadata entries of a file.
 struct Metadata(HashMap<String, String>);
 
 impl Metadata {
+    /// The value of an entry, without surrounding spaces.
     fn get(&self, key: &str) -> Option<&str> {
         self.0.get(key).map(|s| s.trim())
     }
@@ -54,7 +55,7 @@ impl Metadata {
         ModelError::Metadata { key, found: self.get(key).unwrap_or("").to_owned(), expected }
     }
 
-    /// A positive number; `default` where the key is absent.
+    /// A number above 0, or `default` if the entry is missing.
     fn positive(&self, key: &'static str, default: Option<f64>) -> Result<f64> {
         let number = self.get(key).map_or(default, |text| text.parse().ok());
         number
@@ -62,7 +63,7 @@ impl Metadata {
             .ok_or_else(|| self.error(key, "a number above 0"))
     }
 
-    /// Numbers separated by commas, in brackets or not; none where the key is absent.
+    /// Numbers separated by commas, with or without brackets. No numbers if the entry is missing.
     fn list<T: std::str::FromStr>(
         &self,
         key: &'static str,
@@ -143,7 +144,7 @@ impl Metadata {
     }
 }
 
-/// A file's tensors and metadata.
+/// An open file: its tensors and metadata.
 struct Model<'a> {
     tensors: SafeTensors<'a>,
     metadata: Metadata,
@@ -158,14 +159,15 @@ impl<'a> Model<'a> {
         Ok(Model { tensors, metadata })
     }
 
-    /// The shape and the numbers of a tensor of `rank` dimensions.
+    /// The shape and the elements of a tensor with `rank` dimensions.
     fn tensor(&self, name: &str, rank: usize) -> Result<(Vec<usize>, Vec<f64>)> {
         let error = |found: String, expected: &str| ModelError::Tensor {
             name: name.to_owned(),
             found,
             expected: expected.to_owned(),
         };
-        let view = self.tensors.tensor(name).map_err(|_| error("missing".to_owned(), "there"))?;
+        let view =
+            self.tensors.tensor(name).map_err(|_| error("missing".to_owned(), "a tensor"))?;
         if view.shape().len() != rank {
             return Err(error(
                 format!("of shape {:?}", view.shape()),
@@ -186,7 +188,7 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// The widths of the hidden layers, from the weights' shapes.
+    /// The widths of the hidden layers, from the shapes of the weights.
     fn hidden(&self) -> Result<Vec<usize>> {
         let mut widths = Vec::new();
         while self.tensors.tensor(&format!("layers.{}.weight", widths.len())).is_ok() {
@@ -206,7 +208,7 @@ impl<'a> Model<'a> {
         Ok(widths)
     }
 
-    /// Fills a network's parameters, checking every shape.
+    /// Reads the parameters of a perceptron and checks every shape.
     fn fill<R: Lane>(&self, mlp: &mut Mlp<R>) -> Result<()> {
         for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
             let parts = [
@@ -230,7 +232,7 @@ impl<'a> Model<'a> {
     }
 }
 
-/// The bytes of a file with a network's tensors, in single precision unless that loses bits.
+/// The bytes of a file with a perceptron's tensors, in the perceptron's precision.
 fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
     let single = size_of::<R>() == size_of::<f32>();
     let dtype = if single { Dtype::F32 } else { Dtype::F64 };
@@ -259,8 +261,10 @@ fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
     sorted(&bytes).map_err(|e| ModelError::Container(e.to_string()))
 }
 
-/// The same file with its header's entries in the order of their names: the container's own order
-/// is that of a hash map with a random seed, and equal models are to be equal files.
+/// The same file with the entries of its header sorted by name.
+///
+/// The `safetensors` crate writes them in the order of a hash map with a random seed. Sorted, equal
+/// models give equal files.
 fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
     const ALIGNMENT: usize = 8;
     let (length, rest) = bytes.split_at(size_of::<u64>());
@@ -272,11 +276,11 @@ fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
 }
 
 impl<R: Lane> Network<R> {
-    /// Reads a model file.
+    /// Reads a network from the bytes of a model file.
     ///
     /// # Errors
-    /// If it is no safetensors file, or its metadata and tensors do not describe a signed distance
-    /// network.
+    /// If `bytes` is no safetensors file, or its metadata and tensors do not describe a signed
+    /// distance network.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
         let model = Model::open(bytes)?;
         let metadata = &model.metadata;
@@ -295,10 +299,11 @@ impl<R: Lane> Network<R> {
         Ok(network)
     }
 
-    /// The bytes of a model file. Weights on octaves are folded into the tensors.
+    /// The bytes of a model file, in the network's precision. Octave weights are multiplied into
+    /// the tensors.
     ///
     /// # Errors
-    /// If the container cannot be made.
+    /// If the safetensors header cannot be made.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
         let a = &self.architecture;
         let mut metadata = Metadata::from_parts(a.encoding, a.activation, &self.transform, &a.skip);
@@ -307,16 +312,17 @@ impl<R: Lane> Network<R> {
     }
 }
 
-/// The metadata by which a radiance head is told from a distance.
+/// The metadata entry `inputs` of a radiance head; a signed distance network has none.
 const HEAD_INPUTS: &str = "position normal direction";
-/// How a head's outputs become radiance.
+/// The metadata entry `output` of a radiance head: the map from outputs to radiance.
 const HEAD_OUTPUT: &str = "sigmoid_squared";
 
 impl<R: Lane> RadianceHead<R> {
-    /// Reads a radiance head's file.
+    /// Reads a radiance head from the bytes of its file.
     ///
     /// # Errors
-    /// If it is no safetensors file, or its metadata and tensors do not describe a radiance head.
+    /// If `bytes` is no safetensors file, or its metadata and tensors do not describe a radiance
+    /// head.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
         let model = Model::open(bytes)?;
         let metadata = &model.metadata;
@@ -337,10 +343,11 @@ impl<R: Lane> RadianceHead<R> {
         Ok(head)
     }
 
-    /// The bytes of a radiance head's file. Weights on octaves are folded into the tensors.
+    /// The bytes of a radiance head's file, in its precision. Octave weights are multiplied into
+    /// the tensors.
     ///
     /// # Errors
-    /// If the container cannot be made.
+    /// If the safetensors header cannot be made.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
         let mut metadata =
             Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);

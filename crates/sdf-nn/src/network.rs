@@ -1,31 +1,29 @@
-//! The network as a signed distance field.
+//! A perceptron as a signed distance field.
 
 use field::{Field, Real, Sphere, Vector3};
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::kernel::{HALF, LANES};
 use crate::math::Lane;
 use crate::mlp::{Mlp, Scratch};
-use crate::simd::{Isa, Pass, Portable, dispatch};
+use crate::simd::{HALF, Isa, LANES, Pass, Portable, dispatch};
 
-/// A multilayer perceptron that is read as a signed distance: f(x) = r · net((x − c)/r)/scale, in
-/// world units.
+/// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
-/// It is defined inside the ball of its [`Transform`]; evaluation outside gives whatever the
-/// network gives there.
+/// c and r are the centre and radius of its [`Transform`]. f is meant for this ball only. Outside,
+/// evaluation works, but the values have no meaning.
 #[derive(Clone, Debug)]
 pub struct Network<R: Real> {
     pub(crate) architecture: Architecture,
     pub(crate) transform: Transform,
-    /// What the network's output is divided by.
+    /// Units of the perceptron's output per unit of distance in the unit ball.
     pub(crate) scale: f64,
     pub(crate) mlp: Mlp<R>,
     encoder: Encoder<R>,
 }
 
 impl<R: Lane> Network<R> {
-    /// A network whose weights are all zero.
+    /// A network whose parameters are all zero.
     pub(crate) fn zero(architecture: Architecture, transform: Transform, scale: f64) -> Self {
         let features = architecture.encoding.features();
         let mlp = Mlp::new(
@@ -39,12 +37,12 @@ impl<R: Lane> Network<R> {
         Network { architecture, transform, scale, mlp, encoder }
     }
 
-    /// The shape of the network.
+    /// The encoding, layers and activation.
     pub fn architecture(&self) -> &Architecture {
         &self.architecture
     }
 
-    /// The map from world space to the network's own.
+    /// The map from world space to the unit ball.
     pub fn transform(&self) -> &Transform {
         &self.transform
     }
@@ -57,36 +55,38 @@ impl<R: Lane> Network<R> {
     /// Sets all parameters.
     ///
     /// # Panics
-    /// If their number is not that of the network.
+    /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
         self.mlp.parameters.copy_from_slice(parameters);
         self.mlp.repack();
     }
 
-    /// Sets a weight in [0, 1] on every octave of the encoding, for training from coarse to fine; 1
-    /// at first.
+    /// Sets the weight, in [0, 1], of every octave of the encoding, for training from coarse to
+    /// fine. A new network has weights 1.
     ///
-    /// The weights are part of the function: a saved file has them folded into its tensors.
+    /// The weights are part of f. A saved file has no entry for them: they are multiplied into its
+    /// tensors.
     ///
     /// # Panics
-    /// If their number is not that of the encoding's octaves.
+    /// If `weights` does not have one element for each octave.
     pub fn set_band_weights(&mut self, weights: &[R]) {
-        assert_eq!(weights.len(), self.architecture.encoding.bands(), "weights of octaves");
+        assert_eq!(weights.len(), self.architecture.encoding.bands(), "number of octave weights");
         self.mlp.set_window(Encoder::window(weights));
     }
 
-    /// World units of f per unit of the network's output.
+    /// World units of f per unit of the perceptron's output.
     fn output_factor(&self) -> R {
         R::of(self.transform.radius / self.scale)
     }
 
-    /// One block's forward sweep, without the widest instructions: for initialisation.
+    /// Forward sweep of one block with portable instructions, so that initial weights do not depend
+    /// on the machine's vector instructions.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<Portable>(x, &mut s.features[0]);
         self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
-    /// One block's value and gradient: the plain backward sweep.
+    /// Value and gradient of one block: a forward and a backward sweep.
     #[inline(always)]
     fn block_gradient<I: Isa, const N: usize>(
         &self,
@@ -103,13 +103,15 @@ impl<R: Lane> Network<R> {
         }
         s.output[0][0].0 = [R::one(); LANES];
         self.mlp.backward::<I, N, false, false>(s);
-        let g = self.encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], factor);
+        let g = self.encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], factor);
         for (l, gradient) in gradient.iter_mut().enumerate() {
             *gradient = lane(&g, l);
         }
     }
 
-    /// One block's forward sweep with tangents along `p`, and the backward sweep of α f + p·∇f.
+    /// Forward sweep of one block with tangents along `p`, and the backward sweep of α f + p·∇f.
+    ///
+    /// Without `alpha`, α is 0.
     #[inline(always)]
     fn block_tangent<I: Isa, const N: usize, const WEIGHTS: bool>(
         &self,
@@ -121,10 +123,10 @@ impl<R: Lane> Network<R> {
         let factor = self.output_factor();
         self.encoder.encode::<I>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
-        self.encoder.tangent::<I>(p, features, tangent);
+        self.encoder.encode_jvp::<I>(p, features, tangent);
         self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {
-            // Lanes without a point have no weight in the sums.
+            // Lanes without a point must not add to the parameters' gradient.
             let on = !WEIGHTS || l < x.len();
             s.output[0][0].0[l] = alpha.get(l).map_or(R::zero(), |a| *a * factor);
             s.output[1][0].0[l] = if on { factor } else { R::zero() };
@@ -162,11 +164,12 @@ impl<R: Lane> Field<R> for Network<R> {
     }
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
-        assert_eq!(adjoint.len(), self.parameter_count(), "parameters");
+        assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
         dispatch(ParameterVjp { network: self, x, alpha, c, adjoint });
     }
 }
 
+/// The pass of [`Field::value`].
 struct Value<'a, R: Real> {
     network: &'a Network<R>,
     x: &'a [R::Vec3],
@@ -192,6 +195,7 @@ impl<R: Lane> Pass for Value<'_, R> {
     }
 }
 
+/// The pass of [`Field::value_gradient`].
 struct ValueGradient<'a, R: Real> {
     network: &'a Network<R>,
     x: &'a [R::Vec3],
@@ -214,6 +218,7 @@ impl<R: Lane> Pass for ValueGradient<'_, R> {
     }
 }
 
+/// The pass of [`Field::hessian_vector`].
 struct HessianVector<'a, R: Real> {
     network: &'a Network<R>,
     x: &'a [R::Vec3],
@@ -236,11 +241,11 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
             } else {
                 self.network.block_tangent::<I, LANES, false>(x, p, &[], &mut s);
             }
-            // The outputs' adjoints already carry the factor.
-            let g = encoder.pull_back::<I>(&s.features[0], &s.adjoint[1], R::one());
-            let mut h = encoder.pull_back::<I>(&s.features[0], &s.adjoint[0], R::one());
+            // The adjoints of the outputs already include the output factor, so it is 1 here.
+            let g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
+            let mut h = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
             let [features, tangent] = &s.features;
-            encoder.pull_back_curve::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
+            encoder.add_vjp_of_jvp::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
             for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
                 *gradient = lane(&g, l);
                 *product = lane(&h, l);
@@ -249,6 +254,7 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
     }
 }
 
+/// The pass of [`Field::parameter_vjp`].
 struct ParameterVjp<'a, R: Real> {
     network: &'a Network<R>,
     x: &'a [R::Vec3],
@@ -279,16 +285,17 @@ mod tests {
     use crate::architecture::{Activation, Encoding};
     use crate::simd::dispatch_all;
 
-    struct All<'a> {
+    /// All passes over the same points; their results in one vector.
+    struct AllPasses<'a> {
         network: &'a Network<f32>,
         x: &'a [Vec3],
         results: &'a RefCell<Vec<Vec<f32>>>,
     }
 
-    impl Pass for All<'_> {
+    impl Pass for AllPasses<'_> {
         #[inline(always)]
         fn run<I: Isa>(self) {
-            let All { network, x, results } = self;
+            let AllPasses { network, x, results } = self;
             let (mut f, mut g, mut h) =
                 (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
             let mut theta = vec![0.0; network.parameter_count()];
@@ -304,8 +311,8 @@ mod tests {
         }
     }
 
-    /// The order of sums is the same with all vectors: those with fused multiply–adds agree to the
-    /// bit.
+    /// All instruction sets add in the same order, so those with fused multiply–add give the same
+    /// bits.
     #[test]
     fn instruction_sets_agree() {
         for (width, skip, encoding) in [
@@ -322,20 +329,23 @@ mod tests {
             let mut names = Vec::new();
             dispatch_all(|name| {
                 names.push(name);
-                All { network: &network, x: &x, results: &results }
+                AllPasses { network: &network, x: &x, results: &results }
             });
             let results = results.into_inner();
-            let portable = results.last().unwrap_or_else(|| panic!("no results"));
+            let portable = results.last().unwrap_or_else(|| panic!("no instruction set ran"));
             for (result, name) in results.iter().zip(&names) {
                 for (a, b) in result.iter().zip(portable) {
                     let scale = b.abs().max(1.0);
-                    assert!((a - b).abs() < 1e-3 * scale, "{name}: {a} against {b}");
+                    assert!(
+                        (a - b).abs() < 1e-3 * scale,
+                        "{name} gives {a}, portable instructions {b}"
+                    );
                 }
             }
             if let ["AVX-512", "AVX2", ..] = names[..] {
                 assert!(
                     results[0].iter().zip(&results[1]).all(|(a, b)| a.to_bits() == b.to_bits()),
-                    "bits differ"
+                    "AVX-512 and AVX2 give different bits"
                 );
             }
         }

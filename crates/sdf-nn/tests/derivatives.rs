@@ -1,14 +1,13 @@
-//! The hand-written sweeps against a plain perceptron on nested dual numbers, and against
-//! differences.
+//! Hand-written derivatives against dual numbers through a plain perceptron, and against finite
+//! differences. Model files and inputs that are not finite.
 
 use approx::assert_relative_eq;
-use field::{Dual, Field, Scalar};
-use field::{SurfaceAdjoint, SurfaceBatch};
+use field::{Dual, Field, Scalar, SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
 
-/// σ in any arithmetic.
+/// σ(z) in the number type `S`.
 fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
     let constant = S::constant;
     match activation {
@@ -21,7 +20,7 @@ fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
     }
 }
 
-/// The perceptron written straight from the model file's definition.
+/// f(x) from the definition of the model file, in the number type `S`.
 fn reference<S: Scalar<Real = f64>>(
     a: &Architecture,
     t: &Transform,
@@ -79,18 +78,24 @@ fn architecture() -> impl Strategy<Value = Architecture> {
     })
 }
 
+/// A small architecture with two octaves.
+fn small(activation: Activation) -> Architecture {
+    let encoding = Encoding::Frequency { bands: 2 };
+    Architecture { encoding, hidden: vec![8, 8], skip: vec![], activation }
+}
+
 const TRANSFORM: Transform = Transform { center: DVec3::new(0.2, -0.1, 0.3), radius: 1.7 };
 
-/// A network with random weights everywhere, the last layer and the biases included.
+/// A network with random parameters, also in the last layer and the biases.
 fn network(a: &Architecture, seed: u64) -> Network<f64> {
     let mut network = Network::<f64>::geometric(a.clone(), TRANSFORM, 0.5, seed);
-    let shaken: Vec<f64> = network
+    let random: Vec<f64> = network
         .parameters()
         .iter()
         .enumerate()
         .map(|(i, p)| p * 0.5 + 0.3 * (i as f64 * 1.7 + seed as f64).sin())
         .collect();
-    network.set_parameters(&shaken);
+    network.set_parameters(&random);
     network
 }
 
@@ -106,7 +111,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn sweeps_match_dual_numbers(a in architecture(), seed in 0u64..1000, p in prop::array::uniform3(-1.0..1.0f64), n in 1usize..20) {
+    fn spatial_derivatives_match_dual_numbers(
+        a in architecture(),
+        seed in 0u64..1000,
+        p in prop::array::uniform3(-1.0..1.0f64),
+        n in 1usize..20,
+    ) {
         let network = network(&a, seed);
         let (x, p) = (points(n), DVec3::from(p));
         let (mut value, mut f, mut g) = (vec![0.0; n], vec![0.0; n], vec![DVec3::ZERO; n]);
@@ -118,21 +128,36 @@ proptest! {
             let at: [_; 3] = std::array::from_fn(|c| {
                 Dual::<Dual<f64, 1>, 3>::variable(Dual { value: x[i][c], d: [p[c]] }, c)
             });
-            let parameters: Vec<_> = network.parameters().iter().map(|v| Dual::constant(*v)).collect();
+            let parameters: Vec<_> =
+                network.parameters().iter().map(|v| Dual::constant(*v)).collect();
             let y = reference(&a, &TRANSFORM, &parameters, at);
             let close = |got: f64, want: f64| (got - want).abs() <= 1e-10 * (1.0 + want.abs());
-            prop_assert!(close(value[i], y.value.value), "{} against {}", value[i], y.value.value);
-            prop_assert!(close(f[i], y.value.value));
+            let want = y.value.value;
+            prop_assert!(close(value[i], want), "value {}, dual numbers give {want}", value[i]);
+            prop_assert!(close(f[i], want));
             for c in 0..3 {
-                prop_assert!(close(g[i][c], y.d[c].value), "{a:?}: gradient {} against {}", g[i][c], y.d[c].value);
-                prop_assert!(close(g2[i][c], y.d[c].value));
-                prop_assert!(close(hp[i][c], y.d[c].d[0]), "{a:?}: Hp {} against {}", hp[i][c], y.d[c].d[0]);
+                let (slope, product) = (y.d[c].value, y.d[c].d[0]);
+                prop_assert!(
+                    close(g[i][c], slope),
+                    "{a:?}: gradient {}, dual numbers give {slope}",
+                    g[i][c]
+                );
+                prop_assert!(close(g2[i][c], slope));
+                prop_assert!(
+                    close(hp[i][c], product),
+                    "{a:?}: Hessian–vector product {}, dual numbers give {product}",
+                    hp[i][c]
+                );
             }
         }
     }
 
     #[test]
-    fn parameter_vjp_matches_dual_numbers(a in architecture(), seed in 0u64..1000, n in 1usize..20) {
+    fn parameter_vjp_matches_dual_numbers(
+        a in architecture(),
+        seed in 0u64..1000,
+        n in 1usize..20,
+    ) {
         let network = network(&a, seed);
         let x = points(n);
         let alpha: Vec<f64> = (0..n).map(|i| (i as f64 + 0.5).cos()).collect();
@@ -142,13 +167,24 @@ proptest! {
         for j in (0..adjoint.len()).step_by(1 + adjoint.len() / 40) {
             let mut want = 0.0;
             for i in 0..n {
-                let at = std::array::from_fn(|k| Dual::<Dual<f64, 1>, 1>::lift(Dual { value: x[i][k], d: [c[i][k]] }));
-                let parameters: Vec<_> = network.parameters().iter().enumerate()
-                    .map(|(k, v)| Dual { value: Dual::lift(*v), d: [Dual::lift(f64::from(u8::from(k == j)))] }).collect();
+                let at = std::array::from_fn(|k| {
+                    Dual::<Dual<f64, 1>, 1>::lift(Dual { value: x[i][k], d: [c[i][k]] })
+                });
+                let seed = |k: usize| [Dual::lift(f64::from(u8::from(k == j)))];
+                let parameters: Vec<_> = network
+                    .parameters()
+                    .iter()
+                    .enumerate()
+                    .map(|(k, v)| Dual { value: Dual::lift(*v), d: seed(k) })
+                    .collect();
                 let y = reference(&a, &TRANSFORM, &parameters, at).d[0];
                 want += alpha[i] * y.value + y.d[0];
             }
-            prop_assert!((adjoint[j] - want).abs() <= 1e-9 * (1.0 + want.abs()), "{a:?}: parameter {j}: {} against {want}", adjoint[j]);
+            prop_assert!(
+                (adjoint[j] - want).abs() <= 1e-9 * (1.0 + want.abs()),
+                "{a:?}: adjoint of parameter {j} is {}, dual numbers give {want}",
+                adjoint[j]
+            );
         }
     }
 
@@ -167,12 +203,19 @@ proptest! {
     }
 
     #[test]
-    fn octave_weights_and_files_mean_the_same_function(a in architecture(), seed in 0u64..1000, w in 0.0..1.0f64) {
+    fn a_file_keeps_the_function_with_its_octave_weights(
+        a in architecture(),
+        seed in 0u64..1000,
+        w in 0.0..1.0f64,
+    ) {
         let mut network = network(&a, seed);
         let bands = a.encoding.bands();
         network.set_band_weights(&vec![w; bands]);
         let bytes = network.to_safetensors().unwrap();
-        prop_assert!(bytes == network.to_safetensors().unwrap(), "equal models are equal files");
+        prop_assert!(
+            bytes == network.to_safetensors().unwrap(),
+            "two files of one model differ"
+        );
         let again = Network::<f64>::from_safetensors(&bytes).unwrap();
         let x = points(5);
         let (mut f, mut g) = ([0.0; 5], [0.0; 5]);
@@ -181,7 +224,7 @@ proptest! {
         for i in 0..5 {
             assert_relative_eq!(f[i], g[i], epsilon = 1e-12, max_relative = 1e-12);
         }
-        // The parameters' gradient knows of the window.
+        // The parameter VJP takes the octave weights into account.
         let mut adjoint = vec![0.0; network.parameter_count()];
         network.parameter_vjp(&x[..1], &[1.0], &[DVec3::ZERO], &mut adjoint);
         let (j, h) = (3 + adjoint.len() / 7, 1e-6);
@@ -193,12 +236,20 @@ proptest! {
             f[0]
         };
         let difference = (moved(h) - moved(-h)) / (2.0 * h);
-        prop_assert!((adjoint[j] - difference).abs() < 1e-5 * (1.0 + difference.abs()), "{} against {difference}", adjoint[j]);
+        prop_assert!(
+            (adjoint[j] - difference).abs() < 1e-5 * (1.0 + difference.abs()),
+            "adjoint of parameter {j} is {}, the finite difference {difference}",
+            adjoint[j]
+        );
     }
 
     #[test]
-    fn damaged_files_are_refused_without_panic(at in 0usize..4000, byte in any::<u8>(), cut in 0usize..4000) {
-        let a = Architecture { encoding: Encoding::Frequency { bands: 2 }, hidden: vec![8, 8], skip: vec![], activation: Activation::Relu };
+    fn damaged_files_do_not_panic_and_truncated_ones_are_errors(
+        at in 0usize..4000,
+        byte in any::<u8>(),
+        cut in 0usize..4000,
+    ) {
+        let a = small(Activation::Relu);
         let bytes = network(&a, 1).to_safetensors().unwrap();
         let mut damaged = bytes.clone();
         let at = at % bytes.len();
@@ -208,23 +259,31 @@ proptest! {
     }
 
     #[test]
-    fn poison_comes_through(poison in prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY]), i in 0usize..3) {
-        for activation in [Activation::Softplus { beta: 100.0 }, Activation::Sine { omega: 30.0 }, Activation::Relu] {
-            let a = Architecture { encoding: Encoding::Frequency { bands: 2 }, hidden: vec![8, 8], skip: vec![], activation };
-            let network = Network::<f32>::geometric(a, Transform::default(), 0.5, 3);
+    fn points_that_are_not_finite_give_nan(
+        coordinate in prop::sample::select(vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY]),
+        i in 0usize..3,
+    ) {
+        for activation in [
+            Activation::Softplus { beta: 100.0 },
+            Activation::Sine { omega: 30.0 },
+            Activation::Relu,
+        ] {
+            let network =
+                Network::<f32>::geometric(small(activation), Transform::default(), 0.5, 3);
             let mut x = Vec3::new(0.1, 0.2, 0.3);
-            x[i] = poison;
+            x[i] = coordinate;
             let (mut f, mut g, mut h) = ([0.0], [Vec3::ZERO], [Vec3::ZERO]);
             network.value(&[x], &mut f);
-            prop_assert!(f[0].is_nan(), "{activation:?}: {}", f[0]);
+            prop_assert!(f[0].is_nan(), "{activation:?}: the value is {}", f[0]);
             network.hessian_vector(&[x], &[Vec3::X], &mut g, &mut h);
-            network.parameter_vjp(&[x], &[1.0], &[Vec3::X], &mut vec![0.0; network.parameters().len()]);
+            let mut adjoint = vec![0.0; network.parameters().len()];
+            network.parameter_vjp(&[x], &[1.0], &[Vec3::X], &mut adjoint);
         }
     }
 }
 
 #[test]
-fn the_initial_network_is_a_sphere() {
+fn geometric_initialisation_is_close_to_a_sphere() {
     for (width, bands, beta) in [(64, 6, 100.0), (32, 0, 100.0), (128, 4, 30.0)] {
         let a = Architecture {
             encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
@@ -241,21 +300,21 @@ fn the_initial_network_is_a_sphere() {
         network.value_gradient(&world, &mut f, &mut g);
         let error = |i: usize| (f[i] - 2.0 * (x[i].length() - 0.5)).abs() / 2.0;
         let average = (0..x.len()).map(error).sum::<f64>() / x.len() as f64;
-        assert!(average < 0.05, "width {width}: f is off by {average} of the radius on average");
-        // Few random features leave a direction or two badly covered; the widths that fits use do
-        // not.
+        assert!(average < 0.05, "width {width}: mean error of f {average} ball radii");
+        // Few random features can leave single directions badly covered. From width 64 on, the
+        // limit is tighter.
         let worst = (0..x.len()).map(error).fold(0.0, f64::max);
         assert!(
             worst < if width < 64 { 0.2 } else { 0.1 },
-            "width {width}: f is off by {worst} of the radius"
+            "width {width}: largest error of f {worst} ball radii"
         );
         let mean = g.iter().map(|g| (g.length() - 1.0).abs()).sum::<f64>() / g.len() as f64;
-        assert!(mean < 0.1, "width {width}: |∇f| strays by {mean} on average");
+        assert!(mean < 0.1, "width {width}: mean error of |∇f| {mean}");
     }
 }
 
 #[test]
-fn single_precision_follows_double() {
+fn single_precision_agrees_with_double_precision() {
     let a = Architecture {
         encoding: Encoding::Frequency { bands: 6 },
         hidden: vec![64; 3],
@@ -275,65 +334,77 @@ fn single_precision_follows_double() {
         assert_relative_eq!(f64::from(f32s[i]), f[i], epsilon = 2e-4, max_relative = 2e-4);
         assert!(
             (g32s[i].as_dvec3() - g[i]).length() < 5e-3 * (1.0 + g[i].length()),
-            "{} against {}",
+            "gradient {} in single precision, {} in double precision",
             g32s[i],
             g[i]
         );
     }
 }
 
-#[test]
-fn the_heads_adjoints_match_differences() {
+type Inputs = [Vec<DVec3>; 3];
+
+/// Σ_i adjoint_i · RGB_i of a head at points, normals and directions.
+fn total(head: &RadianceHead<f64>, inputs: &Inputs, adjoint: &[DVec3]) -> f64 {
+    let mut rgb = vec![DVec3::ZERO; adjoint.len()];
+    let [x, normal, direction] = inputs;
+    head.radiance(&SurfaceBatch { x, normal, direction }, &mut rgb);
+    assert!(rgb.iter().all(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0));
+    rgb.iter().zip(adjoint).map(|(c, a)| c.dot(*a)).sum::<f64>()
+}
+
+fn assert_close(adjoint: f64, f: impl Fn(f64) -> f64) {
+    let h = 1e-6;
+    let difference = (f(h) - f(-h)) / (2.0 * h);
+    assert_relative_eq!(adjoint, difference, epsilon = 1e-7, max_relative = 1e-5);
+}
+
+/// A radiance head with random parameters, also in the last layer and the biases.
+fn head(activation: Activation) -> RadianceHead<f64> {
     let encoding = Encoding::Frequency { bands: 3 };
+    let mut head = RadianceHead::<f64>::new(encoding, vec![13, 9], activation, TRANSFORM, 3);
+    let random: Vec<f64> =
+        head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
+    head.set_parameters(&random);
+    head
+}
+
+#[test]
+fn adjoints_of_the_head_match_finite_differences() {
     for activation in [Activation::Softplus { beta: 5.0 }, Activation::Relu] {
-        let head = RadianceHead::<f64>::new(encoding, vec![13, 9], activation, TRANSFORM, 3);
-        let mut head = head;
-        let shaken: Vec<f64> =
-            head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
-        head.set_parameters(&shaken);
+        let head = head(activation);
         let n = 18;
-        let (x, normal, d) = (points(n), points(n + 1)[1..].to_vec(), points(n + 2)[2..].to_vec());
-        let adjoint = points(n + 5)[5..].to_vec();
-        let total = |head: &RadianceHead<f64>, x: &[DVec3], normal: &[DVec3], d: &[DVec3]| {
-            let mut rgb = vec![DVec3::ZERO; n];
-            let direction = d;
-            head.radiance(&SurfaceBatch { x, normal, direction }, &mut rgb);
-            assert!(rgb.iter().all(|c| c.min_element() >= 0.0 && c.max_element() <= 1.0));
-            rgb.iter().zip(&adjoint).map(|(c, a)| c.dot(*a)).sum::<f64>()
-        };
-        let (mut bars, mut theta) = (SurfaceAdjoint::zeros(n), vec![0.0; head.parameters().len()]);
-        let batch = SurfaceBatch { x: &x, normal: &normal, direction: &d };
-        head.vjp(&batch, &adjoint, &mut bars, &mut theta);
-        let h = 1e-6;
-        for (input, bar) in [&bars.x, &bars.normal, &bars.direction].into_iter().enumerate() {
+        let inputs = [points(n), points(n + 1)[1..].to_vec(), points(n + 2)[2..].to_vec()];
+        let rgb_adjoint = points(n + 5)[5..].to_vec();
+        let (mut surface, mut theta) =
+            (SurfaceAdjoint::zeros(n), vec![0.0; head.parameters().len()]);
+        let [x, normal, direction] = &inputs;
+        let batch = SurfaceBatch { x, normal, direction };
+        head.vjp(&batch, &rgb_adjoint, &mut surface, &mut theta);
+        let adjoints = [&surface.x, &surface.normal, &surface.direction];
+        for (input, adjoint) in adjoints.into_iter().enumerate() {
             for c in 0..3 {
-                let moved = |h: f64| {
-                    let mut inputs = [x.clone(), normal.clone(), d.clone()];
+                assert_close(adjoint[7][c], |h| {
+                    let mut inputs = inputs.clone();
                     inputs[input][7][c] += h;
-                    total(&head, &inputs[0], &inputs[1], &inputs[2])
-                };
-                assert_relative_eq!(
-                    bar[7][c],
-                    (moved(h) - moved(-h)) / (2.0 * h),
-                    epsilon = 1e-7,
-                    max_relative = 1e-5
-                );
+                    total(&head, &inputs, &rgb_adjoint)
+                });
             }
         }
         for j in (0..theta.len()).step_by(7) {
-            let moved = |h: f64| {
+            assert_close(theta[j], |h| {
                 let (mut head, mut p) = (head.clone(), head.parameters().to_vec());
                 p[j] += h;
                 head.set_parameters(&p);
-                total(&head, &x, &normal, &d)
-            };
-            assert_relative_eq!(
-                theta[j],
-                (moved(h) - moved(-h)) / (2.0 * h),
-                epsilon = 1e-7,
-                max_relative = 1e-5
-            );
+                total(&head, &inputs, &rgb_adjoint)
+            });
         }
+    }
+}
+
+#[test]
+fn a_file_of_a_head_keeps_its_parameters_and_is_no_network() {
+    for activation in [Activation::Softplus { beta: 5.0 }, Activation::Relu] {
+        let head = head(activation);
         let again = RadianceHead::<f64>::from_safetensors(&head.to_safetensors().unwrap()).unwrap();
         assert_eq!(again.parameters(), head.parameters());
         assert!(Network::<f64>::from_safetensors(&head.to_safetensors().unwrap()).is_err());

@@ -1,5 +1,7 @@
-//! What the machine can do, and what of it every pass of the network uses: a table on standard
-//! error, JSON on standard output. `cargo xtask bench` runs it and sets whole programs beside it.
+//! The machine's peak of fused multiply–adds, and the part of it that every pass of a network
+//! reaches: a table on standard error, JSON on standard output.
+//!
+//! `cargo xtask bench` runs it, and measures whole programs too.
 
 mod passes;
 mod peak;
@@ -9,20 +11,20 @@ use serde::Serialize;
 use passes::PassResult;
 use peak::Peak;
 
-/// That of the binary: what is measured here allocates as it does there.
+/// The allocator of the binary, so that the passes allocate as they do there.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 #[derive(Serialize)]
 struct Machine {
-    /// Fused multiply–adds in registers alone, one core, single precision.
+    /// Fused multiply–adds on registers only: one core, single precision.
     peak: Peak,
     passes: Vec<PassResult>,
 }
 
 fn main() -> serde_json::Result<()> {
     let peak = Peak::measure();
-    eprintln!("{:.0} GFLOP/s at most on one core ({})\n", peak.gflops, peak.instructions);
+    eprintln!("peak of one core: {:.0} GFLOP/s ({})\n", peak.gflops, peak.instructions);
     eprintln!("| network | pass | M points/s | GFLOP/s | of the peak | two threads over one |");
     eprintln!("|---|---|---|---|---|---|");
     let passes = passes::measure(&peak);

@@ -1,4 +1,4 @@
-//! Passes of networks as parts of the machine's peak.
+//! The throughput of network passes, in points per second and as a part of the machine's peak.
 
 use std::time::Instant;
 
@@ -15,31 +15,33 @@ pub(crate) struct PassResult {
     network: String,
     pass: &'static str,
     points_per_second: f64,
-    /// Of matrix work alone.
+    /// Matrix work only.
     gflops: f64,
     percent_of_peak: f64,
     two_threads_over_one: f64,
 }
 
+/// Points of a batch.
 const POINTS: usize = 8192;
 
-/// A measurement lasts so long at least; the best of `TRIES` counts.
+/// The least duration of one measurement, in seconds.
 const SECONDS: f64 = 0.15;
+/// The number of measurements; the fastest counts.
 const TRIES: usize = 10;
 
 type Work<'a> = &'a (dyn Fn(&[Vec3]) + Sync);
 
-/// Points a second of `work` over chunks of points on `threads` threads.
+/// Points per second of `work`, with the points split over `threads` threads.
 fn rate(points: &[Vec3], threads: usize, work: Work<'_>) -> f64 {
-    let each = points.len() / threads;
+    let per_thread = points.len() / threads;
     let run = || {
         let (start, mut rounds) = (Instant::now(), 0);
         while start.elapsed().as_secs_f64() < SECONDS {
             std::thread::scope(|scope| {
-                for part in points.chunks(each).skip(1) {
+                for part in points.chunks(per_thread).skip(1) {
                     scope.spawn(move || (0..ROUNDS).for_each(|_| work(part)));
                 }
-                (0..ROUNDS).for_each(|_| work(&points[..each]));
+                (0..ROUNDS).for_each(|_| work(&points[..per_thread]));
             });
             rounds += ROUNDS;
         }
@@ -48,10 +50,10 @@ fn rate(points: &[Vec3], threads: usize, work: Work<'_>) -> f64 {
     (0..TRIES).map(|_| run()).fold(0.0, f64::max)
 }
 
-/// Passes between two looks at the clock: starting a thread is not what is measured.
+/// Passes for each start of the threads: the time to start a thread must not count.
 const ROUNDS: usize = 8;
 
-/// Measures and prints.
+/// Measures all passes and prints a table row for each.
 pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
     let points: Vec<Vec3> = (0..POINTS)
         .map(|i| Vec3::new((i as f32).sin(), (1.3 * i as f32).cos(), 0.2) * 0.7)
@@ -60,7 +62,6 @@ pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
     for (width, layers) in [(64, 3), (64, 4), (256, 8)] {
         let net = network(width, layers);
         let name = format!("{layers} × {width}, 6 octaves");
-        // 1×, 2×, 4× and 6× of the value pass.
         let value = |x: &[Vec3]| net.value(x, &mut vec![0.0; x.len()]);
         let gradient = |x: &[Vec3]| {
             net.value_gradient(x, &mut vec![0.0; x.len()], &mut vec![Vec3::ZERO; x.len()])
@@ -82,9 +83,10 @@ pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
             ("Hessian–vector", 4.0, &hessian),
             ("parameter VJP", 6.0, &parameters),
         ];
-        for (pass, times, work) in passes {
+        // The factor is the matrix work in value passes.
+        for (pass, factor, work) in passes {
             let (one, two) = (rate(&points, 1, work), rate(&points, 2, work));
-            let gflops = one * times * 2.0 * multiply_adds(width, layers) as f64 / 1e9;
+            let gflops = one * factor * 2.0 * multiply_adds(width, layers) as f64 / 1e9;
             let result = PassResult {
                 network: name.clone(),
                 pass,
@@ -105,7 +107,7 @@ pub(crate) fn measure(peak: &Peak) -> Vec<PassResult> {
     results
 }
 
-/// Weights of the network's matrices.
+/// The number of weights: multiply–adds for each point of a value pass.
 fn multiply_adds(width: usize, layers: usize) -> usize {
     FEATURES * width + (layers - 1) * width * width + width
 }

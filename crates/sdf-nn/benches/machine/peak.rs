@@ -1,7 +1,7 @@
-//! The most fused multiply–adds that one core does, measured.
+//! Measures the peak of fused multiply–adds of one core.
 #![allow(
     unsafe_code,
-    reason = "functions compiled for instructions that were checked for at run time"
+    reason = "calls of functions compiled for instructions that were detected at run time"
 )]
 
 use std::hint::black_box;
@@ -16,36 +16,40 @@ pub(crate) struct Peak {
     pub(crate) gflops: f64,
 }
 
-/// Independent chains: enough for a latency of 4 cycles and two units.
+/// Independent sums: a latency of 4 cycles and two units need at least 8.
 const CHAINS: usize = 16;
 
+/// Rounds of one measurement.
 const ROUNDS: u64 = 10_000_000;
 
-/// The best of so many tries counts.
+/// The number of measurements; the fastest counts.
 const TRIES: usize = 5;
 
 impl Peak {
-    /// Measures with the widest instructions there are.
+    /// Measures with the widest vectors of this machine.
     pub(crate) fn measure() -> Peak {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") {
-                // SAFETY: the instructions are present.
-                return Peak { instructions: "AVX-512", gflops: best(16, || unsafe { avx512() }) };
+                let run = || {
+                    // SAFETY: AVX-512 F was detected.
+                    unsafe { avx512() }
+                };
+                return Peak { instructions: "AVX-512", gflops: best(16, run) };
             }
             if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                // SAFETY: the instructions are present.
-                return Peak {
-                    instructions: "AVX2 and FMA",
-                    gflops: best(8, || unsafe { avx2() }),
+                let run = || {
+                    // SAFETY: AVX2 and FMA were detected.
+                    unsafe { avx2() }
                 };
+                return Peak { instructions: "AVX2 and FMA", gflops: best(8, run) };
             }
         }
         Peak { instructions: "portable", gflops: best(4, portable) }
     }
 }
 
-/// GFLOP/s of a function that does `ROUNDS` rounds of `CHAINS` multiply–adds on registers of
+/// GFLOP/s of a function that runs `ROUNDS` rounds of `CHAINS` multiply–adds on registers of
 /// `lanes` numbers.
 fn best(lanes: usize, run: impl Fn() -> f32) -> f64 {
     let seconds = (0..TRIES).map(|_| {
@@ -57,6 +61,10 @@ fn best(lanes: usize, run: impl Fn() -> f32) -> f64 {
     operations / seconds.fold(f64::INFINITY, f64::min) / 1e9
 }
 
+/// `ROUNDS` × `CHAINS` multiply–adds of 16 numbers.
+///
+/// # Safety
+/// The machine must have AVX-512 F.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f")]
 unsafe fn avx512() -> f32 {
@@ -73,6 +81,10 @@ unsafe fn avx512() -> f32 {
     )
 }
 
+/// `ROUNDS` × `CHAINS` multiply–adds of 8 numbers.
+///
+/// # Safety
+/// The machine must have AVX2 and FMA.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn avx2() -> f32 {
@@ -80,7 +92,7 @@ unsafe fn avx2() -> f32 {
         _mm_cvtss_f32, _mm256_add_ps, _mm256_castps256_ps128, _mm256_fmadd_ps, _mm256_set1_ps,
     };
     let (a, b) = (_mm256_set1_ps(black_box(0.999_999)), _mm256_set1_ps(black_box(1e-7)));
-    // Sixteen registers are all there are: twelve chains leave room for the constants.
+    // AVX2 has 16 registers: 12 sums leave room for the constants.
     let mut sums = [_mm256_set1_ps(1.0); 12];
     for _ in 0..ROUNDS * CHAINS as u64 / 12 {
         for sum in &mut sums {
@@ -92,7 +104,7 @@ unsafe fn avx2() -> f32 {
     ))
 }
 
-/// Multiplications and additions, apart where they are not one instruction.
+/// `ROUNDS` × `CHAINS` multiply–adds of 4 numbers, fused only where that is one instruction.
 fn portable() -> f32 {
     let (a, b) = (black_box(0.999_999), black_box(1e-7));
     let mut sums = [[1.0f32; 4]; CHAINS];

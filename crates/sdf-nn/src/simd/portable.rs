@@ -1,46 +1,43 @@
-//! The inner loops: blocks of points as rows of lanes, multiplied by packed weights.
-//!
-//! Everything here is `#[inline(always)]` so that it is compiled once for each instruction set by
-//! [`crate::simd`], which has the same loops in vectors for single precision. The order of sums is
-//! the same in all of them.
+//! Kernels for every machine and both precisions, without explicit vectors.
 
 use field::Real;
 
-use crate::simd::Isa;
+use super::{Isa, LANES, Row, TILE, fma, padded};
 
-/// Points processed side by side: two registers of 16 numbers.
-pub(crate) const LANES: usize = 32;
-
-/// What fewer points are processed as, at half the cost. Sweeps have the number of lanes that they
-/// go through as a parameter `N`.
-pub(crate) const HALF: usize = LANES / 2;
-
-/// Rows of output packed together.
-pub(crate) const TILE: usize = 8;
-
-/// Rows and lanes whose sums the portable loops keep in registers.
-const PART: [usize; 2] = [4, 8];
-
-/// One feature of all points of a block.
+/// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub struct Row<R>(pub(crate) [R; LANES]);
+pub(crate) struct Portable;
 
-impl<R: Real> Row<R> {
-    /// A row of zeros.
-    pub(crate) fn zero() -> Self {
-        Row([R::zero(); LANES])
+impl Isa for Portable {
+    const FMA: bool = cfg!(target_arch = "aarch64");
+
+    #[inline(always)]
+    fn multiply<const N: usize>(
+        packed: &[[f32; TILE]],
+        start: &[f32],
+        rows: usize,
+        input: &[Row<f32>],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_rows::<f32, Self, N>(packed, start, rows, input, output);
+    }
+    #[inline(always)]
+    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+        outer_rows::<f32, Self>(sides, rows, columns, gradient);
+    }
+    #[inline(always)]
+    fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
+        transpose_lanes(rows, out);
     }
 }
 
-/// a b + c.
-#[inline(always)]
-pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
-    if I::FMA { a.mul_add(b, c) } else { a * b + c }
-}
+/// Rows and lanes (or columns) whose sums stay in registers.
+const PART: [usize; 2] = [4, 8];
 
-/// The first `rows` rows of output = W input + start, for `W` packed by [`pack`]; `output` has
-/// whole tiles of rows.
+/// Writes the first `rows` rows of W `input` + `start`, for the first `N` lanes.
+///
+/// `packed` is the matrix W from [`pack`](super::pack). Rows after the end of `start` start at
+/// zero. `output` has whole tiles of rows.
 #[inline(always)]
 pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
     packed: &[[R; TILE]],
@@ -75,34 +72,8 @@ pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
     }
 }
 
-/// Packs a matrix given by its entries for [`multiply_rows`]: tile by tile of rows, column by
-/// column.
-pub(crate) fn pack<R: Real>(
-    rows: usize,
-    columns: usize,
-    entry: impl Fn(usize, usize) -> R,
-    out: &mut Vec<[R; TILE]>,
-) {
-    out.clear();
-    for tile in 0..rows.div_ceil(TILE) {
-        for column in 0..columns {
-            out.push(std::array::from_fn(|r| {
-                let row = tile * TILE + r;
-                if row < rows { entry(row, column) } else { R::zero() }
-            }));
-        }
-    }
-}
-
-/// Columns of a weight gradient come in multiples of this.
-const WIDE: usize = 16;
-
-/// The length of a row of a weight gradient with `columns` columns.
-pub(crate) fn padded(columns: usize) -> usize {
-    columns.div_ceil(WIDE) * WIDE
-}
-
-/// Transposes rows of lanes: `out[lane * padded + row]`, the rest zero.
+/// Transposes rows of lanes: `out[lane * padded(rows.len()) + row]`. The padding
+/// is unspecified.
 #[inline(always)]
 pub(crate) fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     let stride = padded(rows.len());
@@ -113,8 +84,10 @@ pub(crate) fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     }
 }
 
-/// The first `rows` rows of gradient += Σ_sides Σ_lanes adjoint inputᵀ: rows of `padded(columns)`;
-/// every side is an adjoint and an input, transposed.
+/// Adds Σ_sides Σ_lanes adjoint inputᵀ to the first `rows` rows of `gradient`.
+///
+/// A side is the adjoint of a layer's z and the layer's input, transposed by [`transpose_lanes`].
+/// Rows of `gradient` have length `padded(columns)`.
 #[inline(always)]
 pub(crate) fn outer_rows<R: Real, I: Isa>(
     sides: &[(&[Row<R>], &[R])],

@@ -1,0 +1,97 @@
+//! The activation functions on rows of lanes.
+
+use crate::architecture::Activation;
+use crate::math::Lane;
+use crate::simd::{Isa, Row, fma};
+
+/// Writes σ(z) to `value`; with `STORE` also σ′(z) to `slope`, and with `STORE` and `TANGENT` also
+/// σ″(z) to `curvature`. First `N` lanes only.
+#[inline(always)]
+pub(super) fn activate<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
+    activation: Activation,
+    z: &Row<R>,
+    value: &mut Row<R>,
+    slope: &mut Row<R>,
+    curvature: &mut Row<R>,
+) {
+    match activation {
+        Activation::Softplus { beta } => {
+            softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+        }
+        Activation::Sine { omega } => {
+            sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
+        }
+        Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
+    }
+}
+
+/// σ(z) = max(0, z) + ln(1 + e)/β with e = exp(−β|z|), which cannot overflow.
+#[inline(always)]
+fn softplus<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
+    beta: f64,
+    z: &Row<R>,
+    value: &mut Row<R>,
+    slope: &mut Row<R>,
+    curvature: &mut Row<R>,
+) {
+    let one = R::one();
+    let (beta, inverse) = (R::of(beta), R::of(1.0 / beta));
+    for i in 0..N {
+        let z = z.0[i];
+        let e = R::exp_negative::<I>(beta * z.abs());
+        let positive_part = if z > R::zero() { z } else { R::zero() };
+        let softplus = fma::<R, I>(R::ln_one_plus::<I>(e), inverse, positive_part);
+        // `exp_negative` of a NaN is a number. Adding 0 z brings the NaN back.
+        value.0[i] = softplus + z * R::zero();
+        if STORE {
+            let high = one / (one + e);
+            let low = e * high;
+            slope.0[i] = if z > R::zero() { high } else { low };
+            if TANGENT {
+                curvature.0[i] = beta * high * low;
+            }
+        }
+    }
+}
+
+/// σ(z) = sin(ω z).
+#[inline(always)]
+fn sine<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
+    omega: f64,
+    z: &Row<R>,
+    value: &mut Row<R>,
+    slope: &mut Row<R>,
+    curvature: &mut Row<R>,
+) {
+    let omega = R::of(omega);
+    for i in 0..N {
+        let (sine, cosine) = R::sin_cos_moderate::<I>(omega * z.0[i]);
+        value.0[i] = sine;
+        if STORE {
+            slope.0[i] = omega * cosine;
+        }
+        if TANGENT {
+            curvature.0[i] = -omega * omega * sine;
+        }
+    }
+}
+
+/// σ(z) = max(0, z), and NaN for NaN. The slope at 0 is set to 0.
+#[inline(always)]
+fn relu<R: Lane, const N: usize, const STORE: bool, const TANGENT: bool>(
+    z: &Row<R>,
+    value: &mut Row<R>,
+    slope: &mut Row<R>,
+    curvature: &mut Row<R>,
+) {
+    for i in 0..N {
+        let on = z.0[i] > R::zero();
+        value.0[i] = if z.0[i] <= R::zero() { R::zero() } else { z.0[i] };
+        if STORE {
+            slope.0[i] = if on { R::one() } else { R::zero() };
+        }
+        if TANGENT {
+            curvature.0[i] = R::zero();
+        }
+    }
+}

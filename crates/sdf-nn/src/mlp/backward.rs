@@ -1,0 +1,128 @@
+//! The backward sweep: adjoints of the outputs to adjoints of the features and parameters.
+//!
+//! With tangents this is reverse mode over forward mode. It gives Hessian–vector products: B. A.
+//! Pearlmutter, “Fast exact multiplication by the Hessian”, Neural Computation 6(1), 1994.
+
+use field::Real;
+
+use super::{Mlp, Scratch};
+use crate::math::Lane;
+use crate::simd::{Isa, LANES, Row, TILE, fma, padded};
+
+impl<R: Lane> Mlp<R> {
+    /// VJP of the forward sweep: from the adjoints in the scratch's outputs to those of its
+    /// features, in the first `N` lanes.
+    ///
+    /// With `TANGENT`, both the outputs and their tangents have adjoints. For an adjoint 1 of the
+    /// tangent, the adjoint of the features' tangents (side 1) is the plain gradient, and that of
+    /// the features (side 0) its change along the tangent. With `WEIGHTS`, the parameters' gradient
+    /// is added to the scratch's; this needs `N` = `LANES`.
+    #[inline(always)]
+    pub(crate) fn backward<I: Isa, const N: usize, const TANGENT: bool, const WEIGHTS: bool>(
+        &self,
+        s: &mut Scratch<R>,
+    ) {
+        for side in 0..1 + usize::from(TANGENT) {
+            s.adjoint[side].fill(Row::zero());
+            let outputs = s.output[side].len();
+            s.z_adjoint[side][..outputs].copy_from_slice(&s.output[side]);
+        }
+        for l in (0..self.layers.len()).rev() {
+            if WEIGHTS {
+                self.add_weight_gradient::<I, TANGENT>(l, s);
+            }
+            self.linear_vjp::<I, N, TANGENT>(l, s);
+            self.add_feature_adjoints::<N, TANGENT>(l, s);
+            if l == 0 {
+                break;
+            }
+            self.activation_vjp::<I, N, TANGENT>(l, s);
+        }
+    }
+
+    /// VJP of layer `l` to its weights and bias: adds to the scratch's gradients.
+    #[inline(always)]
+    fn add_weight_gradient<I: Isa, const TANGENT: bool>(&self, l: usize, s: &mut Scratch<R>) {
+        let (layer, sides) = (&self.layers[l], 1 + usize::from(TANGENT));
+        let rows = s.bias_gradient[l].len();
+        for (row, bias) in s.z_adjoint[0].iter().zip(&mut s.bias_gradient[l]) {
+            *bias += sum_of_lanes(row);
+        }
+        let size = LANES * padded(layer.inputs);
+        for side in 0..sides {
+            let to = &mut s.transposed[side * size..(side + 1) * size];
+            R::transpose::<I>(&s.layers[l].input[side][..layer.inputs], to);
+        }
+        let both = [0, usize::from(TANGENT)]
+            .map(|side| (&s.z_adjoint[side][..rows], &s.transposed[side * size..]));
+        R::outer::<I>(&both[..sides], layer.outputs, layer.inputs, &mut s.weight_gradient[l]);
+    }
+
+    /// VJP of layer `l` to its input: Wᵀ times the adjoints of z, in the scratch's products.
+    #[inline(always)]
+    fn linear_vjp<I: Isa, const N: usize, const TANGENT: bool>(
+        &self,
+        l: usize,
+        s: &mut Scratch<R>,
+    ) {
+        let (layer, weights) = (&self.layers[l], &self.packed[l].backward);
+        let tiles = layer.inputs.div_ceil(TILE) * TILE;
+        for side in 0..1 + usize::from(TANGENT) {
+            let z_adjoint = &s.z_adjoint[side][..layer.outputs];
+            let product = &mut s.product[side][..tiles];
+            R::multiply::<I, N>(weights, &[], layer.inputs, z_adjoint, product);
+        }
+    }
+
+    /// Adds the adjoints of the features among the inputs of layer `l`.
+    #[inline(always)]
+    fn add_feature_adjoints<const N: usize, const TANGENT: bool>(
+        &self,
+        l: usize,
+        s: &mut Scratch<R>,
+    ) {
+        let columns = self.hidden_columns(l)..self.layers[l].inputs;
+        for side in 0..1 + usize::from(TANGENT) {
+            for (a, b) in s.adjoint[side].iter_mut().zip(&s.product[side][columns.clone()]) {
+                for i in 0..N {
+                    a.0[i] += b.0[i];
+                }
+            }
+        }
+    }
+
+    /// VJP of the activation below layer `l`: adjoints of its result, in the scratch's products, to
+    /// adjoints of z of layer `l` − 1.
+    #[inline(always)]
+    fn activation_vjp<I: Isa, const N: usize, const TANGENT: bool>(
+        &self,
+        l: usize,
+        s: &mut Scratch<R>,
+    ) {
+        let (hidden, below) = (self.hidden_columns(l), &s.layers[l - 1]);
+        for side in 0..1 + usize::from(TANGENT) {
+            s.z_adjoint[side][hidden..hidden.div_ceil(TILE) * TILE].fill(Row::zero());
+        }
+        for row in 0..hidden {
+            let slope = &below.slope[row].0;
+            for i in 0..N {
+                s.z_adjoint[0][row].0[i] = s.product[0][row].0[i] * slope[i];
+            }
+            if TANGENT {
+                let (curvature, z_tangent) = (&below.curvature[row].0, &below.z_tangent[row].0);
+                for i in 0..N {
+                    let tangent = s.product[1][row].0[i];
+                    s.z_adjoint[1][row].0[i] = tangent * slope[i];
+                    s.z_adjoint[0][row].0[i] =
+                        fma::<R, I>(tangent * curvature[i], z_tangent[i], s.z_adjoint[0][row].0[i]);
+                }
+            }
+        }
+    }
+}
+
+/// The sum over lanes, in a fixed order.
+#[inline(always)]
+fn sum_of_lanes<R: Real>(row: &Row<R>) -> R {
+    row.0.iter().fold(R::zero(), |sum, v| sum + *v)
+}

@@ -1,0 +1,63 @@
+//! Blocks of points as rows of lanes, and weights packed for them.
+
+use field::Real;
+
+use super::Isa;
+
+/// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
+pub(crate) const LANES: usize = 32;
+
+/// Points of half a block. A block with at most this many points takes half the time, except in a
+/// parameter VJP, which always computes whole blocks.
+///
+/// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
+pub(crate) const HALF: usize = LANES / 2;
+
+/// Rows of a matrix that are packed together.
+pub(crate) const TILE: usize = 8;
+
+/// One feature of all points of a block.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Row<R>(pub(crate) [R; LANES]);
+
+impl<R: Real> Row<R> {
+    /// A row of zeros.
+    pub(crate) fn zero() -> Self {
+        Row([R::zero(); LANES])
+    }
+}
+
+/// a b + c, rounded once where the instruction set has a fused multiply–add.
+#[inline(always)]
+pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
+    if I::FMA { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// Packs a matrix for [`multiply_rows`](super::multiply_rows): tile by tile of `TILE` rows, column
+/// by column in a tile. Rows after the last are zero.
+pub(crate) fn pack<R: Real>(
+    rows: usize,
+    columns: usize,
+    entry: impl Fn(usize, usize) -> R,
+    out: &mut Vec<[R; TILE]>,
+) {
+    out.clear();
+    for tile in 0..rows.div_ceil(TILE) {
+        for column in 0..columns {
+            out.push(std::array::from_fn(|r| {
+                let row = tile * TILE + r;
+                if row < rows { entry(row, column) } else { R::zero() }
+            }));
+        }
+    }
+}
+
+/// The length of a weight gradient's rows is a multiple of this: AVX-512 kernels load and store
+/// registers of 16 numbers.
+const COLUMN_MULTIPLE: usize = 16;
+
+/// The padded length of a row of a weight gradient with `columns` columns.
+pub(crate) fn padded(columns: usize) -> usize {
+    columns.div_ceil(COLUMN_MULTIPLE) * COLUMN_MULTIPLE
+}

@@ -1,0 +1,132 @@
+//! The kernels of [`portable`](crate::simd::portable) with explicit vectors, in the same order of
+//! sums.
+
+use super::vector::Vector;
+use crate::simd::{LANES, Row, TILE, padded};
+
+/// [`multiply_rows`](crate::simd::multiply_rows) with `ROWS` × `REGS` sums in registers.
+#[inline(always)]
+pub(super) fn multiply<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
+    packed: &[[f32; TILE]],
+    start: &[f32],
+    rows: usize,
+    input: &[Row<f32>],
+    output: &mut [Row<f32>],
+) {
+    let n = input.len();
+    for (tile, out) in output.chunks_exact_mut(TILE).enumerate().take(rows.div_ceil(TILE)) {
+        let weights = &packed[tile * n..(tile + 1) * n];
+        let start = start.get(tile * TILE..).unwrap_or(&[]);
+        // One row alone (a network's output) takes registers for one row.
+        if rows - tile * TILE == 1 {
+            multiply_tile_rows::<V, N, 1, REGS>(weights, start, 0, input, out);
+            continue;
+        }
+        for first in (0..TILE).step_by(ROWS) {
+            multiply_tile_rows::<V, N, ROWS, REGS>(weights, start, first, input, out);
+        }
+    }
+}
+
+/// [`multiply`] for `ROWS` rows of a tile, from row `first`.
+#[inline(always)]
+fn multiply_tile_rows<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
+    weights: &[[f32; TILE]],
+    start: &[f32],
+    first: usize,
+    input: &[Row<f32>],
+    out: &mut [Row<f32>],
+) {
+    for lane in (0..N).step_by(REGS * V::N) {
+        let mut sums: [[V; REGS]; ROWS] =
+            std::array::from_fn(|r| [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS]);
+        for (w, x) in weights.iter().zip(input) {
+            let x: [V; REGS] = std::array::from_fn(|v| V::load(&x.0[lane + v * V::N..]));
+            for r in 0..ROWS {
+                let w = V::splat(w[first + r]);
+                for v in 0..REGS {
+                    sums[r][v] = V::fma(w, x[v], sums[r][v]);
+                }
+            }
+        }
+        for r in 0..ROWS {
+            for v in 0..REGS {
+                sums[r][v].store(&mut out[first + r].0[lane + v * V::N..]);
+            }
+        }
+    }
+}
+
+/// [`outer_rows`](crate::simd::outer_rows) with `ROWS` × `REGS` sums in registers.
+#[inline(always)]
+pub(super) fn outer<V: Vector, const ROWS: usize, const REGS: usize>(
+    sides: &[(&[Row<f32>], &[f32])],
+    rows: usize,
+    columns: usize,
+    gradient: &mut [f32],
+) {
+    let stride = padded(columns);
+    for (tile, out) in
+        gradient.chunks_exact_mut(ROWS * stride).enumerate().take(rows.div_ceil(ROWS))
+    {
+        let first = tile * ROWS;
+        let mut column = 0;
+        while column < stride {
+            let wide = column + REGS * V::N <= stride;
+            match (rows - first, wide) {
+                (1, true) => outer_part::<V, 1, REGS>(sides, first, column, stride, out),
+                (1, false) => outer_part::<V, 1, 1>(sides, first, column, stride, out),
+                (_, true) => outer_part::<V, ROWS, REGS>(sides, first, column, stride, out),
+                (_, false) => outer_part::<V, ROWS, 1>(sides, first, column, stride, out),
+            }
+            column += if wide { REGS * V::N } else { V::N };
+        }
+    }
+}
+
+/// [`outer`] for `ROWS` rows from row `first`, and `REGS` registers of columns from `column`.
+#[inline(always)]
+fn outer_part<V: Vector, const ROWS: usize, const REGS: usize>(
+    sides: &[(&[Row<f32>], &[f32])],
+    first: usize,
+    column: usize,
+    stride: usize,
+    out: &mut [f32],
+) {
+    let mut sums = [[V::splat(0.0); REGS]; ROWS];
+    for (adjoint, input) in sides {
+        let adjoint = &adjoint[first..first + ROWS];
+        for (l, input) in input.chunks_exact(stride).enumerate().take(LANES) {
+            let x: [V; REGS] = std::array::from_fn(|v| V::load(&input[column + v * V::N..]));
+            for r in 0..ROWS {
+                let a = V::splat(adjoint[r].0[l]);
+                for v in 0..REGS {
+                    sums[r][v] = V::fma(a, x[v], sums[r][v]);
+                }
+            }
+        }
+    }
+    for r in 0..ROWS {
+        for v in 0..REGS {
+            let place = &mut out[r * stride + column + v * V::N..];
+            V::add(V::load(place), sums[r][v]).store(place);
+        }
+    }
+}
+
+/// [`transpose_lanes`](crate::simd::transpose_lanes) in squares of `N` = `V::N` rows and lanes.
+#[inline(always)]
+pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut [f32]) {
+    let stride = padded(rows.len());
+    for first in (0..rows.len()).step_by(N) {
+        for lane in (0..LANES).step_by(N) {
+            let mut square: [V; N] = std::array::from_fn(|r| {
+                rows.get(first + r).map_or(V::splat(0.0), |row| V::load(&row.0[lane..]))
+            });
+            V::transpose(&mut square);
+            for (l, column) in square.into_iter().enumerate() {
+                column.store(&mut out[(lane + l) * stride + first..]);
+            }
+        }
+    }
+}
