@@ -5,9 +5,7 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use estimate::{
-    Direction, EstimatorOptions, Registry, SampleCounts, Sampling, differentiate,
-};
+use estimate::{Direction, EstimatorOptions, Registry, SampleCounts, Sampling, differentiate};
 use render::{Scene, render};
 use scene::SceneFile;
 use serde_json::json;
@@ -27,7 +25,8 @@ fn images(c: &mut Criterion) {
         },
         "background": [0, 0, 0]
     });
-    let file = SceneFile::from_value(Path::new("ball.json"), &value).unwrap_or_else(|e| panic!("{e}"));
+    let file =
+        SceneFile::from_value(Path::new("ball.json"), &value).unwrap_or_else(|e| panic!("{e}"));
     let field = file.sdf.build::<f64>().unwrap_or_else(|e| panic!("{e}"));
     let shader = file.shader::<f64>(&*field).unwrap_or_else(|e| panic!("{e}"));
     let cameras = [file.camera];

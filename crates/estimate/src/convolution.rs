@@ -167,9 +167,7 @@ fn push<R: Real>(
     let (mut sum, mut rate) = (R::one(), [R::zero(); 2]);
     if normalise {
         sum = terms.iter().fold(R::zero(), |sum, (w, _)| sum + *w);
-        rate = std::array::from_fn(|e| {
-            terms.iter().fold(R::zero(), |sum, (_, du)| sum + du[e])
-        });
+        rate = std::array::from_fn(|e| terms.iter().fold(R::zero(), |sum, (_, du)| sum + du[e]));
     }
     for (index, (hit, (weight, du))) in hits.iter().zip(terms).enumerate() {
         let Some(hit) = hit else { continue };
@@ -245,9 +243,8 @@ mod tests {
 
     /// Three hits and a miss with the film positions of their rays.
     fn cloud() -> (Vec<Option<AuxiliaryHit<f64>>>, Vec<DVec2>) {
-        let hit = |x: f64, motion, boundary| {
-            Some(AuxiliaryHit { x: DVec3::splat(x), motion, boundary })
-        };
+        let hit =
+            |x: f64, motion, boundary| Some(AuxiliaryHit { x: DVec3::splat(x), motion, boundary });
         let hits = vec![
             hit(0.1, [2.0, -1.0], 0.3),
             hit(0.2, [-0.5, 3.0], 0.01),

@@ -105,7 +105,11 @@ impl Default for Registry {
                     WarpedArea::published
                 ),
                 entry!("paper-all", "paper with every point", WarpedArea::of_all_points),
-                entry!("gaussian", "the warp of paper under a Gaussian filter", WarpedArea::gaussian),
+                entry!(
+                    "gaussian",
+                    "the warp of paper under a Gaussian filter",
+                    WarpedArea::gaussian
+                ),
                 entry!("was", "warp by convolution with harmonic weights", |_| {
                     Convolution::harmonic()
                 }),

@@ -37,9 +37,8 @@ impl Sampling {
         let enough = REPLICATES.max(spp.max(edge_samples).div_ceil(LONGEST_REPLICATE));
         let most = enough.min(spp).min(edge_samples.max(2));
         let replicates = if depends_on_seed { most } else { 1 };
-        let share = |total: u32, r: u32| {
-            (total / replicates + u32::from(r < total % replicates)).max(1)
-        };
+        let share =
+            |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
         let part = |r: u32| Sampling {
             counts: SampleCounts { spp: share(spp, r), edge_samples: share(edge_samples, r) },
             seed: mix(self.seed, u64::from(r)),
@@ -118,8 +117,7 @@ impl Mean {
         let n = replicates as f64;
         let (square, deviation) =
             parts.fold((0.0, 0.0), |(a, b), part| (a + part.square, b + part.deviation));
-        let relative =
-            if square > 0.0 { (deviation * n / (n - 1.0) / square).sqrt() } else { 0.0 };
+        let relative = if square > 0.0 { (deviation * n / (n - 1.0) / square).sqrt() } else { 0.0 };
         (replicates > 1).then_some(relative)
     }
 }

@@ -115,9 +115,8 @@ pub(crate) fn passages<R: Real>(
         let Sample { camera, u } = traced[sample].0;
         let camera = &scene.cameras[camera];
         let (_, du) = camera.direction_du(u);
-        let film_gradient = DVec2::from(
-            du.map(|du| (gradient.dot(R::Vec3::of(du)) * found.nearest).to_double()),
-        );
+        let film_gradient =
+            DVec2::from(du.map(|du| (gradient.dot(R::Vec3::of(du)) * found.nearest).to_double()));
         let least = found.clearance.to_double() / camera.pixel_angle();
         let away = [least, (f.to_double() / film_gradient.length()).max(least)];
         let in_front_of_hit = found.outcome == Outcome::Hit;
@@ -128,12 +127,7 @@ pub(crate) fn passages<R: Real>(
 
 impl Passage {
     /// Whether the silhouette of the surface may cross `pixel`; `sample` is the ray's.
-    pub(crate) fn crosses(
-        &self,
-        sample: &Sample,
-        pixel: &Pixel,
-        margin: SilhouetteMargin,
-    ) -> bool {
+    pub(crate) fn crosses(&self, sample: &Sample, pixel: &Pixel, margin: SilhouetteMargin) -> bool {
         // In a gap between two surfaces the silhouette of the further one may cross the pixel where
         // that of the closer one does not.
         (self.in_front_of_hit && margin.gaps)

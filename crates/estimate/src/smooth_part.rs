@@ -67,8 +67,7 @@ fn segment_samples<R: Real>(
     Stratification { offset, per_pixel }: Stratification<'_>,
     crossings: &[Crossing<R>],
 ) -> SegmentSamples<R> {
-    let mut out =
-        SegmentSamples { samples: Vec::new(), shares: Vec::new(), axis: Vec::new() };
+    let mut out = SegmentSamples { samples: Vec::new(), shares: Vec::new(), axis: Vec::new() };
     let mut next = crossings.iter().peekable();
     for (i, line) in lines.iter().enumerate() {
         let mut segment = |from: f64, to: f64, dense: [bool; 2]| {

@@ -1,7 +1,5 @@
 use super::*;
-use crate::{
-    Baseline, Batch, Direction, EstimatorOptions, Registry, SampleCounts, differentiate,
-};
+use crate::{Baseline, Batch, Direction, EstimatorOptions, Registry, SampleCounts, differentiate};
 use glam::DVec3;
 use render::Pixel;
 use scene::SceneFile;
@@ -35,9 +33,8 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
 /// Reverse mode against forward mode, which is checked against closed forms: Σ (I − target) dI/dθ.
 #[test]
 fn reverse_mode_agrees_with_forward_mode() {
-    let target = with_scene(&file(0.78, 0.1), |scene| {
-        render(scene, 0, 64, 5, &|_| {}).unwrap().film
-    });
+    let target =
+        with_scene(&file(0.78, 0.1), |scene| render(scene, 0, 64, 5, &|_| {}).unwrap().film);
     with_scene(&file(0.7, 0.05), |scene| {
         let registry = Registry::default();
         for entry in registry.entries() {

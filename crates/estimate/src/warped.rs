@@ -139,8 +139,7 @@ impl<R: Real> Estimator<R> for WarpedArea {
         let (points, k) = (self.options.steps, self.options.top_k);
         let film_warp =
             warp_samples_with_divergence(scene, &primary.samples, points, &weighting, k);
-        let radiance_minus_baseline =
-            self.radiance_minus_baseline(scene, &primary, spp as usize);
+        let radiance_minus_baseline = self.radiance_minus_baseline(scene, &primary, spp as usize);
         let border = match self.filter {
             Filter::Box => Some(self.border(scene, batch, &primary)?),
             Filter::Gaussian => None,
@@ -177,7 +176,8 @@ fn border_samples<R: Real>(
         let film = &scene.cameras[camera];
         for edge in Edges::of(&places, film.width, film.height).as_slice() {
             let [x, y] = edge.point(0.0).map(|v| v as u64);
-            let stream = mix(mix(mix(seed, EDGES + edge.axis() as u64), camera as u64), y << 32 | x);
+            let stream =
+                mix(mix(mix(seed, EDGES + edge.axis() as u64), camera as u64), y << 32 | x);
             for s in 0..count {
                 let [along] = sobol(s, stream);
                 samples.push(Sample { camera, u: edge.point(along).into() });

@@ -4,12 +4,15 @@
 
 mod fields;
 
-use estimate::{Direction, Method, Sampling, Setup, differentiate};
-use field::{Csg, Field, Kind, Operation, Real, Shape, Sphere, Vector3};
+use estimate::{
+    Direction, EstimatorOptions, EstimatorPrecision, Registry, SampleCounts, Sampling,
+    differentiate,
+};
+use field::{Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
 use fields::{Constant, Odd, White};
 use glam::{DVec2, DVec3};
-use render::Camera;
-use render::Precision;
+use render::{Camera, Precision, Scene};
+use warp::WarpOptions;
 
 /// What is looked at.
 #[derive(Clone, Copy)]
@@ -50,13 +53,19 @@ struct Row {
     focal: f64,
     eye: DVec3,
     bounds: f64,
-    warp: warp::Options<f64>,
-    steps: usize,
+    /// Lengths in bounding radii.
+    warp: WarpOptions,
     spp: u32,
     expected: Expected,
     /// The same for the published estimator: its settings here break the method and not the
     /// arithmetic.
     paper: Expected,
+}
+
+/// The options whose lengths are in world units, for a bounding sphere of `radius`.
+fn lengths_in_world_units(options: WarpOptions, radius: f64) -> WarpOptions {
+    let WarpOptions { lambda_d, epsilon, .. } = options;
+    WarpOptions { lambda_d: lambda_d / radius, epsilon: epsilon / radius, ..options }
 }
 
 fn row(name: &str) -> Row {
@@ -72,8 +81,7 @@ fn row(name: &str) -> Row {
         focal: 24.0,
         eye: DVec3::new(0.0, 0.0, 4.0),
         bounds: 1.4,
-        warp: warp::Options::default(),
-        steps: 22,
+        warp: lengths_in_world_units(WarpOptions::PUBLISHED, 1.4),
         spp: 64,
         expected: Expected::Sum(disc(0.7, 4.0, 24.0)),
         paper: Expected::Finite,
@@ -109,7 +117,7 @@ fn build<R: Precision>(row: &Row) -> Box<dyn Field<R>> {
 
 /// Σ of the first channel over the film, and whether all numbers are finite; the error's text if
 /// there is one.
-fn measure<R: Precision>(row: &Row, method: Method) -> Result<(f64, bool), String> {
+fn measure<R: EstimatorPrecision>(row: &Row, estimator: &str) -> Result<(f64, bool), String> {
     let field = build::<R>(row);
     let (focal, principal) = (DVec2::splat(row.focal), DVec2::splat(f64::from(row.size) / 2.0));
     let eye = row.eye * row.scale;
@@ -118,32 +126,27 @@ fn measure<R: Precision>(row: &Row, method: Method) -> Result<(f64, bool), Strin
             .unwrap();
     let (cameras, bounds) =
         ([camera], Sphere { center: DVec3::ZERO, radius: row.bounds * row.scale });
-    let mut setup = Setup::<R>::new(&*field, &White, &cameras, &bounds, R::Vec3::zero());
-    let of = <R as Real>::of;
-    setup.steps = row.steps;
-    setup.warp = warp::Options {
-        k: row.warp.k,
-        gamma: of(row.warp.gamma),
-        lambda_d: of(row.warp.lambda_d * row.scale),
-        epsilon: of(row.warp.epsilon * row.scale),
-        relaxation: of(1.0),
-    };
-    let sampling = Sampling {
-        method,
-        spp: row.spp,
-        edge_samples: if method == Method::Refined { 64 } else { row.spp },
-        seed: 1,
-    };
-    let image = differentiate(&setup, &[Direction::Field(row.index)], sampling, &|_| {})
+    let scene = Scene::<R>::new(&*field, &White, &cameras, &bounds, R::Vec3::zero());
+    let options = EstimatorOptions { warp: row.warp, ..EstimatorOptions::default() };
+    let edge_samples = if estimator == "refined" { 64 } else { row.spp };
+    let counts = SampleCounts { spp: row.spp, edge_samples };
+    let estimator = Registry::default().get(estimator).unwrap().estimator::<R>(&options);
+    let (directions, sampling) = ([Direction::Field(row.index)], Sampling { counts, seed: 1 });
+    let image = differentiate(&scene, &directions, &*estimator, sampling, &|_| {})
         .map_err(|e| e.to_string())?;
     let pixels = &image[0].film.pixels;
     let finite = pixels.iter().flatten().all(|v| v.is_finite());
     Ok((pixels.iter().map(|p| f64::from(p[0])).sum::<f64>() * row.scale, finite))
 }
 
-fn cell<R: Precision>(row: &Row, method: Method, expected: Expected, slack: f64) -> String {
-    let context = format!("{}, {}", row.name, method.name());
-    match (expected, measure::<R>(row, method)) {
+fn cell<R: EstimatorPrecision>(
+    row: &Row,
+    estimator: &str,
+    expected: Expected,
+    slack: f64,
+) -> String {
+    let context = format!("{}, {estimator}", row.name);
+    match (expected, measure::<R>(row, estimator)) {
         (Expected::Error, Err(text)) => {
             assert!(text.contains("NaN") || text.contains("finite"), "{context}: {text}");
             "an error that says where".to_owned()
@@ -159,24 +162,29 @@ fn cell<R: Precision>(row: &Row, method: Method, expected: Expected, slack: f64)
 }
 
 fn rows() -> Vec<Row> {
-    let published = warp::Options::<f64>::default();
+    let published = row("").warp;
     let mut rows = vec![row("as usual")];
-    let warps = [1.0, 2.0, 8.0, 64.0]
-        .map(|gamma| (format!("γ = {gamma}"), warp::Options { gamma, ..published }));
-    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
-    let warps = [0.0, 1e-12, 1.0]
-        .map(|epsilon| (format!("ε = {epsilon:e}"), warp::Options { epsilon, ..published }));
-    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
-    let warps =
-        [2, 22, 1000].map(|k| (format!("k = {k} of N = 22"), warp::Options { k, ..published }));
-    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
-    let warps = [0.0, 1e3]
-        .map(|lambda_d| (format!("λ_d = {lambda_d:e}"), warp::Options { lambda_d, ..published }));
-    rows.extend(warps.map(|(name, warp)| Row { warp, ..row(&name) }));
-    rows.extend([(1, 64), (2, 64), (4096, 2)].map(|(steps, spp)| Row {
-        steps,
-        spp,
-        ..row(&format!("N = {steps}"))
+    let warp = |name: String, warp: WarpOptions| Row { warp, ..row(&name) };
+    rows.extend(
+        [1.0, 2.0, 8.0, 64.0]
+            .map(|gamma| warp(format!("γ = {gamma}"), WarpOptions { gamma, ..published })),
+    );
+    rows.extend([0.0, 1e-12, 1.0].map(|epsilon| {
+        let options = WarpOptions { epsilon: epsilon / 1.4, ..published };
+        warp(format!("ε = {epsilon:e}"), options)
+    }));
+    rows.extend(
+        [2, 22, 1000].map(|top_k| {
+            warp(format!("k = {top_k} of N = 22"), WarpOptions { top_k, ..published })
+        }),
+    );
+    rows.extend([0.0, 1e3].map(|lambda_d| {
+        let options = WarpOptions { lambda_d: lambda_d / 1.4, ..published };
+        warp(format!("λ_d = {lambda_d:e}"), options)
+    }));
+    rows.extend([(1, 64), (2, 64), (4096, 2)].map(|(steps, spp)| {
+        let options = WarpOptions { steps, ..published };
+        Row { spp, ..warp(format!("N = {steps}"), options) }
     }));
     rows.extend(
         [1e-6, 0.1, 10.0, 1e6].map(|factor| Row { factor, ..row(&format!("f times {factor:e}")) }),
@@ -271,10 +279,10 @@ fn extremes_are_finite_and_right_or_clear_errors() {
     );
     for row in rows() {
         let cells = [
-            cell::<f64>(&row, Method::Refined, row.expected, 0.02),
-            cell::<f32>(&row, Method::Refined, row.expected, 0.03),
-            cell::<f64>(&row, Method::Paper, row.paper, 1.0),
-            cell::<f32>(&row, Method::Paper, row.paper, 1.0),
+            cell::<f64>(&row, "refined", row.expected, 0.02),
+            cell::<f32>(&row, "refined", row.expected, 0.03),
+            cell::<f64>(&row, "paper", row.paper, 1.0),
+            cell::<f32>(&row, "paper", row.paper, 1.0),
         ];
         println!("| {} | {} |", row.name, cells.join(" | "));
     }

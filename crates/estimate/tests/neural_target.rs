@@ -4,34 +4,42 @@
 
 use std::path::Path;
 
-XX
+use estimate::{
+    Contour, Direction, Refined, SampleCounts, Sampling, differentiate, random_unit,
+    target_gradient,
+};
+use render::{Scene, render};
+use scene::SceneFile;
 
 const DIRECTIONS: u64 = 8;
+
+fn load(path: &Path) -> SceneFile {
+    SceneFile::load(path).unwrap()
+}
 
 #[test]
 fn the_gradient_of_a_neural_scene_is_that_of_its_contours() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/gradients");
     for look in ["constant", "lambert"] {
-        let scene = Scene::load(&folder.join(format!("network.{look}.json"))).unwrap();
-        let field = scene.sdf.build::<f64>().unwrap();
-        let shader = scene.shader::<f64>(&*field).unwrap();
-        let cameras = [scene.camera];
-        let setup = Setup::new(&*field, &*shader, &cameras, &scene.bounds, scene.background.into());
+        let file = load(&folder.join(format!("network.{look}.json")));
+        let field = file.sdf.build::<f64>().unwrap();
+        let shader = file.shader::<f64>(&*field).unwrap();
+        let cameras = [file.camera];
+        let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into());
         // The target: the same view of another solid.
-        let other = Scene::load(&folder.join(format!("off-axis.{look}.json"))).unwrap();
-        let (ball, paint) =
-            (other.sdf.build::<f64>().unwrap(), scene.shader::<f64>(&*field).unwrap());
-        let seen = Setup::new(&*ball, &*paint, &cameras, &other.bounds, other.background.into());
+        let other = load(&folder.join(format!("off-axis.{look}.json")));
+        let ball = other.sdf.build::<f64>().unwrap();
+        let seen = Scene::new(&*ball, &*shader, &cameras, &other.bounds, other.background.into());
         let target = render(&seen, 0, 64, 9, &|_| {}).unwrap().film;
-        let image = render(&setup, 0, 2048, 6, &|_| {}).unwrap().film;
+        let image = render(&scene, 0, 2048, 6, &|_| {}).unwrap().film;
 
-        let sampling = |method, spp| Sampling { method, spp, edge_samples: spp / 2, seed: 1 };
-        let gradient = target_gradient(&setup, &target, sampling(Method::Refined, 512), &|_| {})
-            .unwrap()
-            .parameters;
+        let sampling =
+            |spp| Sampling { counts: SampleCounts { spp, edge_samples: spp / 2 }, seed: 1 };
+        let gradient = target_gradient(&scene, &target, &Refined, sampling(512), &|_| {});
+        let gradient = gradient.unwrap().parameters;
         let directions: Vec<Direction> = (0..DIRECTIONS).map(Direction::Along).collect();
-        let contours =
-            differentiate(&setup, &directions, sampling(Method::Contour, 1024), &|_| {}).unwrap();
+        let contours = differentiate(&scene, &directions, &Contour, sampling(1024), &|_| {});
+        let contours = contours.unwrap();
         for (number, derivative) in (0..DIRECTIONS).zip(&contours) {
             let tangent = random_unit::<f64>(gradient.len(), number);
             let along: f64 = gradient.iter().zip(&tangent).map(|(g, t)| g * t).sum();

@@ -3,7 +3,7 @@
 mod cell;
 mod edge;
 
-use field::{Real, Vector3};
+use field::Real;
 use glam::DVec2;
 use render::{InvalidField, Pixel, Scene};
 

@@ -65,8 +65,7 @@ impl<R: Real> Area<R> {
     ) {
         let delta: Vec<R::Vec3> =
             self.shares.iter().map(|s| delta[s.pixel as usize] * s.weight).collect();
-        let adjoint: Vec<R::Vec3> =
-            self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
+        let adjoint: Vec<R::Vec3> = self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
         let surface = surface_vjp(scene, &self.primary, &adjoint, shader);
         let mut adjoints = self.sample_adjoints(&delta, &surface);
         let scale = self.scale(scene, &delta, pass, &mut adjoints);

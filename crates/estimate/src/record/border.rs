@@ -37,9 +37,8 @@ impl<R: Real> Border<R> {
         if pass == Pass::PerPixel {
             let sides: [fn(&Edge) -> Option<usize>; 2] = [Edge::inside, Edge::outside];
             for (side, sign) in sides.into_iter().zip([R::one(), -R::one()]) {
-                let flux = |s: &BorderSample<R>| {
-                    side(&s.edge).map_or(R::zero(), |p| sign * carried(s, p))
-                };
+                let flux =
+                    |s: &BorderSample<R>| side(&s.edge).map_or(R::zero(), |p| sign * carried(s, p));
                 let flux: Vec<R> = self.samples.iter().map(flux).collect();
                 let pixel: Vec<u32> =
                     self.samples.iter().map(|s| side(&s.edge).unwrap_or(0) as u32).collect();

@@ -13,6 +13,7 @@ use render::Scene;
 pub use adjoints::{Adjoints, PointAdjoint};
 pub use area::{Area, AreaWarp, Share};
 pub use border::{Border, BorderSample};
+pub(crate) use film_warp::chart;
 pub use film_warp::{FilmWarp, FilmWarpWithDivergence, warp_samples, warp_samples_with_divergence};
 pub use silhouettes::{SilhouettePoint, Silhouettes};
 pub use surface::{SurfaceCoefficients, surface_vjp};

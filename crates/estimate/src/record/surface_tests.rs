@@ -47,8 +47,7 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
 
 /// Whether differences make sense at the only hit: it is near no silhouette and no light's edge.
 fn is_clear(primary: &Primary<f64>) -> bool {
-    let (n, d, x) =
-        (primary.surface.normal[0], primary.surface.direction[0], primary.surface.x[0]);
+    let (n, d, x) = (primary.surface.normal[0], primary.surface.direction[0], primary.surface.x[0]);
     -n.dot(d) > 0.25
         && n.dot(DVec3::new(0.3, 0.5, 0.8)) > 0.05
         && n.dot(DVec3::new(1.0, 1.0, 3.0) - x) > 0.05

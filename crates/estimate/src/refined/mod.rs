@@ -7,7 +7,7 @@ mod search;
 mod survey;
 mod visibility;
 
-use field::{Real, Vector3};
+use field::Real;
 use random::{mix, sobol};
 use render::{InvalidField, Pixel, Scene};
 
@@ -70,10 +70,7 @@ impl<R: Real> Estimator<R> for Refined {
 
 /// Keeps the area samples of unmarked pixels, and adds their radiance.
 fn keep_smooth_pixels<R: Real>(record: &mut Record<R>, mask: &SilhouetteMask, spp: u32) {
-    record
-        .area
-        .iter_mut()
-        .for_each(|area| area.retain(|pixel| !mask.may_cross[pixel as usize]));
+    record.area.iter_mut().for_each(|area| area.retain(|pixel| !mask.may_cross[pixel as usize]));
     let weight = R::one() / R::of(f64::from(spp));
     for area in &record.area {
         for (sample, share) in area.primary.samples.iter().zip(&area.shares) {

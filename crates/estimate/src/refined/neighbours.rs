@@ -77,9 +77,8 @@ impl Neighbours {
             let line = &lines[*line];
             let sample = line.at(tangency.s.to_double());
             let (_, du) = scene.cameras[sample.camera].direction_du(sample.u);
-            let film_gradient = DVec2::from(
-                du.map(|du| tangency.gradient.dot(R::Vec3::of(du)).to_double()),
-            );
+            let film_gradient =
+                DVec2::from(du.map(|du| tangency.gradient.dot(R::Vec3::of(du)).to_double()));
             for axis in 0..2 {
                 for other in self.beside(lines, line.pixel, axis, sample.u) {
                     let Some(expected) = expected_at(sample.u, film_gradient, &lines[other]) else {

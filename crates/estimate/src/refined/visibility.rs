@@ -95,9 +95,8 @@ fn inside_edges<R: Real>(
     let edges: Vec<usize> = (0..found.len()).filter(|&i| found[i].tangency.edge).collect();
     let samples: Vec<Sample> = edges.iter().map(|&i| beside(lines, &found[i], -aside)).collect();
     let inside = scene.primary(&samples)?;
-    let view = |hit: &render::Hit<R>| {
-        (edges[hit.sample], (hit.t, inside.samples[hit.sample].radiance))
-    };
+    let view =
+        |hit: &render::Hit<R>| (edges[hit.sample], (hit.t, inside.samples[hit.sample].radiance));
     Ok(inside.hits.iter().map(view).collect())
 }
 
