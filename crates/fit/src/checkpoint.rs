@@ -1,12 +1,11 @@
-//! What a fit needs to go on as if it had not stopped, in one file that is replaced whole.
+//! The state of a fit between two iterations, in one file that is replaced whole.
 
 use std::collections::HashMap;
 use std::path::Path;
 
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
-use io::InputError;
-use io::atomic_write;
+use io::{InputError, atomic_write};
 
 /// The state of a fit between two iterations. Everything random is a function of the seed and the
 /// iteration, so there is no generator to save.

@@ -1,18 +1,23 @@
-//! Reconstruction: from posed photographs to a signed distance network and a radiance head.
+#![doc = include_str!("../README.md")]
 
+mod background;
 mod checkpoint;
+mod iteration;
 mod loss;
 mod model;
 mod options;
 mod preview;
 mod pyramid;
 mod run;
+mod run_file;
 mod schedule;
 mod step;
-pub mod turntable;
+mod turntable;
 
-pub use model::{Model, RunFile};
-pub use options::{DEFAULT_ITERATIONS, FitOptions};
-pub use options::{parse_bounds, parse_duration};
+pub use iteration::Metrics;
+pub use model::Model;
+pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};
 pub use preview::{difference, normal_map, write_preview};
-pub use run::{Fit, Metrics, setup};
+pub use run::{Fit, scene};
+pub use run_file::RunFile;
+pub use turntable::{around, turntable, upwards};

@@ -1,17 +1,12 @@
-//! What a fit optimises, and the files of a run folder.
+//! The model of a fit: a signed distance network and a radiance head.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use field::Sphere;
-use glam::DVec3;
+use io::{InputError, atomic_write};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
-use serde::{Deserialize, Serialize};
 
-use super::FitOptions;
-use super::pyramid::Backdrop;
-use dataset::Background;
-use io::InputError;
-use io::atomic_write;
+use crate::options::FitOptions;
 
 /// A signed distance network with the radiance on its surface.
 #[derive(Clone, Debug)]
@@ -29,79 +24,8 @@ const HEAD_LAYERS: usize = 3;
 /// Octaves of the radiance head's encoding of the position.
 pub(crate) const HEAD_BANDS: usize = 6;
 
-/// `fit.toml`: all that a run was given, so that it can go on and be evaluated.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunFile {
-    /// The data set's folder.
-    pub dataset: PathBuf,
-    /// The bounding sphere: centre and radius, in the data set's units.
-    pub bounds: [f64; 4],
-    /// Linear RGB of the background.
-    pub background: [f32; 3],
-    /// The robust standard deviation of the background in display space.
-    pub background_spread: f32,
-    /// How far the background is to be trusted, 0 to 1.
-    pub background_confidence: f32,
-    /// The options.
-    pub options: FitOptions,
-}
-
-impl RunFile {
-    /// The bounding sphere.
-    pub fn sphere(&self) -> Sphere<f64> {
-        let [x, y, z, radius] = self.bounds;
-        Sphere { center: DVec3::new(x, y, z), radius }
-    }
-
-    /// The background.
-    pub fn background(&self) -> Background {
-        Background {
-            color: self.background,
-            spread: self.background_spread,
-            confidence: self.background_confidence,
-        }
-    }
-
-    /// What tells of the background.
-    pub(crate) fn backdrop(&self) -> Backdrop {
-        Backdrop {
-            bounds: self.sphere(),
-            background: self.background(),
-            use_masks: self.options.use_masks,
-        }
-    }
-
-    /// Reads `fit.toml` of a run folder.
-    ///
-    /// # Errors
-    /// If the folder is not a run, or the file is wrong.
-    pub fn load(run: &Path) -> Result<Self, InputError> {
-        let path = run.join("fit.toml");
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
-        let file: RunFile = toml::from_str(&text)
-            .map_err(|e| InputError::new(&path, "fit.toml", e.message(), "the options of a fit"))?;
-        let sphere = file.sphere();
-        if !(sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0) {
-            let found = format!("{:?}", file.bounds);
-            return Err(InputError::new(&path, "bounds", found, "x, y, z and a radius above 0"));
-        }
-        Ok(file)
-    }
-
-    /// Writes `fit.toml` of a run folder.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn save(&self, run: &Path) -> anyhow::Result<()> {
-        let text = toml::to_string(self)?;
-        atomic_write(&run.join("fit.toml"), |out| Ok(out.write_all(text.as_bytes())?))
-    }
-}
-
 impl Model {
-    /// The model a fit starts from: a sphere, and a nearly uniform radiance.
+    /// The model that a fit starts from: a sphere with a nearly uniform radiance.
     pub fn initial(options: &FitOptions, bounds: &Sphere<f64>) -> Self {
         let transform = Transform { center: bounds.center, radius: bounds.radius };
         let architecture = Architecture {
@@ -135,8 +59,7 @@ impl Model {
         self.head.set_parameters(head);
     }
 
-    /// Writes `model.safetensors`, `radiance.safetensors` and a scene file for each training
-    /// camera's kind into a run.
+    /// Writes `model.safetensors` and `radiance.safetensors` into a run folder.
     ///
     /// # Errors
     /// If a file cannot be written.

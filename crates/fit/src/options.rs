@@ -1,20 +1,20 @@
-//! What can be chosen of a fit: flags, `fit.toml` and documentation in one struct.
+//! The options of a fit: flags, `fit.toml` and documentation in one struct.
 
 use std::path::Path;
 use std::time::Duration;
 
+use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
 use field::Sphere;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
-
-use estimate::{Control, Estimator, Method};
 use io::InputError;
+use serde::{Deserialize, Serialize};
+use warp::WarpOptions;
 
 /// Options of `dsdf fit`. The defaults need no tuning; a run's `fit.toml` records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitOptions {
-    /// Number of iterations; without it and without --time, a number that suits most scenes
+    /// Number of iterations [default: 6000, without --time]
     #[arg(long)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u64>,
@@ -22,170 +22,191 @@ pub struct FitOptions {
     #[arg(long, conflicts_with = "iterations", value_parser = parse_duration)]
     #[serde(skip_serializing_if = "Option::is_none", with = "seconds")]
     pub time: Option<Duration>,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 0)]
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = Self::default().seed)]
     pub seed: u64,
     /// Read images at 1/N of their size
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = Self::default().downscale)]
     pub downscale: u32,
     /// Use masks or alpha in the loss, not in evaluation only
     #[arg(long)]
     pub use_masks: bool,
-    /// Bounding sphere x,y,z,radius in world units, instead of the one found
+    /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
     /// Width of the network's hidden layers
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = Self::default().width)]
     pub width: usize,
     /// Number of the network's hidden layers
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = Self::default().layers)]
     pub layers: usize,
     /// Octaves of the network's frequency encoding
-    #[arg(long, default_value_t = 6)]
+    #[arg(long, default_value_t = Self::default().bands)]
     pub bands: usize,
     /// Sharpness of the softplus, per unit of pre-activation
-    #[arg(long, default_value_t = 100.0)]
+    #[arg(long, default_value_t = Self::default().beta)]
     pub beta: f64,
     /// Radius of the initial sphere, as a fraction of the bounding radius
-    #[arg(long, default_value_t = 0.5)]
+    #[arg(long, default_value_t = Self::default().initial_radius)]
     pub initial_radius: f64,
-    /// Adam's learning rate at its peak
-    #[arg(long, default_value_t = 2e-3)]
+    /// Largest learning rate of Adam
+    #[arg(long, default_value_t = Self::default().learning_rate)]
     pub learning_rate: f64,
     /// Pixels an iteration
-    #[arg(long, default_value_t = 1024)]
+    #[arg(long, default_value_t = Self::default().batch)]
     pub batch: usize,
-    /// How pixels are differentiated that a silhouette may cross: see `dsdf gradient --estimator`
-    #[arg(long, default_value = "refined")]
-    pub estimator: Method,
+    /// Estimator of pixels that a silhouette may cross: see `dsdf gradient --estimator`
+    #[arg(long, default_value_t = Self::default().estimator)]
+    pub estimator: String,
     /// Samples of a pixel that a silhouette may cross
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = Self::default().edge_rays)]
     pub edge_rays: u32,
-    /// Samples on each border edge of such a pixel
-    #[arg(long, default_value_t = 1)]
+    /// Samples on each border edge of such a pixel; with refined, lines along each axis
+    #[arg(long, default_value_t = Self::default().edge_samples)]
     pub edge_samples: u32,
-    /// N: points of the warp's quadrature along a ray
-    #[arg(long, default_value_t = 22)]
-    pub steps: usize,
-    /// k: points that keep a weight
-    #[arg(long, default_value_t = 7)]
-    pub top_k: usize,
-    /// γ: exponent of the weights
-    #[arg(long, default_value_t = 3.0)]
-    pub gamma: f64,
-    /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
-    #[arg(long, default_value_t = 0.02)]
-    pub lambda_d: f64,
-    /// ε: guard inside the weights, in world units at a bounding radius of 1
-    #[arg(long, default_value_t = 1e-6)]
-    pub epsilon: f64,
+    /// The published warp.
+    #[command(flatten)]
+    pub warp: WarpOptions,
     /// Weight of the eikonal term (|∇f| − 1)²
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
-    /// Weight of the term that clears what looks like the background, at the start
-    #[arg(long, default_value_t = 4.0)]
+    /// Weight of the force that clears surfaces in front of the background, at the start
+    #[arg(long, default_value_t = Self::default().background_weight)]
     pub background_weight: f64,
     /// Iterations between checkpoints
-    #[arg(long, default_value_t = 200)]
+    #[arg(long, default_value_t = Self::default().checkpoint_every)]
     pub checkpoint_every: u64,
     /// Iterations between preview pictures
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = Self::default().preview_every)]
     pub preview_every: u64,
 }
 
-/// Iterations when neither --iterations nor --time is given.
+/// Iterations without --iterations and without --time.
 pub const DEFAULT_ITERATIONS: u64 = 6000;
 
 impl Default for FitOptions {
     fn default() -> Self {
-        #[derive(clap::Parser)]
-        struct Flags {
-            #[command(flatten)]
-            options: FitOptions,
+        FitOptions {
+            iterations: None,
+            time: None,
+            seed: 0,
+            downscale: 1,
+            use_masks: false,
+            bounds: None,
+            width: 64,
+            layers: 3,
+            bands: 6,
+            beta: 100.0,
+            initial_radius: 0.5,
+            learning_rate: 2e-3,
+            batch: 1024,
+            estimator: "refined".to_owned(),
+            edge_rays: 4,
+            edge_samples: 1,
+            warp: WarpOptions::FIT,
+            eikonal: 0.1,
+            background_weight: 4.0,
+            checkpoint_every: 200,
+            preview_every: 500,
         }
-        <Flags as clap::Parser>::parse_from(["fit"]).options
     }
 }
 
-/// A named condition on an option: flag, value found, whether it holds, what it should be.
-type Check = (&'static str, String, bool, &'static str);
+/// One option with its value, whether it is valid, and the values that are.
+struct Check {
+    name: &'static str,
+    found: String,
+    holds: bool,
+    expected: &'static str,
+}
+
+impl Check {
+    fn new(name: &'static str, found: impl ToString, holds: bool, expected: &'static str) -> Self {
+        Check { name, found: found.to_string(), holds, expected }
+    }
+
+    fn positive(name: &'static str, value: f64) -> Self {
+        Self::new(name, value, value > 0.0 && value.is_finite(), "a number above 0")
+    }
+
+    fn not_negative(name: &'static str, value: f64) -> Self {
+        Self::new(name, value, value >= 0.0 && value.is_finite(), "0 or more")
+    }
+
+    fn at_least_one(name: &'static str, value: u64) -> Self {
+        Self::new(name, value, value >= 1, "1 or more")
+    }
+
+    /// A number of samples, up to as many as `dsdf gradient` accepts.
+    fn count(name: &'static str, value: u32) -> Self {
+        Self::new(name, value, (1..=65536).contains(&value), "1 to 65536")
+    }
+}
 
 impl FitOptions {
-    /// Checks every number; `source` is where they came from, for the message.
+    /// Makes `command`, which has these options as flags, show and use the defaults of fits where
+    /// those of [`WarpOptions`] are of derivative images.
+    pub fn with_fit_defaults(command: clap::Command) -> clap::Command {
+        let WarpOptions { top_k, lambda_d, .. } = WarpOptions::FIT;
+        command
+            .mut_arg("top_k", |arg| arg.default_value(top_k.to_string()))
+            .mut_arg("lambda_d", |arg| arg.default_value(lambda_d.to_string()))
+    }
+
+    /// Checks every option; `source` is their origin, for the message.
     ///
     /// # Errors
     /// On the first value that cannot work.
-    pub fn validate(&self, source: &Path) -> Result<(), InputError> {
-        let positive = |name, value: f64| -> Check {
-            (name, value.to_string(), value > 0.0 && value.is_finite(), "a number above 0")
-        };
-        let at_least_one =
-            |name, value: u64| -> Check { (name, value.to_string(), value >= 1, "1 or more") };
-        // As many as `gradient` takes.
-        let count = |name, value: u64| -> Check {
-            (name, value.to_string(), (1..=65536).contains(&value), "1 to 65536")
-        };
-        let not_negative = |name, value: f64| -> Check {
-            (name, value.to_string(), value >= 0.0 && value.is_finite(), "0 or more")
-        };
+    pub fn validate(&self, source: &Path, registry: &Registry) -> Result<(), InputError> {
+        if registry.get(&self.estimator).is_none() {
+            let expected = format!("one of {}", registry.names());
+            return Err(InputError::new(source, "estimator", &self.estimator, expected));
+        }
+        if let Some(check) = self.checks().into_iter().find(|check| !check.holds) {
+            return Err(InputError::new(source, check.name, check.found, check.expected));
+        }
+        let warp = self.warp.validate();
+        warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))
+    }
+
+    fn checks(&self) -> Vec<Check> {
         let radius = self.initial_radius;
-        let checks = [
-            at_least_one("iterations", self.iterations.unwrap_or(1)),
-            at_least_one("downscale", self.downscale.into()),
-            ("width", self.width.to_string(), (1..=4096).contains(&self.width), "1 to 4096"),
-            ("layers", self.layers.to_string(), (1..=64).contains(&self.layers), "1 to 64"),
-            ("bands", self.bands.to_string(), self.bands <= 12, "at most 12"),
-            positive("beta", self.beta),
-            (
+        vec![
+            Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
+            Check::at_least_one("downscale", self.downscale.into()),
+            Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
+            Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
+            Check::new("bands", self.bands, self.bands <= 12, "at most 12"),
+            Check::positive("beta", self.beta),
+            Check::new(
                 "initial_radius",
-                radius.to_string(),
+                radius,
                 radius > 0.0 && radius < 1.0,
                 "a fraction between 0 and 1",
             ),
-            positive("learning_rate", self.learning_rate),
-            at_least_one("batch", self.batch as u64),
-            (
-                "estimator",
-                self.estimator.name().to_owned(),
-                self.estimator != Method::FiniteDifferences,
-                "an estimator of parameter gradients",
-            ),
-            count("edge_rays", self.edge_rays.into()),
-            count("edge_samples", self.edge_samples.into()),
-            count("steps", self.steps as u64),
-            (
-                "top_k",
-                self.top_k.to_string(),
-                self.top_k >= 2,
-                "2 or more (one point alone keeps no weight)",
-            ),
-            positive("gamma", self.gamma),
-            not_negative("lambda_d", self.lambda_d),
-            not_negative("epsilon", self.epsilon),
-            not_negative("eikonal", self.eikonal),
-            not_negative("background_weight", self.background_weight),
-            at_least_one("checkpoint_every", self.checkpoint_every),
-            at_least_one("preview_every", self.preview_every),
-        ];
-        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
-            Some((name, found, _, expected)) => Err(InputError::new(source, name, found, expected)),
-            None => Ok(()),
-        }
+            Check::positive("learning_rate", self.learning_rate),
+            Check::at_least_one("batch", self.batch as u64),
+            Check::count("edge_rays", self.edge_rays),
+            Check::count("edge_samples", self.edge_samples),
+            Check::not_negative("eikonal", self.eikonal),
+            Check::not_negative("background_weight", self.background_weight),
+            Check::at_least_one("checkpoint_every", self.checkpoint_every),
+            Check::at_least_one("preview_every", self.preview_every),
+        ]
     }
 
-    /// The estimator of pixels that a silhouette may cross.
-    ///
-    /// # Panics
-    /// For options that [`validate`](Self::validate) refuses.
-    pub(crate) fn estimator(&self) -> Box<dyn Estimator<f32>> {
-        let estimator = self.estimator.estimator(self.edge_rays, self.edge_samples, Control::Mean);
-        estimator.unwrap_or_else(|| {
-            panic!("{} is no estimator of parameter gradients", self.estimator.name())
-        })
+    /// The options of the estimator.
+    pub(crate) fn estimator_options(&self) -> EstimatorOptions {
+        EstimatorOptions { warp: self.warp, baseline: Baseline::PixelMean }
     }
 
-    /// The bounding sphere asked for, if any.
+    /// The samples of a pixel that a silhouette may cross.
+    pub(crate) fn counts(&self) -> SampleCounts {
+        SampleCounts { spp: self.edge_rays, edge_samples: self.edge_samples }
+    }
+
+    /// The bounding sphere that was asked for.
     pub fn bounds(&self) -> Option<Sphere<f64>> {
         self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius })
     }
@@ -251,16 +272,18 @@ mod tests {
 
     #[test]
     fn impossible_values_are_named() {
-        let source = Path::new("arguments");
+        let (source, registry) = (Path::new("arguments"), Registry::default());
+        let with_warp = |warp| FitOptions { warp, ..FitOptions::default() };
         let cases = [
-            (FitOptions { top_k: 1, ..FitOptions::default() }, "top_k"),
-            (FitOptions { gamma: f64::NAN, ..FitOptions::default() }, "gamma"),
+            (with_warp(WarpOptions { top_k: 1, ..WarpOptions::FIT }), "top_k"),
+            (with_warp(WarpOptions { gamma: f64::NAN, ..WarpOptions::FIT }), "gamma"),
+            (FitOptions { estimator: "none".to_owned(), ..FitOptions::default() }, "estimator"),
             (FitOptions { batch: 0, ..FitOptions::default() }, "batch"),
         ];
         for (options, name) in cases {
-            assert_eq!(options.validate(source).unwrap_err().field, name);
+            assert_eq!(options.validate(source, &registry).unwrap_err().field, name);
         }
-        FitOptions::default().validate(source).unwrap();
+        FitOptions::default().validate(source, &registry).unwrap();
     }
 
     #[test]

@@ -2,21 +2,19 @@
 
 use std::path::Path;
 
-use estimate::{Setup, render};
 use film::{Film, contact_sheet, srgb_decode, srgb_encode};
 use io::write_image;
-use render::{Analytic, Formula};
+use render::{Analytic, Formula, Scene, render};
 
 /// The unit normals seen by a camera, as colours n/2 + 1/2 in display space, black where nothing is
 /// hit.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity.
-pub fn normal_map(setup: &Setup<'_, f32>, camera: usize) -> anyhow::Result<Film> {
+pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> anyhow::Result<Film> {
     let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
-    let mut setup = *setup;
-    (setup.shader, setup.background) = (&shader, glam::Vec3::ZERO);
-    let mut film = render(&setup, camera, 1, 0, &|_| {})?.film;
+    let scene = Scene { shader: &shader, background: glam::Vec3::ZERO, ..*scene };
+    let mut film = render(&scene, camera, 1, 0, &|_| {})?.film;
     film.pixels.iter_mut().for_each(|p| *p = p.map(srgb_decode));
     Ok(film)
 }
@@ -37,12 +35,12 @@ pub fn difference(a: &Film, b: &Film) -> Film {
 /// If the field is not finite or the picture cannot be written.
 pub fn write_preview(
     path: &Path,
-    setup: &Setup<'_, f32>,
+    scene: &Scene<'_, f32>,
     camera: usize,
     target: &Film,
 ) -> anyhow::Result<Film> {
-    let image = render(setup, camera, 1, 0, &|_| {})?.film;
-    let normals = normal_map(setup, camera)?;
+    let image = render(scene, camera, 1, 0, &|_| {})?.film;
+    let normals = normal_map(scene, camera)?;
     let error = difference(&image, target);
     write_image(path, &contact_sheet(&[vec![target.clone(), image.clone(), normals, error]]))?;
     Ok(image)

@@ -3,23 +3,25 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use dataset::Dataset;
+use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations, Field};
 use glam::Vec3;
-use optim::{Adam, Group};
-use serde::Serialize;
-use warp::Weighting;
-
-use super::checkpoint::State;
-use super::model::{HEAD_BANDS, Model, RunFile};
-use super::pyramid::{Level, Pixel, pyramid};
-use super::step::{Batch, LIMIT, Tally, gradient};
-use super::{DEFAULT_ITERATIONS, schedule, write_preview};
-use dataset::Dataset;
-use estimate::Setup;
 use io::InputError;
 use metrics::psnr;
+use optim::{Adam, Group};
 use random::mix;
-use render::Camera;
+use render::{Camera, Scene};
+
+use crate::checkpoint::State;
+use crate::iteration::Metrics;
+use crate::model::{HEAD_BANDS, Model};
+use crate::options::DEFAULT_ITERATIONS;
+use crate::preview::write_preview;
+use crate::pyramid::{Level, Pixel, pyramid};
+use crate::run_file::RunFile;
+use crate::schedule;
+use crate::step::{Batch, BatchStats, LIMIT, gradient};
 
 /// The most the pyramid is coarsened: 1/8 of the size.
 const LEVELS: usize = 4;
@@ -29,35 +31,6 @@ const CLIP: f32 = 3.0;
 
 /// The share of an iteration in the running mean of the gradient's norm.
 const NORM_SHARE: f32 = 0.05;
-
-/// One line of `metrics.jsonl`.
-#[derive(Clone, Debug, Serialize)]
-pub struct Metrics {
-    /// Iterations done.
-    pub iteration: u64,
-    /// Seconds spent in all.
-    pub seconds: f64,
-    /// The fraction of the budget spent.
-    pub progress: f64,
-    /// Mean photometric loss a pixel.
-    pub loss: f64,
-    /// Mean of (|∇f| − 1)².
-    pub eikonal: f64,
-    /// PSNR over the iteration's own pixels, dB.
-    pub train_psnr: f64,
-    /// PSNR of the held-out view last rendered, dB; absent without one.
-    pub psnr: Option<f64>,
-    /// Field evaluations of the iteration.
-    pub evaluations: Evaluations,
-    /// Rays traced a second.
-    pub rays_per_second: f64,
-    /// Fraction of the pixels that a silhouette may have crossed.
-    pub edge_fraction: f64,
-    /// The pyramid's level: images at 1/2^level.
-    pub level: usize,
-    /// The norm of the gradient before clipping.
-    pub gradient_norm: f64,
-}
 
 /// A fit: a model, its optimiser, and the photographs.
 pub struct Fit {
@@ -69,8 +42,7 @@ pub struct Fit {
     pub dataset: Dataset,
     /// Iterations done.
     pub iteration: u64,
-    /// Weights of the warp other than the published ones.
-    pub weighting: Option<&'static dyn Weighting<f32>>,
+    estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
     adam: Adam<f32>,
@@ -82,16 +54,24 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Starts a fit in `folder`, or goes on from the checkpoint there if `resume`.
+    /// Starts a fit in `folder`, or resumes from the checkpoint there. The estimator that
+    /// the options name comes from `registry`.
     ///
     /// # Errors
-    /// If the checkpoint cannot be used.
+    /// If an option is not valid, or the checkpoint cannot be used.
     pub fn new(
         folder: &Path,
         dataset: Dataset,
         file: RunFile,
+        registry: &Registry,
         resume: bool,
     ) -> anyhow::Result<Self> {
+        let source = folder.join("fit.toml");
+        file.options.validate(&source, registry)?;
+        let Some(entry) = registry.get(&file.options.estimator) else {
+            anyhow::bail!("{}: no estimator {}", source.display(), file.options.estimator);
+        };
+        let estimator = entry.estimator(&file.options.estimator_options());
         let bounds = file.sphere();
         let model = Model::initial(&file.options, &bounds);
         let parameters = model.parameters();
@@ -100,7 +80,7 @@ impl Fit {
             parameters.len(),
             vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
         );
-        let levels = pyramid(&dataset.train, &file.backdrop(), LEVELS);
+        let levels = pyramid(&dataset.train, &file.background_model(), LEVELS);
         if levels[0].pixel_count() == 0 {
             let expected = "a sphere in sight of the cameras (see --bounds)";
             return Err(InputError::new(
@@ -116,7 +96,7 @@ impl Fit {
             model,
             dataset,
             iteration: 0,
-            weighting: None,
+            estimator,
             folder: folder.to_owned(),
             levels,
             adam,
@@ -223,46 +203,53 @@ impl Fit {
 }
 
 impl Fit {
-    /// One iteration. The metrics' `rays_per_second` holds the number of rays; the caller knows the
-    /// time.
+    /// One iteration. `rays_per_second` of the result is the number of rays; the caller divides it
+    /// by the time.
     fn step(&mut self) -> anyhow::Result<Metrics> {
-        let options = &self.file.options;
-        let progress = self.progress();
-        let level = schedule::level(progress, self.levels.len());
-        let seed = mix(options.seed, self.iteration);
-        let (pixels, pixel_count) = self.draw(level);
-        let weights =
-            schedule::weights(progress, options, f64::from(self.file.background_confidence));
-        let estimator = options.estimator();
-        let counted = Counted::new(&self.model.field);
-        let mut setup = self.setup(&self.levels[level].cameras);
-        setup.field = &counted;
-        let batch = Batch {
-            setup,
-            level: &self.levels[level],
-            pixels: &pixels,
-            pixel_count,
-            backdrop: self.file.backdrop(),
-            weights,
-            estimator: &*estimator,
-            limit: LIMIT,
-            seed,
-        };
-        let (mut gradient, tally) = gradient(&batch)?;
-        let evaluations = counted.evaluations();
-        let norm = optim::clip_norm(
-            &mut gradient,
-            if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { f32::MAX },
-        );
-        let kept = norm.min(if self.usual_norm > 0.0 { CLIP * self.usual_norm } else { norm });
-        let share = if self.usual_norm > 0.0 { NORM_SHARE } else { 1.0 };
-        self.usual_norm += share * (kept - self.usual_norm);
-        let rate = options.learning_rate * schedule::learning_rate(progress);
+        let level = schedule::level(self.progress(), self.levels.len());
+        let (mut gradient, stats, evaluations) = self.gradient(level)?;
+        let norm = self.clip(&mut gradient);
+        let rate = self.file.options.learning_rate * schedule::learning_rate(self.progress());
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
         self.set_windows();
-        Ok(self.metrics(&tally, evaluations, level, norm))
+        Ok(self.metrics(&stats, evaluations, level, norm))
+    }
+
+    /// The gradient of this iteration's batch, with the field evaluations that it took.
+    fn gradient(&self, level: usize) -> anyhow::Result<(Vec<f32>, BatchStats, Evaluations)> {
+        let options = &self.file.options;
+        let (pixels, pixel_count) = self.draw(level);
+        let confidence = f64::from(self.file.background_confidence);
+        let counted = Counted::new(&self.model.field);
+        let cameras = &self.levels[level].cameras;
+        let batch = Batch {
+            scene: Scene { field: &counted, ..scene(&self.model, &self.file, cameras) },
+            level: &self.levels[level],
+            pixels: &pixels,
+            pixel_count,
+            background: self.file.background_model(),
+            weights: schedule::weights(self.progress(), options, confidence),
+            estimator: &*self.estimator,
+            counts: options.counts(),
+            limit: LIMIT,
+            seed: mix(options.seed, self.iteration),
+        };
+        let (gradient, stats) = gradient(&batch)?;
+        Ok((gradient, stats, counted.evaluations()))
+    }
+
+    /// Clips a gradient to [`CLIP`] times its usual norm, updates the usual norm, and returns the
+    /// norm before clipping.
+    fn clip(&mut self, gradient: &mut [f32]) -> f32 {
+        let known = self.usual_norm > 0.0;
+        let limit = CLIP * self.usual_norm;
+        let norm = optim::clip_norm(gradient, if known { limit } else { f32::MAX });
+        let kept = norm.min(if known { limit } else { norm });
+        let share = if known { NORM_SHARE } else { 1.0 };
+        self.usual_norm += share * (kept - self.usual_norm);
+        norm
     }
 
     /// Fades in the octaves of both encodings as far as the fit has come. Part of the function that
@@ -280,38 +267,37 @@ impl Fit {
         // Coarse images have few pixels: a quarter of the batch goes twice as far.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
-        let every = schedule::plain(self.progress());
-        let (draws, seed) =
-            (level_pixels.draws_for(batch, every), mix(self.file.options.seed, level as u64));
+        let every = schedule::background_group(self.progress());
+        let draws = level_pixels.draws_for(batch, every);
+        let seed = mix(self.file.options.seed, level as u64);
         let pixels = (0..draws)
             .map(|i| level_pixels.draw(self.iteration * draws + i, every, seed))
             .collect();
         (pixels, level_pixels.count_of(draws, every) as f32)
     }
 
-    fn metrics(&self, tally: &Tally, evaluations: Evaluations, level: usize, norm: f32) -> Metrics {
-        let n = tally.pixels as f64;
+    fn metrics(
+        &self,
+        stats: &BatchStats,
+        evaluations: Evaluations,
+        level: usize,
+        norm: f32,
+    ) -> Metrics {
+        let n = stats.pixels as f64;
         Metrics {
             iteration: self.iteration,
             seconds: self.seconds,
             progress: 0.0,
-            loss: tally.photometric / n,
-            eikonal: tally.eikonal / tally.eikonal_points.max(1) as f64,
-            train_psnr: -10.0 * (tally.squared_error / n).max(1e-10).log10(),
+            loss: stats.photometric / n,
+            eikonal: stats.eikonal / stats.eikonal_points.max(1) as f64,
+            train_psnr: -10.0 * (stats.squared_error / n).max(1e-10).log10(),
             psnr: self.held_out_psnr,
             evaluations: evaluations,
-            rays_per_second: tally.rays as f64,
-            edge_fraction: tally.edge_pixels as f64 / n,
+            rays_per_second: stats.rays as f64,
+            edge_fraction: stats.edge_pixels as f64 / n,
             level,
             gradient_norm: norm.into(),
         }
-    }
-
-    /// The setup for cameras of this data set.
-    pub fn setup<'a>(&'a self, cameras: &'a [Camera]) -> Setup<'a, f32> {
-        let mut setup = setup(&self.model, &self.file, cameras);
-        setup.weighting = self.weighting.map(|w| w as _);
-        setup
     }
 
     /// PSNR of the held-out view last rendered, dB.
@@ -329,24 +315,15 @@ impl Fit {
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
         let cameras = [view.camera];
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
-        let image = write_preview(&path, &self.setup(&cameras), 0, &view.image)?;
+        let image =
+            write_preview(&path, &scene(&self.model, &self.file, &cameras), 0, &view.image)?;
         self.held_out_psnr = held_out.map(|view| psnr(&image, &view.image));
         Ok(())
     }
 }
 
-/// What the estimators need to render a run's model.
-pub fn setup<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Setup<'a, f32> {
-    let (options, sphere) = (&file.options, file.sphere());
-    let mut setup =
-        Setup::new(&model.field, &model.head, cameras, &sphere, Vec3::from(file.background));
-    setup.steps = options.steps;
-    setup.warp = warp::Options {
-        k: options.top_k,
-        gamma: options.gamma as f32,
-        lambda_d: (options.lambda_d * sphere.radius) as f32,
-        epsilon: (options.epsilon * sphere.radius) as f32,
-        ..warp::Options::default()
-    };
-    setup
+/// The scene of a run's model.
+pub fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
+    let background = Vec3::from(file.background);
+    Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)
 }

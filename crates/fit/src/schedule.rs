@@ -1,47 +1,46 @@
-//! What changes as a fit goes on, as functions of the fraction of the budget spent.
+//! The schedule of a fit: functions of the progress, the fraction of the budget that is spent.
 
 use optim::Schedule;
 
-use super::FitOptions;
-use super::step::Weights;
+use crate::options::FitOptions;
+use crate::step::Weights;
 
-/// Progress at which each finer level of the pyramid takes over, finest last.
+/// Progress at which each finer level of the pyramid starts, finest last.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
-/// Once the finest level has taken over, one in so many pixels is drawn of those that show the
-/// background for sure, and stands for all: rays that rightly miss teach nothing. Before, they are
-/// what carves the object.
-const PLAIN: usize = 8;
+/// From the finest level on, one draw stands for a group of this many pixels of certain background:
+/// by then their rays miss, and have no gradient. On coarser levels they carve the object.
+const BACKGROUND_GROUP: usize = 8;
 
-/// One in how many of the plain pixels is drawn.
-pub(crate) fn plain(progress: f64) -> usize {
-    if progress < LEVEL_ENDS[2] { 1 } else { PLAIN }
+/// The number of background pixels that one draw stands for.
+pub(crate) fn background_group(progress: f64) -> usize {
+    if progress < LEVEL_ENDS[2] { 1 } else { BACKGROUND_GROUP }
 }
 
-/// Fraction of the budget after which all octaves of the encoding are on.
+/// Progress from which all octaves of the encoding are on.
 const BANDS_ON: f64 = 0.5;
 
 /// Octaves that are on from the start.
 const FIRST_BANDS: f64 = 2.0;
 
-/// The learning rate at the end, as a fraction of its peak.
+/// The learning rate at the end, as a fraction of the largest.
 const FINAL_RATE: f64 = 0.03;
 
-/// Fraction of the budget over which the learning rate rises.
+/// Progress up to which the learning rate rises.
 const WARM_UP: f64 = 0.01;
 
-/// The level of a pyramid of `levels` at this point: coarse at first, 0 at last.
+/// The level of a pyramid of `levels` levels: the coarsest at first, 0 at the end.
 pub(crate) fn level(progress: f64, levels: usize) -> usize {
     let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
     remaining.min(levels - 1)
 }
 
-/// The multiplier of the learning rate: a short rise, then half a cosine down.
+/// The learning rate as a fraction of the largest: a short rise, then half a cosine down.
 pub(crate) fn learning_rate(progress: f64) -> f64 {
     Schedule::WarmUpCosine { warm_up: WARM_UP, last: FINAL_RATE }.fraction(progress)
 }
 
-/// The window over `bands` octaves: each fades in with half a cosine, coarse ones first.
+/// The weights of `bands` octaves: each fades in with half a cosine, coarse octaves first.
 pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
     let on = FIRST_BANDS + (bands as f64 - FIRST_BANDS).max(0.0) * (progress / BANDS_ON).min(1.0);
     (0..bands)
@@ -52,16 +51,15 @@ pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Progress up to which the guess at the background counts fully, and from which on hardly any
-/// more.
+/// Progress up to which the estimated background is fully trusted, and from which on hardly any
+/// more. The estimate finds the object; the photographs decide the position of its outline.
 const TRUST: [f64; 2] = [0.3, 0.7];
 
-/// What is left of it at last: enough to keep clear what is clear.
+/// The trust that is left at the end: it keeps empty space empty.
 const LAST_TRUST: f64 = 0.05;
 
-/// The weights of the loss's terms.
+/// The weights of the loss's terms, for a background that is known with `confidence`.
 pub(crate) fn weights(progress: f64, options: &FitOptions, confidence: f64) -> Weights {
-    // The guess finds the object; where its edge is exactly is for the photographs to say.
     let fade = ((TRUST[1] - progress) / (TRUST[1] - TRUST[0])).clamp(LAST_TRUST, 1.0);
     let trust = if options.use_masks { 1.0 } else { confidence * fade };
     Weights {

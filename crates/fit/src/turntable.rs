@@ -3,7 +3,10 @@
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::{Model, RunFile, normal_map, setup};
+use crate::model::Model;
+use crate::preview::normal_map;
+use crate::run::scene;
+use crate::run_file::RunFile;
 use film::{Film, contact_sheet};
 use render::Camera;
 
@@ -83,11 +86,11 @@ pub fn turntable(
     spp: u32,
     progress: &dyn Fn(f64),
 ) -> anyhow::Result<Film> {
-    let setup = setup(model, file, cameras);
+    let scene = scene(model, file, cameras);
     let (mut looks, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
-        looks.push(estimate::render(&setup, camera, spp, 0, &|_| {})?.film);
-        normals.push(normal_map(&setup, camera)?);
+        looks.push(render::render(&scene, camera, spp, 0, &|_| {})?.film);
+        normals.push(normal_map(&scene, camera)?);
         progress((camera + 1) as f64 / cameras.len() as f64);
     }
     Ok(contact_sheet(&[looks, normals]))

@@ -9,7 +9,7 @@ use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use estimate::Method;
+use estimate::Registry;
 use io::InputError;
 
 /// Flags of every command.
@@ -24,25 +24,15 @@ pub(crate) struct Global {
     /// No progress on standard error
     #[arg(long, global = true)]
     pub(crate) quiet: bool,
-    /// End when the process of this number does, which started this one (Linux)
+    /// End when the process of this number ends, which started this one (Linux)
     #[arg(long, global = true, hide = true, value_name = "PID")]
     pub(crate) end_with: Option<u32>,
-    /// What the program brings.
+    /// The estimators.
     #[arg(skip)]
-    pub(crate) weights: Option<super::Weights>,
+    pub(crate) registry: Registry,
 }
 
 impl Global {
-    /// Refuses the estimator that a program brings if this one brings none.
-    pub(crate) fn check_estimator(&self, method: Method) -> Result<(), InputError> {
-        if method == Method::Custom && self.weights.is_none() {
-            let expected =
-                "another one: custom is for programs with weights of their own (docs/extension)";
-            return Err(InputError::new("arguments", "--estimator", "custom", expected));
-        }
-        Ok(())
-    }
-
     /// Prints a result: as JSON, or as the lines of `text`.
     pub(crate) fn report(
         &self,
@@ -51,7 +41,7 @@ impl Global {
     ) -> anyhow::Result<()> {
         let line = if self.json { serde_json::to_string(json)? } else { text() };
         match writeln!(std::io::stdout(), "{line}") {
-            // Whoever reads it may have read enough.
+            // A reader that closes the pipe is no error.
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
                 Err(error).context("standard output")
             }
@@ -60,12 +50,12 @@ impl Global {
     }
 
     /// A progress bar over fractions, on standard error.
-    pub(crate) fn progress(&self, what: &str) -> ProgressBar {
+    pub(crate) fn progress(&self, name: &str) -> ProgressBar {
         if self.quiet {
             return ProgressBar::hidden();
         }
         let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left");
-        let bar = ProgressBar::new(1000).with_message(what.to_owned());
+        let bar = ProgressBar::new(1000).with_message(name.to_owned());
         match style {
             Ok(style) => bar.with_style(style),
             Err(_) => bar,
@@ -101,3 +91,11 @@ pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), In
     let expected: Vec<String> = extensions.iter().map(|e| format!(".{e}")).collect();
     Err(InputError::new(path, "output", format!("extension \"{found}\""), expected.join(", ")))
 }
+
+/// An error of options on the command line, whose names are the flags'.
+pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputError {
+    InputError::new(ARGUMENTS, format!("--{}", name.replace('_', "-")), found, expected)
+}
+
+/// The file that messages about flags name.
+pub(super) const ARGUMENTS: &str = "arguments";

@@ -9,10 +9,10 @@ use serde::Serialize;
 use super::common::{Global, mover};
 use super::eval;
 use super::fit::{When, fit, start};
+use ::fit::{FitOptions, Model, RunFile, scene, write_preview};
+use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
-use fit::{FitOptions, Model, RunFile, setup, write_preview};
 use mesh::{extract, read_mesh, write_mesh};
-use scene::Scene;
 
 /// The embedded scene: a rounded solid with a hole through it and a bite out of it.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -75,7 +75,7 @@ impl Demo {
     fn photograph(&self, data: &Path, global: &Global) -> anyhow::Result<()> {
         let value: serde_json::Value = serde_json::from_str(SCENE)?;
         let source = data.join("scene.json");
-        let scene = Scene::from_value(&source, &value)?;
+        let scene = SceneFile::from_value(&source, &value)?;
         let options =
             Options { views: self.views as usize, size: [self.size; 2], spp: 16, seed: 0 };
         let bar = global.progress("views");
@@ -102,7 +102,7 @@ impl Demo {
         metrics.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
         if let Some(view) = dataset.test.first() {
             let cameras = [view.camera];
-            write_preview(&picture, &setup(&model, &file, &cameras), 0, &view.image)?;
+            write_preview(&picture, &scene(&model, &file, &cameras), 0, &view.image)?;
         }
         bar.finish_and_clear();
         Ok(Report {

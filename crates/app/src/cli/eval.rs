@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::common::{Global, mover};
 use dataset::{LoadOptions, View};
-use estimate::render;
-use fit::{Model, RunFile, setup};
+use fit::{Model, RunFile, scene};
 use mesh::{extract, read_mesh};
 use metrics::{compare, mask_iou, psnr, ssim};
+use render::render;
 
 /// Measure a run on held-out views, and against a mesh.
 #[derive(Args, Debug)]
@@ -72,10 +72,10 @@ pub(super) fn views(
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<Report> {
     let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
-    let setup = setup(model, file, &cameras);
+    let scene = scene(model, file, &cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
     for (i, view) in views.iter().enumerate() {
-        let image = render(&setup, i, spp, file.options.seed, &|p| {
+        let image = render(&scene, i, spp, file.options.seed, &|p| {
             progress((i as f64 + p) / views.len() as f64)
         })?;
         psnrs.push(psnr(&image.film, &view.image));

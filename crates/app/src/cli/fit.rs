@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::Args;
+use clap::{ArgMatches, Args};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::common::Global;
-use super::preset::Preset;
+use super::common::{ARGUMENTS, Global};
+use super::preset::{Preset, is_explicit};
 use crate::error::Interrupted;
 use dataset::{Dataset, LoadOptions};
 use fit::{Fit as Fitting, FitOptions, Metrics, RunFile};
@@ -36,9 +36,8 @@ pub(crate) struct Fit {
     /// Check the options, and do nothing
     #[arg(long)]
     check: bool,
-    /// How much to spend where no option says otherwise
+    /// Speed/accuracy preset; explicit options override it
     #[arg(long, value_enum)]
-    #[allow(dead_code, reason = "put into the other options before they are read")]
     preset: Option<Preset>,
     #[command(flatten)]
     options: FitOptions,
@@ -61,12 +60,31 @@ impl Report {
 }
 
 impl Fit {
-    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        global.check_estimator(self.options.estimator)?;
-        if self.check {
-            return Ok(self.options.validate(Path::new("arguments"))?);
+    /// Replaces the defaults of options that are not on the command line by the preset's values. A
+    /// resumed run keeps its options.
+    pub(super) fn resolve_preset(&mut self, matches: &ArgMatches) {
+        let (iterations, width) = match self.preset {
+            Some(Preset::Fast) => (2000, None),
+            Some(Preset::Accurate) => (20_000, Some(96)),
+            Some(Preset::Balanced) | None => return,
+        };
+        if self.resume {
+            return;
         }
-        let (dataset, file) = if self.resume { self.resumed()? } else { self.started()? };
+        if !is_explicit(matches, "iterations") && !is_explicit(matches, "time") {
+            self.options.iterations = Some(iterations);
+        }
+        if let Some(width) = width.filter(|_| !is_explicit(matches, "width")) {
+            self.options.width = width;
+        }
+    }
+
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        if self.check {
+            return self.validate(global);
+        }
+        let (dataset, file) =
+            if self.resume { self.resumed(global)? } else { self.started(global)? };
         let when = When { resume: self.resume, stop_after: self.stop_after };
         let report = fit(dataset, file, &self.output, when, global)?;
         global.report(&report, || {
@@ -80,25 +98,29 @@ impl Fit {
         })
     }
 
-    fn started(&self) -> anyhow::Result<(Dataset, RunFile)> {
-        self.options.validate(Path::new("arguments"))?;
+    fn validate(&self, global: &Global) -> anyhow::Result<()> {
+        Ok(self.options.validate(Path::new(ARGUMENTS), &global.registry)?)
+    }
+
+    fn started(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
+        self.validate(global)?;
         let Some(path) = &self.dataset else {
             return Err(
-                InputError::new("arguments", "DATASET", "nothing", "a data set's folder").into()
+                InputError::new(ARGUMENTS, "DATASET", "nothing", "a data set's folder").into()
             );
         };
         start(path, &self.options)
     }
 
-    fn resumed(&self) -> anyhow::Result<(Dataset, RunFile)> {
+    fn resumed(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
         let mut file = RunFile::load(&self.output)?;
-        // A longer budget is the one thing a resumed run may ask anew.
+        // A resumed run may have a new budget, and no other new option.
         if self.options.time.is_some() || self.options.iterations.is_some() {
             (file.options.time, file.options.iterations) =
                 (self.options.time, self.options.iterations);
         }
         let toml = self.output.join("fit.toml");
-        file.options.validate(&toml)?;
+        file.options.validate(&toml, &global.registry)?;
         self.refuse_changes(&file, &toml)?;
         if let Some(path) = self.dataset.as_ref().filter(|p| absolute(p) != absolute(&file.dataset))
         {
@@ -114,27 +136,28 @@ impl Fit {
 impl Fit {
     /// Refuses options that a resumed run would have to ignore.
     fn refuse_changes(&self, file: &RunFile, source: &Path) -> anyhow::Result<()> {
-        let [given, default, kept] =
-            [&self.options, &FitOptions::default(), &file.options].map(toml::Table::try_from);
+        let [given, default, kept] = [&self.options, &FitOptions::default(), &file.options]
+            .map(|options| toml::Table::try_from(options).map(flat));
         let (given, default, kept) = (given?, default?, kept?);
         for (key, value) in given {
-            if key != "time"
-                && key != "iterations"
-                && default.get(&key) != Some(&value)
-                && kept.get(&key) != Some(&value)
-            {
-                let expected = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
-                return Err(InputError::new(
-                    source,
-                    key,
-                    value,
-                    format!("{expected}, as the run was started with"),
-                )
-                .into());
+            let new = default.get(&key) != Some(&value) && kept.get(&key) != Some(&value);
+            if new && key != "time" && key != "iterations" {
+                let kept = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
+                let expected = format!("{kept}, as the run was started with");
+                return Err(InputError::new(source, key, value, expected).into());
             }
         }
         Ok(())
     }
+}
+
+/// The entries of a table and of the tables in it, under their own keys.
+fn flat(table: toml::Table) -> toml::Table {
+    let entries = table.into_iter().flat_map(|(key, value)| match value {
+        toml::Value::Table(inner) => inner.into_iter().collect::<Vec<_>>(),
+        value => vec![(key, value)],
+    });
+    entries.collect()
 }
 
 /// A path that means the same from any folder.
@@ -190,10 +213,8 @@ pub(super) fn fit(
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected).into());
     }
     let mut claimed = if resume { Some(claim(run)?) } else { None };
-    // What can be refused is refused before anything is written.
-    global.check_estimator(file.options.estimator)?;
-    let mut fitting = Fitting::new(run, dataset, file, resume)?;
-    fitting.weighting = global.weights.as_ref().and_then(super::Weights::get);
+    // Everything that can be refused is refused before a file is written.
+    let mut fitting = Fitting::new(run, dataset, file, &global.registry, resume)?;
     if claimed.is_none() {
         std::fs::create_dir_all(run)
             .map_err(|e| InputError::new(run, "run", e, "a folder that can be written"))?;

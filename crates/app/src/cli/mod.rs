@@ -11,14 +11,15 @@ mod preset;
 mod query;
 mod render;
 mod synth;
-mod weights;
 
 use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use ::fit::FitOptions;
+use estimate::Registry;
+
 use crate::error::exit_status;
-pub use weights::Weights;
 
 /// Differentiable rendering of neural signed distance fields: posed photographs in, a shape out.
 #[derive(Parser)]
@@ -40,9 +41,9 @@ enum Command {
     Fit(fit::Fit),
     /// Make a data set of posed images of a scene, with exact ground truth
     Synth(synth::Synth),
-    /// Show what was understood of a data set
+    /// Show the cameras, units and bounds that were read from a data set
     Inspect(inspect::Inspect),
-    /// The main job on an embedded example: no files needed
+    /// Reconstruct an embedded example; needs no files
     Demo(demo::Demo),
     /// Extract a run's surface as a mesh
     Mesh(mesh::Mesh),
@@ -55,31 +56,27 @@ enum Command {
 /// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or
 /// input, 130 after Ctrl-C, 1 for anything else.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    run_with(arguments, None)
+    run_with(arguments, Registry::default())
 }
 
-/// The same for a program that brings weights of its own.
-pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<Weights>) -> u8 {
-    let command = with_negative_numbers(Cli::command()).mut_subcommands(with_negative_numbers);
-    let parsed = command
-        .try_get_matches_from(preset::expand(arguments.into_iter().collect()))
-        .and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = match parsed {
+/// Runs the program with the estimators of a registry: a program that adds an estimator of its own
+/// calls this.
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
+    let cli = match parse(arguments, registry) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
-            let line: Vec<&str> =
-                text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
-            eprintln!("{}", line.join(" "));
+            let first = text.split("\n\n").next().unwrap_or_default();
+            eprintln!("{}", first.split_whitespace().collect::<Vec<_>>().join(" "));
             return 2;
         }
         Err(help) => {
-            // Whoever reads it may have read enough.
+            // A reader that closes the pipe is no error.
             let _ = help.print();
             return 0;
         }
     };
-    match execute(cli, weights) {
+    match execute(cli) {
         Ok(()) => 0,
         Err(error) => {
             let chain: Vec<String> =
@@ -90,14 +87,53 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, weights: Option<W
     }
 }
 
-/// Ends this process when its parent does: what is started a thousand times should not be left
-/// behind once.
+/// The command line, with presets resolved: options that are not given take the preset's values.
+fn parse(
+    arguments: impl IntoIterator<Item = OsString>,
+    registry: Registry,
+) -> Result<Cli, clap::Error> {
+    let matches = command(&registry).try_get_matches_from(arguments)?;
+    let mut cli = Cli::from_arg_matches(&matches)?;
+    cli.global.registry = registry;
+    match (&mut cli.command, matches.subcommand()) {
+        (Command::Gradient(gradient), Some((_, matches))) => gradient.resolve_preset(matches),
+        (Command::Fit(fit), Some((_, matches))) => fit.resolve_preset(matches),
+        _ => {}
+    }
+    Ok(cli)
+}
+
+/// The command line's definition: estimators are those of the registry, and `fit` has its own
+/// defaults of the warp.
+fn command(registry: &Registry) -> clap::Command {
+    let estimators: Vec<String> = registry
+        .entries()
+        .iter()
+        .map(|entry| format!("- {}: {}", entry.name, entry.summary))
+        .collect();
+    let estimators = estimators.join("\n");
+    let with_estimators = |command: clap::Command, more: &str| {
+        let help = format!("{estimators}{more}");
+        command.mut_arg("estimator", |arg| {
+            let short = arg.get_help().map(ToString::to_string).unwrap_or_default();
+            arg.long_help(format!("{short}:\n{help}"))
+        })
+    };
+    with_negative_numbers(Cli::command())
+        .mut_subcommands(with_negative_numbers)
+        .mut_subcommand("gradient", |command| with_estimators(command, gradient::FD_HELP))
+        .mut_subcommand("fit", |command| {
+            FitOptions::with_fit_defaults(with_estimators(command, ""))
+        })
+}
+
+/// Ends this process when its parent ends, so that a sweep that is killed leaves no fit behind.
 #[cfg(target_os = "linux")]
 fn end_with(parent: Option<u32>) -> anyhow::Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
     let Some(parent) = parent else { return Ok(()) };
     set_parent_process_death_signal(Some(Signal::KILL))?;
-    // It may have ended before.
+    // The parent may have ended before.
     if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() as u32 != parent) {
         anyhow::bail!("process {parent} has ended");
     }
@@ -109,7 +145,7 @@ fn end_with(_parent: Option<u32>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// "-1" is a value to be judged, not an unknown flag.
+/// Accepts "-1" as a value, so that the message is about the value and not about an unknown flag.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command.mut_args(|arg| {
         let valued = arg.get_action().takes_values();
@@ -117,8 +153,8 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
     })
 }
 
-fn execute(cli: Cli, weights: Option<Weights>) -> anyhow::Result<()> {
-    let global = common::Global { weights, ..cli.global };
+fn execute(cli: Cli) -> anyhow::Result<()> {
+    let global = cli.global;
     end_with(global.end_with)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(global.threads.map_or(0, usize::from))

@@ -9,13 +9,10 @@ use serde::Serialize;
 
 use super::common::{Global, PrecisionArg, check_extension, color, mover};
 use dataset::LoadOptions;
-use estimate::{Setup, render};
-use fit::turntable::{around, turntable, upwards};
-use fit::{Model, RunFile};
-use io::InputError;
-use io::write_image;
-use render::Precision;
-use scene::Scene;
+use fit::{Model, RunFile, around, turntable, upwards};
+use io::{InputError, write_image};
+use render::{Precision, Scene, render};
+use scene::SceneFile;
 
 /// Render a scene to an image, or the object of a run from all around: as it looks, and its
 /// normals.
@@ -90,15 +87,15 @@ impl Render {
     }
 
     fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
-        let scene = Scene::load(&self.scene)?;
-        let field = Counted::new(scene.sdf.build::<R>()?);
-        let shader = scene.shader::<R>(&field)?;
-        let cameras = [scene.camera];
-        let setup =
-            Setup::new(&field, &*shader, &cameras, &scene.bounds, color::<R>(scene.background));
+        let file = SceneFile::load(&self.scene)?;
+        let field = Counted::new(file.sdf.build::<R>()?);
+        let shader = file.shader::<R>(&field)?;
+        let cameras = [file.camera];
+        let background = color::<R>(file.background);
+        let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
         let bar = global.progress("render");
         let start = Instant::now();
-        let image = render(&setup, 0, self.spp, self.seed, &mover(&bar))
+        let image = render(&scene, 0, self.spp, self.seed, &mover(&bar))
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();

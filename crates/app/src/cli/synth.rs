@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::common::{Global, mover};
 use dataset::synth::{Options, synthesise};
-use scene::Scene;
+use scene::SceneFile;
 
 /// Make a data set of posed images of a scene around its object, with exact ground truth.
 #[derive(Args, Debug)]
@@ -47,7 +47,7 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
 
 impl Synth {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        let scene = Scene::load(&self.scene)?;
+        let scene = SceneFile::load(&self.scene)?;
         let bar = global.progress("synth");
         let options =
             Options { views: self.views as usize, size: self.size, spp: self.spp, seed: self.seed };

@@ -1,0 +1,62 @@
+//! The gradient of ½ Σ (I − target)² by all weights of a neural scene.
+
+use std::path::Path;
+use std::time::Instant;
+
+use estimate::{Entry, EstimatorPrecision, target_gradient};
+use field::Evaluations;
+use film::Film;
+use io::{InputError, atomic_write, read_image};
+use render::Scene;
+use scene::{SceneFile, Sdf};
+
+use super::{Gradient, Report};
+
+impl Gradient {
+    pub(super) fn target_gradient<R: EstimatorPrecision>(
+        &self,
+        file: &SceneFile,
+        scene: &Scene<'_, R>,
+        target: &Path,
+        entry: &Entry,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> anyhow::Result<Report> {
+        let Sdf::Neural { path: model, bytes } = &file.sdf else {
+            let (found, expected) = ("an analytic shape", "neural, for --target");
+            return Err(InputError::new(&self.scene, "/sdf/type", found, expected).into());
+        };
+        let target = read_target(target, file)?;
+        let estimator = entry.estimator::<R>(&self.estimator_options());
+        let start = Instant::now();
+        let gradient = target_gradient(scene, &target, &*estimator, self.sampling(), progress)
+            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let mut network = scene::network::<R>(model, bytes)?;
+        network.set_parameters(&gradient.parameters);
+        let bytes = network.to_safetensors()?;
+        atomic_write(&self.output, |out| Ok(out.write_all(&bytes)?))?;
+        Ok(Report {
+            seconds,
+            evaluations: Evaluations::default(),
+            standard_error: gradient.standard_error,
+            outputs: vec![self.output.clone()],
+            loss: Some(gradient.loss),
+        })
+    }
+}
+
+/// The target image: finite, and of the camera's size.
+fn read_target(path: &Path, file: &SceneFile) -> anyhow::Result<Film> {
+    let (target, _) = read_image(path)?;
+    if let Some((x, y)) = target.first_non_finite() {
+        let (field, found) = (format!("pixel ({x}, {y})"), format!("{:?}", target.at(x, y)));
+        return Err(InputError::new(path, field, found, "finite numbers").into());
+    }
+    let (width, height) = (file.camera.width, file.camera.height);
+    if (target.width, target.height) != (width, height) {
+        let found = format!("{} x {} pixels", target.width, target.height);
+        let expected = format!("{width} x {height}, as the camera");
+        return Err(InputError::new(path, "size", found, expected).into());
+    }
+    Ok(target)
+}

@@ -1,0 +1,51 @@
+//! The background force: a prior that clears surfaces in front of the background.
+
+use estimate::record::PointAdjoint;
+use glam::Vec3;
+use render::Primary;
+use trace::Outcome;
+
+use super::chunk::Chunk;
+
+/// Skip the background force where hit and colour agree up to this probability: its gradient is
+/// negligible.
+const NEGLIGIBLE: f32 = 1e-3;
+
+impl Chunk<'_> {
+    /// Pushes the surface away where a ray hits although its pixel looks like the background, and
+    /// pulls it towards a ray that misses although its pixel does not.
+    ///
+    /// The force on f is constant. It is a prior, not a derivative of the image.
+    pub(super) fn add_background_force(&mut self, primary: &Primary<f32>) {
+        let radius = self.batch.scene.radius();
+        let each = self.batch.weights.background * self.share / radius;
+        if each == 0.0 {
+            return;
+        }
+        let mut hit = vec![None; primary.samples.len()];
+        primary.hits.iter().enumerate().for_each(|(h, at)| hit[at.sample] = Some(h));
+        for (i, pixel) in self.pixels.iter().enumerate() {
+            let weight = each * f32::from(pixel.count);
+            let probability = self.background_probability(*pixel);
+            let disagreement = if hit[i].is_some() { probability } else { 1.0 - probability };
+            let traced = primary.samples[i].traced;
+            let inside = traced.is_some_and(|traced| traced.found.outcome == Outcome::Inside);
+            if disagreement < NEGLIGIBLE && !inside {
+                continue;
+            }
+            if let Some(h) = hit[i] {
+                self.push_force(primary.surface.x[h], -weight * probability);
+            } else if let Some(traced) = traced {
+                let x = traced.ray.origin + traced.ray.direction * traced.found.t;
+                // A ray that starts inside: the solid has reached the bounding sphere, behind which
+                // nothing is visible. It is pushed back.
+                let alpha = if inside { -weight } else { weight * (1.0 - probability) };
+                self.push_force(x, alpha);
+            }
+        }
+    }
+
+    fn push_force(&mut self, x: Vec3, alpha: f32) {
+        self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
+    }
+}

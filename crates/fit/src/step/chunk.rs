@@ -1,0 +1,128 @@
+//! A chunk of an iteration's batch, and the sums that it adds up.
+
+use estimate::record::Adjoints;
+use estimate::{Estimator, SampleCounts};
+use glam::{DVec2, Vec3};
+use random::{mix, unit};
+use render::{Sample, Scene};
+
+use crate::background::BackgroundModel;
+use crate::loss::{Target, photometric, squared_error};
+use crate::pyramid::{Level, Pixel};
+
+/// The weights of the loss's terms at one point of the schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// Eikonal term.
+    pub(crate) eikonal: f32,
+    /// Background force.
+    pub(crate) background: f32,
+    /// How far the estimated background is trusted against the photograph, 0 to 1.
+    pub(crate) trust: f32,
+}
+
+/// The pixels of an iteration with all that their loss depends on.
+pub(crate) struct Batch<'a> {
+    /// Field, shader and the cameras of the level.
+    pub(crate) scene: Scene<'a, f32>,
+    /// The images.
+    pub(crate) level: &'a Level,
+    /// The pixels.
+    pub(crate) pixels: &'a [Pixel],
+    /// The expected number of pixels that so many draws stand for. The drawn number would not do:
+    /// the mean would be a ratio of two random numbers, which is biased.
+    pub(crate) pixel_count: f32,
+    /// The pixels' probability of showing the background.
+    pub(crate) background: BackgroundModel,
+    /// Weights of the terms.
+    pub(crate) weights: Weights,
+    /// The estimator of pixels that a silhouette may cross.
+    pub(crate) estimator: &'a dyn Estimator<f32>,
+    /// Samples of such a pixel.
+    pub(crate) counts: SampleCounts,
+    /// The limit on one sample's coefficient; see [`estimate::record::Pass::Limited`].
+    pub(crate) limit: f32,
+    /// Seed of this iteration.
+    pub(crate) seed: u64,
+}
+
+/// Sums over a batch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BatchStats {
+    /// Pixels that the batch stands for.
+    pub(crate) pixels: u64,
+    /// Photometric loss.
+    pub(crate) photometric: f64,
+    /// (|∇f| − 1)².
+    pub(crate) eikonal: f64,
+    /// Points of the eikonal term.
+    pub(crate) eikonal_points: u64,
+    /// Squared error in display space.
+    pub(crate) squared_error: f64,
+    /// Pixels that a silhouette may cross.
+    pub(crate) edge_pixels: u64,
+    /// Rays traced.
+    pub(crate) rays: u64,
+}
+
+impl BatchStats {
+    pub(crate) fn add(&mut self, o: &BatchStats) {
+        self.pixels += o.pixels;
+        self.photometric += o.photometric;
+        self.eikonal += o.eikonal;
+        self.eikonal_points += o.eikonal_points;
+        self.squared_error += o.squared_error;
+        self.edge_pixels += o.edge_pixels;
+        self.rays += o.rays;
+    }
+}
+
+/// The number of pixels that some draws stand for.
+pub(super) fn pixels_of(draws: &[Pixel]) -> u64 {
+    draws.iter().map(|p| u64::from(p.count)).sum()
+}
+
+/// A part of a batch, with the coefficients that it has added so far.
+pub(super) struct Chunk<'a> {
+    pub(super) batch: &'a Batch<'a>,
+    pub(super) pixels: &'a [Pixel],
+    pub(super) seed: u64,
+    /// 1 / the number of pixels that the batch stands for.
+    pub(super) share: f32,
+    pub(super) adjoints: Adjoints<f32>,
+    pub(super) stats: BatchStats,
+}
+
+impl<'a> Chunk<'a> {
+    pub(super) fn new(batch: &'a Batch<'a>, pixels: &'a [Pixel], seed: u64) -> Self {
+        let (share, adjoints) = (1.0 / batch.pixel_count, Adjoints::default());
+        Chunk { batch, pixels, seed, share, adjoints, stats: BatchStats::default() }
+    }
+
+    /// One random sample in every pixel.
+    pub(super) fn samples(&self) -> Vec<Sample> {
+        let place = |(i, p): (usize, &Pixel)| {
+            let [a, b] = [0, 1].map(|d| unit(mix(self.seed, 2 * i as u64 + d)));
+            let u = DVec2::new(f64::from(p.x) + a, f64::from(p.y) + b);
+            Sample { camera: p.view as usize, u }
+        };
+        self.pixels.iter().enumerate().map(place).collect()
+    }
+
+    /// Adds the loss of one pixel's radiance, and returns the adjoint of the radiance.
+    pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
+        let target = Target::of(&self.batch.level.images[p.view as usize], p.x.into(), p.y.into());
+        let (loss, adjoint) = photometric(radiance, &target);
+        let count = f64::from(p.count);
+        self.stats.photometric += f64::from(loss) * count;
+        self.stats.squared_error += f64::from(squared_error(radiance, target.radiance)) * count;
+        Vec3::from(adjoint) * (self.share * f32::from(p.count))
+    }
+
+    /// The probability that a pixel shows the background.
+    pub(super) fn background_probability(&self, p: Pixel) -> f32 {
+        let (level, view) = (&self.batch.level, p.view as usize);
+        let mask = level.masks[view].as_ref();
+        self.batch.background.probability(&level.images[view], mask, p.x.into(), p.y.into())
+    }
+}

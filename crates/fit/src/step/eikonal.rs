@@ -1,0 +1,87 @@
+//! The eikonal term (|∇f| − 1)².
+
+use estimate::record::PointAdjoint;
+use field::Vector3;
+use glam::{DVec3, Vec3};
+use random::{mix, unit};
+use render::Primary;
+
+use super::chunk::{Chunk, pixels_of};
+
+/// The term is evaluated at one of this many points that it is weighted for.
+const EIKONAL_EVERY: usize = 4;
+
+/// The largest distance from the surface of the points near it, in bounding radii.
+const NEAR: f32 = 0.1;
+
+impl Chunk<'_> {
+    /// Adds (|∇f| − 1)² near the surface for pixels that hit, and anywhere in the ball.
+    ///
+    /// The term is weighted for one point a hit and half a point a pixel, and evaluated at a
+    /// [`EIKONAL_EVERY`]th of them.
+    pub(super) fn add_eikonal(&mut self, primary: &Primary<f32>) {
+        let (points, weights) = self.eikonal_points(primary);
+        let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
+        self.batch.scene.field.value_gradient(&points, &mut f, &mut g);
+        self.stats.eikonal_points += points.len() as u64;
+        for ((x, g), weight) in points.into_iter().zip(g).zip(weights) {
+            let length = g.length();
+            let residual = length - 1.0;
+            self.stats.eikonal += f64::from(residual * residual);
+            let c = g * (2.0 * weight * residual / length.max(f32::MIN_POSITIVE));
+            self.adjoints.push(PointAdjoint { pixel: 0, x, alpha: 0.0, c });
+        }
+    }
+
+    /// The points, and the weight of each.
+    fn eikonal_points(&self, primary: &Primary<f32>) -> (Vec<Vec3>, Vec<f32>) {
+        let ball = self.batch.scene.bounding_ball();
+        let weight = self.batch.weights.eikonal * self.share * EIKONAL_EVERY as f32;
+        let (mut points, mut weights) = (Vec::new(), Vec::new());
+        let start = mix(self.seed, 0xe1) as usize % EIKONAL_EVERY;
+        for hit in (start..primary.hits.len()).step_by(EIKONAL_EVERY) {
+            let offset = self.offset(hit as u64) * (NEAR * ball.radius);
+            points.push(primary.surface.x[hit] + offset);
+            weights.push(weight * f32::from(self.pixels[primary.hits[hit].sample].count));
+        }
+        let pixels = pixels_of(self.pixels);
+        let free = pixels.div_ceil(2 * EIKONAL_EVERY as u64);
+        points.extend(
+            (0..free).map(|i| ball.center + in_ball(mix(self.seed, 0xba11 + i)) * ball.radius),
+        );
+        let of_free = self.batch.weights.eikonal * self.share * pixels as f32 / (2.0 * free as f32);
+        weights.resize(points.len(), of_free);
+        (points, weights)
+    }
+
+    /// A random vector of length at most 1 for hit `i`.
+    fn offset(&self, i: u64) -> Vec3 {
+        let direction =
+            in_ball(mix(self.seed, 0x3a1 + 2 * i)) + in_ball(mix(self.seed, 0x3a2 + 2 * i));
+        direction.normalize_or_zero() * unit(mix(self.seed, 0x77 + i)) as f32
+    }
+}
+
+/// A point uniform in the unit ball.
+fn in_ball(bits: u64) -> Vec3 {
+    let [a, b, c] = [1, 2, 3].map(|i| unit(mix(bits, i)));
+    let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f64::consts::PI * b);
+    let across = (1.0 - z * z).sqrt();
+    let point = DVec3::new(across * angle.cos(), across * angle.sin(), z) * c.cbrt();
+    <Vec3 as Vector3<f32>>::of(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_fill_the_ball_evenly() {
+        let n = 20_000;
+        let points: Vec<Vec3> = (0..n).map(in_ball).collect();
+        assert!(points.iter().all(|p| p.length() <= 1.0));
+        let inner = points.iter().filter(|p| p.length() < 0.5).count() as f64 / n as f64;
+        assert!((inner - 0.125).abs() < 0.01, "{inner} within half the radius");
+        assert!(points.iter().sum::<Vec3>().length() / (n as f32) < 0.02);
+    }
+}

@@ -1,0 +1,62 @@
+//! One iteration's gradient: photometric, silhouette, eikonal and background terms over a batch of
+//! pixels.
+
+mod background_force;
+mod chunk;
+mod eikonal;
+mod photometric;
+
+use estimate::{SilhouetteMargin, near_silhouettes, ordered_sum};
+use random::mix;
+use render::InvalidField;
+
+use crate::pyramid::Pixel;
+pub(crate) use chunk::{Batch, BatchStats, Weights};
+use chunk::{Chunk, pixels_of};
+
+/// The most pixels of a chunk: fewer fill the field's blocks less.
+const CHUNK: usize = 512;
+
+/// The least number of chunks of an iteration, so that two threads share it.
+const CHUNKS: usize = 2;
+
+/// The limit on one sample's coefficient, in silhouettes across the whole pixel.
+pub(crate) const LIMIT: f32 = 1.0;
+
+/// The gradient of the batch's mean loss: the field's parameters first, then the radiance head's.
+pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), InvalidField> {
+    let field = batch.scene.field.parameter_count();
+    let length = field + batch.scene.shader.parameter_count();
+    let count = batch.pixels.len();
+    let chunks = count.div_ceil(CHUNK).max(CHUNKS);
+    let size = count.div_ceil(chunks);
+    let (sum, parts) = ordered_sum(chunks, length, |number, sum: &mut [f32]| {
+        let pixels = &batch.pixels[(number * size).min(count)..((number + 1) * size).min(count)];
+        let (field_sum, shader_sum) = sum.split_at_mut(field);
+        let mut chunk = Chunk::new(batch, pixels, mix(batch.seed, number as u64));
+        add_terms(&mut chunk, shader_sum)?;
+        chunk.adjoints.backward(batch.scene.field, field_sum);
+        Ok(chunk.stats)
+    })?;
+    let mut stats = BatchStats::default();
+    parts.iter().for_each(|part| stats.add(part));
+    Ok((sum, stats))
+}
+
+/// Adds all terms of a chunk: coefficients of the field to the chunk, the adjoint of the shader's
+/// parameters to `shader`.
+fn add_terms(chunk: &mut Chunk<'_>, shader: &mut [f32]) -> Result<(), InvalidField> {
+    let primary = chunk.batch.scene.primary(&chunk.samples())?;
+    chunk.stats.rays += primary.samples.len() as u64;
+    chunk.stats.pixels += pixels_of(chunk.pixels);
+    let crossed = near_silhouettes(&chunk.batch.scene, &primary, SilhouetteMargin::LARGE);
+    chunk.add_background_force(&primary);
+    chunk.add_eikonal(&primary);
+    chunk.add_smooth_pixels(primary, &crossed, shader);
+    let edge: Vec<Pixel> =
+        chunk.pixels.iter().zip(&crossed).filter(|(_, c)| **c).map(|(p, _)| *p).collect();
+    chunk.add_silhouette_pixels(&edge, shader)
+}
+
+#[cfg(test)]
+mod gradient_tests;

@@ -1,0 +1,67 @@
+//! The photometric term: smooth pixels through the hit point, the others by the estimator.
+
+use estimate::record::{Area, Pass, Share};
+use estimate::{SilhouetteMask, Terms};
+use glam::Vec3;
+use random::mix;
+use render::{InvalidField, Primary};
+
+use super::chunk::{Chunk, pixels_of};
+use crate::pyramid::Pixel;
+
+impl Chunk<'_> {
+    /// Adds the pixels that no silhouette crosses: their derivative is that through the hit point.
+    pub(super) fn add_smooth_pixels(
+        &mut self,
+        primary: Primary<f32>,
+        crossed: &[bool],
+        shader: &mut [f32],
+    ) {
+        let n = primary.samples.len();
+        let mut delta = vec![Vec3::ZERO; n];
+        for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
+            delta[i] = self.add_loss(primary.samples[i].radiance.into(), *pixel);
+        }
+        // Where a surface hides a background that is trusted, the radiance head is not trained: it
+        // would paint the surface like the background, and leave it there.
+        for hit in &primary.hits {
+            let probability = self.background_probability(self.pixels[hit.sample]);
+            delta[hit.sample] *= 1.0 - self.batch.weights.trust * probability;
+        }
+        let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
+        let area = Area { primary, shares, warp: None };
+        let pass = Pass::Limited(self.batch.limit);
+        area.vjp(&self.batch.scene, &delta, pass, shader, &mut self.adjoints);
+    }
+
+    /// Adds the pixels that a silhouette may cross.
+    pub(super) fn add_silhouette_pixels(
+        &mut self,
+        pixels: &[Pixel],
+        shader: &mut [f32],
+    ) -> Result<(), InvalidField> {
+        let scene = &self.batch.scene;
+        self.stats.edge_pixels += pixels_of(pixels);
+        let positions: Vec<render::Pixel> = pixels
+            .iter()
+            .map(|p| render::Pixel { camera: p.view as usize, x: p.x.into(), y: p.y.into() })
+            .collect();
+        let batch = estimate::Batch {
+            pixels: &positions,
+            counts: self.batch.counts,
+            seed: mix(self.seed, 0x51),
+            terms: Terms::All,
+        };
+        let mut mask = SilhouetteMask::all(positions.len());
+        let record = self.batch.estimator.record(scene, &batch, &mut mask)?;
+        self.stats.rays += record.rays;
+        let delta: Vec<Vec3> = pixels
+            .iter()
+            .zip(&record.radiance)
+            .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
+            .collect();
+        let pass = Pass::Limited(self.batch.limit);
+        record.vjp(scene, &delta, pass, shader, &mut self.adjoints);
+        Ok(())
+    }
+}
