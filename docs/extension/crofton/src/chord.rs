@@ -1,0 +1,69 @@
+//! Random lines through a pixel.
+
+use glam::DVec2;
+use random::{mix, sobol};
+use render::Pixel;
+
+/// The part of a line inside a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chord {
+    /// The ends on the pixel's border, film positions.
+    pub(crate) ends: [DVec2; 2],
+    /// The measure of the lines that this one stands for: ∮ g dl ≈ Σ measure · g over the crossings
+    /// of all chords with the curve.
+    pub(crate) measure: f64,
+}
+
+/// `count` chords of a pixel, from lines that are uniform in angle and offset.
+///
+/// Crofton's formula: the integral of g along a curve is half the integral over all lines, in
+/// dp dφ, of the sum of g over the line's crossings with the curve. Lines at the angle φ meet the
+/// unit square for offsets p in an interval of length |cos φ| + |sin φ|.
+pub(crate) fn chords(pixel: &Pixel, count: u32, seed: u64) -> impl Iterator<Item = Chord> {
+    let centre = pixel.corner() + 0.5;
+    let stream = mix(mix(seed, 0xc40f), u64::from(pixel.y) << 32 | u64::from(pixel.x));
+    (0..count).filter_map(move |i| {
+        let [angle, offset] = sobol(i, stream);
+        let (sin, cos) = (std::f64::consts::PI * angle).sin_cos();
+        let (along, across) = (DVec2::new(cos, sin), DVec2::new(-sin, cos));
+        let width = cos.abs() + sin.abs();
+        let middle = across * ((offset - 0.5) * width);
+        let [from, to] = clip(middle, along)?;
+        let measure = 0.5 * std::f64::consts::PI * width / f64::from(count);
+        Some(Chord { ends: [from, to].map(|s| centre + middle + along * s), measure })
+    })
+}
+
+/// The range of s in which middle + s · along lies in the unit square about the origin.
+fn clip(middle: DVec2, along: DVec2) -> Option<[f64; 2]> {
+    let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+    for axis in (0..2).filter(|&axis| along[axis].abs() > f64::EPSILON) {
+        let ends = [-0.5, 0.5].map(|side| (side - middle[axis]) / along[axis]);
+        from = from.max(ends[0].min(ends[1]));
+        to = to.min(ends[0].max(ends[1]));
+    }
+    (from < to).then_some([from, to])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The length of a circle of radius 0.3 inside the pixel, from its crossings with chords.
+    #[test]
+    fn crossings_measure_length() {
+        let (pixel, count) = (Pixel { camera: 0, x: 3, y: 5 }, 4096);
+        let centre = DVec2::new(3.4, 5.55);
+        let length: f64 = chords(&pixel, count, 7)
+            .map(|chord| {
+                let [a, b] = chord.ends;
+                let along = (b - a).normalize();
+                let nearest = a + along * (centre - a).dot(along);
+                let half = 0.3f64.powi(2) - (centre - nearest).length_squared();
+                if half > 0.0 { 2.0 * chord.measure } else { 0.0 }
+            })
+            .sum();
+        let expected = std::f64::consts::TAU * 0.3;
+        assert!((length - expected).abs() < 0.02 * expected, "{length} against {expected}");
+    }
+}

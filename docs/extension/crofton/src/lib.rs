@@ -1,0 +1,51 @@
+#![doc = include_str!("../README.md")]
+
+mod chord;
+mod silhouette;
+
+use estimate::record::{Area, Record};
+use estimate::{Batch, Estimator, SilhouetteMargin, SilhouetteMask, Terms, near_silhouettes};
+use field::Real;
+use render::{InvalidField, Scene, pixel_samples};
+
+/// Silhouettes found by bisection along random lines of the film, weighted by Crofton's formula.
+///
+/// Area samples give the smooth part. `edge_samples` of the batch is the number of lines of a pixel
+/// that a silhouette may cross.
+#[derive(Clone, Copy, Debug)]
+pub struct Crofton;
+
+impl<R: Real> Estimator<R> for Crofton {
+    fn record(
+        &self,
+        scene: &Scene<'_, R>,
+        batch: &Batch<'_>,
+        mask: &mut SilhouetteMask,
+    ) -> Result<Record<R>, InvalidField> {
+        let spp = batch.counts.spp;
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let primary = scene.primary(&samples)?;
+        let near = near_silhouettes(scene, &primary, SilhouetteMargin::LARGE);
+        let hit = primary.hit_mask();
+        mask.may_cross.resize(batch.pixels.len(), false);
+        for (i, marked) in mask.may_cross.iter_mut().enumerate() {
+            let own = i * spp as usize..(i + 1) * spp as usize;
+            let hits = hit[own.clone()].iter().filter(|hit| **hit).count();
+            *marked |= near[own].contains(&true) || (hits > 0 && hits < spp as usize);
+        }
+        let mut record = Record::black(batch.pixels.len());
+        let share = R::one() / R::of(f64::from(spp));
+        for (i, sample) in primary.samples.iter().enumerate() {
+            record.radiance[i / spp as usize] += sample.radiance * share;
+        }
+        record.rays = samples.len() as u64;
+        if batch.terms == Terms::All {
+            record.area.push(Area::uniform(primary, spp));
+        }
+        silhouette::add_silhouettes(scene, batch, mask, &mut record)?;
+        Ok(record)
+    }
+}
+
+#[cfg(test)]
+mod tests;

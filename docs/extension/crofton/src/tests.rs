@@ -1,0 +1,28 @@
+use super::*;
+use estimate::{Direction, SampleCounts, Sampling, differentiate};
+use field::{Shape, Sphere};
+use glam::{DVec2, DVec3};
+use render::{Analytic, Camera, Formula};
+
+/// The derivative by its radius of the area of a ball's disc on the film, in square pixels.
+fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
+    let square = distance * distance - radius * radius;
+    let outline = focal * radius / square.sqrt();
+    std::f64::consts::TAU * outline * focal * distance * distance / square.powf(1.5)
+}
+
+#[test]
+fn the_derivative_of_a_disc_by_its_radius_is_that_of_its_area() {
+    let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
+    let white = Analytic { formula: Formula::Constant, parameters: vec![1.0; 3] };
+    let (focal, centre) = (DVec2::splat(24.0), DVec2::splat(6.0));
+    let eye = DVec3::new(0.0, 0.0, 4.0);
+    let camera = Camera::look_at(12, 12, focal, centre, eye, DVec3::ZERO, DVec3::Y).unwrap();
+    let (cameras, bounds) = ([camera], Sphere { center: DVec3::ZERO, radius: 1.4 });
+    let scene = Scene::new(&ball, &white, &cameras, &bounds, DVec3::ZERO);
+    let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 256 }, seed: 1 };
+    let image = differentiate(&scene, &[Direction::Field(3)], &Crofton, sampling, &|_| {});
+    let sum: f64 = image.unwrap()[0].film.pixels.iter().map(|p| f64::from(p[0])).sum();
+    let expected = disc(0.7, 4.0, 24.0);
+    assert!((sum / expected - 1.0).abs() < 0.01, "{sum} against {expected}");
+}
