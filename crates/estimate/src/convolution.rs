@@ -3,7 +3,7 @@
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use random::{gaussian, mix, sobol};
+use random::{Purpose, Stream, gaussian};
 use render::{InvalidField, Sample, Scene};
 use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
@@ -73,22 +73,22 @@ impl Convolution {
     }
 
     /// The offset of auxiliary ray `index` on the film.
-    fn offset(index: u32, stream: u64) -> DVec2 {
-        DVec2::from(gaussian(sobol(index, stream))) * DEVIATION
+    fn offset(index: u32, stream: Stream) -> DVec2 {
+        DVec2::from(gaussian(stream.sobol(index))) * DEVIATION
     }
 
     /// The random stream of a sample: by its film position, so that samples of different tiles have
     /// different offsets.
-    fn stream(sample: &Sample, seed: u64) -> u64 {
+    fn stream(sample: &Sample, seed: u64, purpose: Purpose) -> Stream {
         let [x, y] = sample.u.to_array().map(f64::to_bits);
-        mix(mix(mix(seed, 0xa0c5 + sample.camera as u64), x), y)
+        Stream::new(seed, purpose).at(sample.camera as u64).at(x).at(y)
     }
 
     /// The offset of a sample's cloud from the sample.
-    fn shift(&self, stream: u64) -> DVec2 {
+    fn shift(&self, sample: &Sample, seed: u64) -> DVec2 {
         match self.weights {
             Weights::Harmonic => DVec2::ZERO,
-            Weights::Mean => Self::offset(0, mix(stream, 1)),
+            Weights::Mean => Self::offset(0, Self::stream(sample, seed, Purpose::AuxiliaryShift)),
         }
     }
 
@@ -101,8 +101,8 @@ impl Convolution {
         let rays: Vec<Sample> = samples
             .iter()
             .flat_map(|sample| {
-                let stream = Self::stream(sample, seed);
-                let around = sample.u + self.shift(stream);
+                let stream = Self::stream(sample, seed, Purpose::AuxiliaryRays);
+                let around = sample.u + self.shift(sample, seed);
                 (0..self.rays)
                     .map(move |j| Sample { u: around + Self::offset(j, stream), ..*sample })
             })
@@ -133,7 +133,7 @@ impl Convolution {
                 hits.iter().zip(rays).map(|(hit, ray)| harmonic(hit, sample.u - ray.u)).collect()
             }
             Weights::Mean => {
-                let shift = self.shift(Self::stream(sample, seed));
+                let shift = self.shift(sample, seed);
                 let turn = (shift / (DEVIATION * DEVIATION)).to_array();
                 let count = R::of(hits.iter().flatten().count().max(1) as f64);
                 // ∇ ln of the cloud's density at the sample takes the place of the derivatives of

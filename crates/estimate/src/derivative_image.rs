@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use film::Film;
-use random::{gaussian, mix, unit};
+use random::{Purpose, Stream, gaussian};
 use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
@@ -155,8 +155,8 @@ fn forward<R: Real>(
 /// The random unit vector of a number.
 pub fn random_unit<R: Real>(length: usize, number: u64) -> Vec<R> {
     let entry = |i: usize| {
-        let stream = mix(mix(number, 0xa1), i as u64);
-        gaussian([unit(mix(stream, 0)), unit(mix(stream, 1))])[0]
+        let stream = Stream::new(number, Purpose::WeightDirection).at(i as u64);
+        gaussian([stream.at(0).unit(), stream.at(1).unit()])[0]
     };
     let vector: Vec<f64> = (0..length).map(entry).collect();
     let norm = vector.iter().map(|v| v * v).sum::<f64>().sqrt();

@@ -1,6 +1,6 @@
 //! Independent replicates of an image, for standard errors, and the tiles that are sampled together.
 
-use random::mix;
+use random::{Purpose, Stream};
 use render::{Camera, Pixel};
 
 use crate::estimator::{Batch, SampleCounts, Terms};
@@ -41,7 +41,7 @@ impl Sampling {
             |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
         let part = |r: u32| Sampling {
             counts: SampleCounts { spp: share(spp, r), edge_samples: share(edge_samples, r) },
-            seed: mix(self.seed, u64::from(r)),
+            seed: Stream::new(self.seed, Purpose::Replicate).at(u64::from(r)).bits(),
         };
         (0..replicates).map(part).collect()
     }

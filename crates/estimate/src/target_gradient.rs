@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 use film::Film;
-use random::mix;
+use random::{Purpose, Stream};
 use render::{InvalidField, Scene, render};
 
 use crate::estimator::{Estimator, Filter, SilhouetteMask, Terms};
@@ -50,7 +50,8 @@ pub fn target_gradient<R: Real>(
     let mut runs = Vec::new();
     let parameters = scene.field.parameter_count();
     for (r, part) in parts.iter().enumerate() {
-        let part = Sampling { seed: mix(part.seed, 2), ..*part };
+        let part =
+            Sampling { seed: Stream::new(part.seed, Purpose::TargetSamples).bits(), ..*part };
         let (sum, found) = ordered_sum(tiles.len(), parameters, |tile, sum: &mut [R]| {
             let (pixels, mut mask) = (&tiles[tile], masks[tile].clone());
             let record = estimator.record(scene, &part.batch(pixels, Terms::All), &mut mask)?;
@@ -93,7 +94,8 @@ fn image<R: Real>(
     sampling: Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Image, InvalidField> {
-    let (seed, spp) = (mix(sampling.seed, 1), sampling.counts.spp);
+    let seed = Stream::new(sampling.seed, Purpose::TargetImage).bits();
+    let spp = sampling.counts.spp;
     if estimator.filter() == Filter::Box {
         let pixels = render(scene, 0, spp, seed, progress)?.film.pixels;
         return Ok(pixels.into_iter().map(|p| p.map(f64::from)).collect());

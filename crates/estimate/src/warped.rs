@@ -2,7 +2,7 @@
 
 use boundary::Edges;
 use field::{Real, Vector3};
-use random::{mix, sobol};
+use random::{Purpose, Stream};
 use render::{InvalidField, Pixel, Primary, Sample, Scene, TracedSample, pixel_samples};
 use warp::WarpOptions;
 
@@ -164,8 +164,7 @@ fn border_samples<R: Real>(
     count: u32,
     seed: u64,
 ) -> (Vec<Sample>, Vec<boundary::Edge>) {
-    // Area samples use the streams of pixels; edges use their own, told apart by this constant.
-    const EDGES: u64 = 0xed6e;
+    let stream = Stream::new(seed, Purpose::EdgeSamples);
     let (mut samples, mut owners) = (Vec::new(), Vec::new());
     for camera in 0..scene.cameras.len() {
         let own: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i].camera == camera).collect();
@@ -176,10 +175,9 @@ fn border_samples<R: Real>(
         let film = &scene.cameras[camera];
         for edge in Edges::of(&places, film.width, film.height).as_slice() {
             let [x, y] = edge.point(0.0).map(|v| v as u64);
-            let stream =
-                mix(mix(mix(seed, EDGES + edge.axis() as u64), camera as u64), y << 32 | x);
+            let stream = stream.at(edge.axis() as u64).at(camera as u64).at(y << 32 | x);
             for s in 0..count {
-                let [along] = sobol(s, stream);
+                let [along] = stream.sobol(s);
                 samples.push(Sample { camera, u: edge.point(along).into() });
                 owners.push(edge.renamed(|p| own[p]));
             }

@@ -3,7 +3,7 @@
 use dataset::View;
 use film::Film;
 use glam::DVec2;
-use random::mix;
+use random::{Purpose, Stream};
 use render::Camera;
 
 use crate::background::BackgroundModel;
@@ -108,16 +108,17 @@ impl Level {
     ///
     /// A permutation has every foreground pixel, and of every group of `every` background pixels one
     /// that stands for the group. The mean over draws, weighted by count, is that over all pixels.
-    pub(crate) fn draw(&self, draw: u64, every: usize, seed: u64) -> Pixel {
+    pub(crate) fn draw(&self, draw: u64, every: usize, stream: Stream) -> Pixel {
         let n = self.draws(every) as u64;
-        let stream = mix(seed, draw / n);
-        let i = permute(draw % n, n, stream) as usize;
+        let seed = stream.at(draw / n).bits();
+        let i = permute(draw % n, n, seed) as usize;
         if i < self.foreground.len() {
             return self.foreground[i];
         }
         let from = (i - self.foreground.len()) * every;
         let group = &self.background[from..(from + every).min(self.background.len())];
-        let one = mix(stream, i as u64) as usize % group.len();
+        let random = Stream::new(seed, Purpose::BackgroundPixel).at(i as u64);
+        let one = random.bits() as usize % group.len();
         Pixel { count: group.len() as u16, ..group[one] }
     }
 }
@@ -127,11 +128,12 @@ impl Level {
 fn permute(i: u64, n: u64, seed: u64) -> u64 {
     let half_bits = (64 - (n - 1).leading_zeros()).div_ceil(2).max(1);
     let mask = (1u64 << half_bits) - 1;
+    let stream = Stream::new(seed, Purpose::Permutation);
     let mut value = i;
     loop {
         let (mut left, mut right) = (value >> half_bits, value & mask);
         for round in 0..4 {
-            (left, right) = (right, left ^ (mix(seed.wrapping_add(round), right) & mask));
+            (left, right) = (right, left ^ (stream.at(round).at(right).bits() & mask));
         }
         value = left << half_bits | right;
         if value < n {

@@ -10,7 +10,7 @@ use glam::Vec3;
 use io::InputError;
 use metrics::psnr;
 use optim::{Adam, Group};
-use random::mix;
+use random::{Purpose, Stream};
 use render::{Camera, Scene};
 
 use crate::checkpoint::State;
@@ -234,7 +234,7 @@ impl Fit {
             estimator: &*self.estimator,
             counts: options.counts(),
             limit: LIMIT,
-            seed: mix(options.seed, self.iteration),
+            seed: Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits(),
         };
         let (gradient, stats) = gradient(&batch)?;
         Ok((gradient, stats, counted.evaluations()))
@@ -269,9 +269,10 @@ impl Fit {
         let level_pixels = &self.levels[level];
         let every = schedule::background_group(self.progress());
         let draws = level_pixels.draws_for(batch, every);
-        let seed = mix(self.file.options.seed, level as u64);
+        let seed = self.file.options.seed;
+        let stream = Stream::new(seed, Purpose::PixelOrder).at(level as u64);
         let pixels = (0..draws)
-            .map(|i| level_pixels.draw(self.iteration * draws + i, every, seed))
+            .map(|i| level_pixels.draw(self.iteration * draws + i, every, stream))
             .collect();
         (pixels, level_pixels.count_of(draws, every) as f32)
     }

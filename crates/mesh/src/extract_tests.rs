@@ -1,3 +1,4 @@
+use random::{Purpose, Stream};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
@@ -168,9 +169,10 @@ impl<F: Fn(DVec3) -> f64 + Send + Sync> Field<f64> for Formula<F> {
 /// combination of signs in a cell occurs. `density` is the share of points inside.
 fn noise(seed: u64, density: f64) -> Formula<impl Fn(DVec3) -> f64 + Send + Sync> {
     Formula(move |x: DVec3| {
-        let key =
-            (x * 97.0).round().to_array().iter().fold(seed, |k, c| random::mix(k, c.to_bits()));
-        1e-3 * (random::unit(key) - density)
+        let stream = Stream::new(seed, Purpose::Other(0));
+        let point = (x * 97.0).round().to_array();
+        let stream = point.iter().fold(stream, |stream, c| stream.at(c.to_bits()));
+        1e-3 * (stream.unit() - density)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use mesh::Mesh;
-use random::{mix, unit};
+use random::{Purpose, Stream};
 
 /// A point of a surface, with the unit normal of its face (zero if the face has no area).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,9 +26,10 @@ pub fn sample_surface(mesh: &Mesh, count: usize, seed: u64) -> Vec<SurfacePoint>
     let face_area = |face: usize| 0.5 * mesh.face_cross(face).length();
     let total = mesh.area();
     let (mut face, mut area_up_to_face) = (0, face_area(0));
+    let stream = Stream::new(seed, Purpose::SurfacePoints);
     (0..count as u64)
         .map(|i| {
-            let [a, b, c] = [0, 1, 2].map(|k| unit(mix(seed, 3 * i + k)));
+            let [a, b, c] = [0, 1, 2].map(|k| stream.at(i).at(k).unit());
             let area = (i as f64 + a) / count as f64 * total;
             while area_up_to_face < area && face + 1 < mesh.faces.len() {
                 face += 1;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec2;
-use random::{mix, sobol};
+use random::{Purpose, Stream};
 
 /// A pixel of one of a scene's cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +17,12 @@ pub struct Pixel {
 }
 
 impl Pixel {
+    /// The random stream of the pixel for a purpose.
+    pub fn stream(&self, seed: u64, purpose: Purpose) -> Stream {
+        let position = u64::from(self.y) << 32 | u64::from(self.x);
+        Stream::new(seed, purpose).at(self.camera as u64).at(position)
+    }
+
     /// The film position of the pixel's upper left corner.
     pub fn corner(&self) -> DVec2 {
         DVec2::new(f64::from(self.x), f64::from(self.y))
@@ -41,9 +47,9 @@ pub fn pixel_samples(
 ) -> Vec<Sample> {
     let mut samples = Vec::with_capacity(pixels.len() * range.len());
     for pixel in pixels {
-        let stream = mix(seed, u64::from(pixel.y) << 32 | u64::from(pixel.x));
+        let stream = pixel.stream(seed, Purpose::PixelSamples);
         samples.extend(range.clone().map(|i| {
-            let u = pixel.corner() + DVec2::from(sobol::<2>(i, stream));
+            let u = pixel.corner() + DVec2::from(stream.sobol::<2>(i));
             Sample { camera: pixel.camera, u }
         }));
     }

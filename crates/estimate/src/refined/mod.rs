@@ -8,7 +8,7 @@ mod survey;
 mod visibility;
 
 use field::Real;
-use random::{mix, sobol};
+use random::Purpose;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
@@ -99,12 +99,9 @@ impl RandomLines {
 
     fn add(&mut self, index: u32, pixel: &Pixel, axis: usize, batch: &Batch<'_>) {
         let count = batch.counts.edge_samples;
-        let stream = mix(
-            mix(batch.seed, 0x11e5 + axis as u64),
-            u64::from(pixel.y) << 32 | u64::from(pixel.x),
-        );
+        let stream = pixel.stream(batch.seed, Purpose::Lines).at(axis as u64);
         for i in 0..count {
-            let [across, offset] = sobol(i, stream);
+            let [across, offset] = stream.sobol(i);
             let mut start = pixel.corner();
             start[1 - axis] += across;
             let share = 1.0 / f64::from(count);

@@ -3,7 +3,7 @@
 use estimate::record::Adjoints;
 use estimate::{Estimator, SampleCounts};
 use glam::{DVec2, Vec3};
-use random::{mix, unit};
+use random::{Purpose, Stream};
 use render::{Sample, Scene};
 
 use crate::background::BackgroundModel;
@@ -101,8 +101,9 @@ impl<'a> Chunk<'a> {
 
     /// One random sample in every pixel.
     pub(super) fn samples(&self) -> Vec<Sample> {
+        let stream = Stream::new(self.seed, Purpose::FitSamples);
         let place = |(i, p): (usize, &Pixel)| {
-            let [a, b] = [0, 1].map(|d| unit(mix(self.seed, 2 * i as u64 + d)));
+            let [a, b] = [0, 1].map(|d| stream.at(i as u64).at(d).unit());
             let u = DVec2::new(f64::from(p.x) + a, f64::from(p.y) + b);
             Sample { camera: p.view as usize, u }
         };

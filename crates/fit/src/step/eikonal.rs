@@ -3,7 +3,7 @@
 use estimate::record::PointAdjoint;
 use field::Vector3;
 use glam::{DVec3, Vec3};
-use random::{mix, unit};
+use random::{Purpose, Stream};
 use render::Primary;
 
 use super::chunk::{Chunk, pixels_of};
@@ -38,7 +38,8 @@ impl Chunk<'_> {
         let ball = self.batch.scene.bounding_ball();
         let weight = self.batch.weights.eikonal * self.share * EIKONAL_EVERY as f32;
         let (mut points, mut weights) = (Vec::new(), Vec::new());
-        let start = mix(self.seed, 0xe1) as usize % EIKONAL_EVERY;
+        let stream = Stream::new(self.seed, Purpose::EikonalHits);
+        let start = stream.bits() as usize % EIKONAL_EVERY;
         for hit in (start..primary.hits.len()).step_by(EIKONAL_EVERY) {
             let offset = self.offset(hit as u64) * (NEAR * ball.radius);
             points.push(primary.surface.x[hit] + offset);
@@ -46,9 +47,8 @@ impl Chunk<'_> {
         }
         let pixels = pixels_of(self.pixels);
         let free = pixels.div_ceil(2 * EIKONAL_EVERY as u64);
-        points.extend(
-            (0..free).map(|i| ball.center + in_ball(mix(self.seed, 0xba11 + i)) * ball.radius),
-        );
+        let stream = Stream::new(self.seed, Purpose::EikonalPoints);
+        points.extend((0..free).map(|i| ball.center + in_ball(stream.at(i)) * ball.radius));
         let of_free = self.batch.weights.eikonal * self.share * pixels as f32 / (2.0 * free as f32);
         weights.resize(points.len(), of_free);
         (points, weights)
@@ -56,15 +56,16 @@ impl Chunk<'_> {
 
     /// A random vector of length at most 1 for hit `i`.
     fn offset(&self, i: u64) -> Vec3 {
-        let direction =
-            in_ball(mix(self.seed, 0x3a1 + 2 * i)) + in_ball(mix(self.seed, 0x3a2 + 2 * i));
-        direction.normalize_or_zero() * unit(mix(self.seed, 0x77 + i)) as f32
+        let directions = Stream::new(self.seed, Purpose::OffsetDirections).at(i);
+        let length = Stream::new(self.seed, Purpose::OffsetLengths).at(i).unit();
+        let direction = in_ball(directions.at(0)) + in_ball(directions.at(1));
+        direction.normalize_or_zero() * length as f32
     }
 }
 
 /// A point uniform in the unit ball.
-fn in_ball(bits: u64) -> Vec3 {
-    let [a, b, c] = [1, 2, 3].map(|i| unit(mix(bits, i)));
+fn in_ball(stream: Stream) -> Vec3 {
+    let [a, b, c] = [0, 1, 2].map(|i| stream.at(i).unit());
     let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f64::consts::PI * b);
     let across = (1.0 - z * z).sqrt();
     let point = DVec3::new(across * angle.cos(), across * angle.sin(), z) * c.cbrt();
@@ -77,8 +78,8 @@ mod tests {
 
     #[test]
     fn points_fill_the_ball_evenly() {
-        let n = 20_000;
-        let points: Vec<Vec3> = (0..n).map(in_ball).collect();
+        let (n, stream) = (20_000, Stream::new(1, Purpose::EikonalPoints));
+        let points: Vec<Vec3> = (0..n).map(|i| in_ball(stream.at(i))).collect();
         assert!(points.iter().all(|p| p.length() <= 1.0));
         let inner = points.iter().filter(|p| p.length() < 0.5).count() as f64 / n as f64;
         assert!((inner - 0.125).abs() < 0.01, "{inner} within half the radius");

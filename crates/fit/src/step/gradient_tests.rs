@@ -10,7 +10,6 @@ use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
-use random::unit;
 use render::{Camera, Scene, render};
 use std::path::PathBuf;
 
@@ -77,8 +76,10 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
     let mut mean = vec![0.0f64; model.parameters().len()];
     let seeds = 40;
     let share = level.pixel_count() as f64 / f64::from(SIZE * SIZE);
+    let order = Stream::new(1, Purpose::PixelOrder);
     for seed in 0..seeds {
-        let pixels: Vec<Pixel> = (0..draws).map(|i| level.draw(i + seed * draws, 4, 1)).collect();
+        let pixels: Vec<Pixel> =
+            (0..draws).map(|i| level.draw(i + seed * draws, 4, order)).collect();
         let batch = Batch {
             scene: scene(model, &cameras),
             level,
@@ -115,8 +116,8 @@ fn error(estimator: &dyn Estimator<f32>) -> f64 {
     let fields = model.field.parameters().len();
     let (mut error, mut square) = (0.0, 0.0);
     for direction in 0..4u64 {
-        let step: Vec<f64> =
-            (0..mean.len()).map(|i| unit(mix(direction, i as u64)) - 0.5).collect();
+        let stream = Stream::new(direction, Purpose::WeightDirection);
+        let step: Vec<f64> = (0..mean.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
         let along: f64 = mean.iter().zip(&step).take(fields).map(|(m, s)| m * s).sum();
         let moved = |h: f64| {
             let mut moved = model.clone();

@@ -7,7 +7,7 @@ mod eikonal;
 mod photometric;
 
 use estimate::{SilhouetteMargin, near_silhouettes, ordered_sum};
-use random::mix;
+use random::{Purpose, Stream};
 use render::InvalidField;
 
 use crate::pyramid::Pixel;
@@ -33,7 +33,8 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), Inva
     let (sum, parts) = ordered_sum(chunks, length, |number, sum: &mut [f32]| {
         let pixels = &batch.pixels[(number * size).min(count)..((number + 1) * size).min(count)];
         let (field_sum, shader_sum) = sum.split_at_mut(field);
-        let mut chunk = Chunk::new(batch, pixels, mix(batch.seed, number as u64));
+        let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
+        let mut chunk = Chunk::new(batch, pixels, seed);
         add_terms(&mut chunk, shader_sum)?;
         chunk.adjoints.backward(batch.scene.field, field_sum);
         Ok(chunk.stats)

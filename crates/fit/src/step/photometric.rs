@@ -3,7 +3,7 @@
 use estimate::record::{Area, Pass, Share};
 use estimate::{SilhouetteMask, Terms};
 use glam::Vec3;
-use random::mix;
+use random::{Purpose, Stream};
 use render::{InvalidField, Primary};
 
 use super::chunk::{Chunk, pixels_of};
@@ -49,7 +49,7 @@ impl Chunk<'_> {
         let batch = estimate::Batch {
             pixels: &positions,
             counts: self.batch.counts,
-            seed: mix(self.seed, 0x51),
+            seed: Stream::new(self.seed, Purpose::FitSilhouettes).bits(),
             terms: Terms::All,
         };
         let mut mask = SilhouetteMask::all(positions.len());

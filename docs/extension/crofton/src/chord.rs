@@ -1,7 +1,7 @@
 //! Random lines through a pixel.
 
 use glam::DVec2;
-use random::{mix, sobol};
+use random::Purpose;
 use render::Pixel;
 
 /// The part of a line inside a pixel.
@@ -14,6 +14,9 @@ pub(crate) struct Chord {
     pub(crate) measure: f64,
 }
 
+/// The purpose of the random lines: a number that no other extension uses.
+const PURPOSE: Purpose = Purpose::Other(0xc40f);
+
 /// `count` chords of a pixel, from lines that are uniform in angle and offset.
 ///
 /// Crofton's formula: the integral of g along a curve is half the integral over all lines, in
@@ -21,9 +24,9 @@ pub(crate) struct Chord {
 /// unit square for offsets p in an interval of length |cos φ| + |sin φ|.
 pub(crate) fn chords(pixel: &Pixel, count: u32, seed: u64) -> impl Iterator<Item = Chord> {
     let centre = pixel.corner() + 0.5;
-    let stream = mix(mix(seed, 0xc40f), u64::from(pixel.y) << 32 | u64::from(pixel.x));
+    let stream = pixel.stream(seed, PURPOSE);
     (0..count).filter_map(move |i| {
-        let [angle, offset] = sobol(i, stream);
+        let [angle, offset] = stream.sobol(i);
         let (sin, cos) = (std::f64::consts::PI * angle).sin_cos();
         let (along, across) = (DVec2::new(cos, sin), DVec2::new(-sin, cos));
         let width = cos.abs() + sin.abs();

@@ -1,0 +1,108 @@
+//! The purposes of random numbers.
+
+/// The decision that a random number is for.
+///
+/// Streams of different purposes share no number: every use of random numbers has a purpose of its
+/// own here. A crate outside dsdf uses [`Purpose::Other`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Purpose {
+    /// The seed of an independent replicate of an image.
+    Replicate,
+    /// The seed of the image that gives the adjoints of a target gradient.
+    TargetImage,
+    /// The seed of the samples that a target gradient differentiates.
+    TargetSamples,
+    /// Film positions in a pixel.
+    PixelSamples,
+    /// Film positions on an edge between pixels.
+    EdgeSamples,
+    /// Lines across a pixel.
+    Lines,
+    /// Auxiliary rays around a film position.
+    AuxiliaryRays,
+    /// The shift of a cloud of auxiliary rays.
+    AuxiliaryShift,
+    /// Directions in the space of a network's weights.
+    WeightDirection,
+    /// The permutations in which a fit draws pixels.
+    PixelOrder,
+    /// The rounds of one such permutation.
+    Permutation,
+    /// The pixel that stands for a group of background pixels.
+    BackgroundPixel,
+    /// The seed of an iteration of a fit.
+    Iteration,
+    /// The seed of a chunk of an iteration.
+    Chunk,
+    /// The film position of a fit's sample in its pixel.
+    FitSamples,
+    /// The seed of the estimator's samples in a chunk.
+    FitSilhouettes,
+    /// The hits at which the eikonal term is evaluated.
+    EikonalHits,
+    /// The points of the eikonal term in the ball.
+    EikonalPoints,
+    /// The directions of the eikonal term's offsets from the surface.
+    OffsetDirections,
+    /// The lengths of these offsets.
+    OffsetLengths,
+    /// Points on a mesh.
+    SurfacePoints,
+    /// A purpose outside dsdf, by a number of its own.
+    Other(u32),
+}
+
+impl Purpose {
+    /// All purposes but [`Purpose::Other`].
+    pub const ALL: [Purpose; 21] = [
+        Purpose::Replicate,
+        Purpose::TargetImage,
+        Purpose::TargetSamples,
+        Purpose::PixelSamples,
+        Purpose::EdgeSamples,
+        Purpose::Lines,
+        Purpose::AuxiliaryRays,
+        Purpose::AuxiliaryShift,
+        Purpose::WeightDirection,
+        Purpose::PixelOrder,
+        Purpose::Permutation,
+        Purpose::BackgroundPixel,
+        Purpose::Iteration,
+        Purpose::Chunk,
+        Purpose::FitSamples,
+        Purpose::FitSilhouettes,
+        Purpose::EikonalHits,
+        Purpose::EikonalPoints,
+        Purpose::OffsetDirections,
+        Purpose::OffsetLengths,
+        Purpose::SurfacePoints,
+    ];
+
+    /// The number of the purpose; no two are equal.
+    pub(crate) fn key(self) -> u64 {
+        match self {
+            Purpose::Replicate => 1,
+            Purpose::TargetImage => 2,
+            Purpose::TargetSamples => 3,
+            Purpose::PixelSamples => 4,
+            Purpose::EdgeSamples => 5,
+            Purpose::Lines => 6,
+            Purpose::AuxiliaryRays => 7,
+            Purpose::AuxiliaryShift => 8,
+            Purpose::WeightDirection => 9,
+            Purpose::PixelOrder => 10,
+            Purpose::Permutation => 11,
+            Purpose::BackgroundPixel => 12,
+            Purpose::Iteration => 13,
+            Purpose::Chunk => 14,
+            Purpose::FitSamples => 15,
+            Purpose::FitSilhouettes => 16,
+            Purpose::EikonalHits => 17,
+            Purpose::EikonalPoints => 18,
+            Purpose::OffsetDirections => 19,
+            Purpose::OffsetLengths => 20,
+            Purpose::SurfacePoints => 21,
+            Purpose::Other(number) => 1 << 32 | u64::from(number),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Streams of random numbers.
+
+use sobol_burley::parts::{owen_scramble_int4_rev, sobol_int4_rev};
+
+use crate::Purpose;
+
+/// A stream of random numbers: a pure function of a seed, a purpose and indices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stream {
+    key: u64,
+}
+
+/// The longest run of Sobol points that is well distributed.
+const SOBOL_LENGTH: u32 = 1 << 16;
+
+impl Stream {
+    /// The stream of a purpose.
+    pub fn new(seed: u64, purpose: Purpose) -> Self {
+        Stream { key: mix(seed, purpose.key()) }
+    }
+
+    /// The part of the stream at an index; it can be divided further.
+    pub fn at(self, index: u64) -> Self {
+        Stream { key: mix(self.key, index) }
+    }
+
+    /// 64 random bits, for example the seed of a computation.
+    pub fn bits(self) -> u64 {
+        self.key
+    }
+
+    /// A number uniform in [0, 1).
+    pub fn unit(self) -> f64 {
+        (self.key >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Point `index` of the stream's Owen-scrambled Sobol sequence, in [0, 1)^D for D ≤ 4.
+    ///
+    /// After 65 536 points the sequence continues with a new scramble. Source: Burley, "Practical
+    /// Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020.
+    pub fn sobol<const D: usize>(self, index: u32) -> [f64; D] {
+        // The sampler of `sobol_burley` also shuffles the indices, for points of more than four
+        // dimensions, and takes three times as long.
+        let run = u64::from(index / SOBOL_LENGTH);
+        let [a, b] = [0, 1].map(|half| self.at(half).at(run).key);
+        let scramble = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
+        let point = sobol_int4_rev((index % SOBOL_LENGTH).reverse_bits(), 0);
+        let point = owen_scramble_int4_rev(point, scramble.into()).reverse_bits().to_f32_norm();
+        std::array::from_fn(|d| f64::from(point[d]))
+    }
+}
+
+/// A well-mixed number from two: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast Splittable
+/// Pseudorandom Number Generators", OOPSLA 2014). Bijective in `b` for each `a`.
+fn mix(a: u64, b: u64) -> u64 {
+    let mut z =
+        a.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(b).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Two independent standard normal numbers from a point of the unit square (Box and Muller 1958).
+pub fn gaussian([a, b]: [f64; 2]) -> [f64; 2] {
+    let radius = (-2.0 * (1.0 - a).ln()).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * b).sin_cos();
+    [radius * cos, radius * sin]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_quarter_of_a_run_has_its_share() {
+        for seed in 0..20 {
+            let stream = Stream::new(seed, Purpose::PixelSamples);
+            let mut count = [0; 4];
+            for i in 0..64 {
+                let [x, y] = stream.sobol(i);
+                count[usize::from(x >= 0.5) + 2 * usize::from(y >= 0.5)] += 1;
+            }
+            assert_eq!(count, [16; 4]);
+        }
+    }
+
+    #[test]
+    fn gaussian_numbers_have_unit_variance() {
+        let stream = Stream::new(3, Purpose::PixelSamples);
+        let points: Vec<[f64; 2]> = (0..4096).map(|i| gaussian(stream.sobol(i))).collect();
+        for d in 0..2 {
+            let mean = points.iter().map(|p| p[d]).sum::<f64>() / 4096.0;
+            let square = points.iter().map(|p| p[d] * p[d]).sum::<f64>() / 4096.0;
+            assert!(mean.abs() < 0.01 && (square - 1.0).abs() < 0.02, "mean {mean}, {square}");
+        }
+        assert!(gaussian([0.0, 0.3])[0].is_finite());
+    }
+
+    #[test]
+    fn numbers_are_uniform_in_the_unit_interval() {
+        let stream = Stream::new(7, Purpose::PixelSamples);
+        let mean = (0..10_000).map(|i| stream.at(i).unit()).sum::<f64>() / 1e4;
+        assert!((mean - 0.5).abs() < 0.01, "mean {mean}");
+    }
+
+    /// Streams, their parts at 4096 indices, and parts of these, for all purposes and several seeds.
+    #[test]
+    fn no_two_purposes_share_a_value() {
+        let others = [0, 1, u32::MAX].map(Purpose::Other);
+        let purposes: Vec<Purpose> = Purpose::ALL.into_iter().chain(others).collect();
+        for seed in [0, 1, 2, 0x5eed, u64::MAX] {
+            let mut seen = HashSet::new();
+            let mut count = 0;
+            for stream in purposes.iter().map(|purpose| Stream::new(seed, *purpose)) {
+                let parts = (0..4096).map(|i| stream.at(i));
+                let nested = (0..64).flat_map(|i| (0..64).map(move |j| stream.at(i).at(j)));
+                for part in parts.chain(nested).chain([stream]) {
+                    seen.insert(part.bits());
+                    count += 1;
+                }
+            }
+            assert_eq!(seen.len(), count, "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn purposes_have_different_keys() {
+        let keys: HashSet<u64> = Purpose::ALL.iter().map(|purpose| purpose.key()).collect();
+        assert_eq!(keys.len(), Purpose::ALL.len());
+    }
+}
