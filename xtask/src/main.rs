@@ -1,4 +1,4 @@
-//! Development commands of dsdf: `cargo xtask ci`, `bench`, `ablate`, `tradeoff` and `figures`.
+#![doc = include_str!("../README.md")]
 
 mod bench;
 mod figures;

@@ -126,8 +126,8 @@ fn write_choice(out: &mut String, settings: &[RankedSetting], metric: &Metric) {
     let _ = writeln!(
         out,
         "**{}**: the fastest setting, within 5 %, of those that always converged and are as good \
-         as the best one: the 95 % interval of the {} relative to the best includes 100 %, and \
-         its mean is at most 105 %.\n",
+         as the best one: the {} relative to the best has a 95 % interval that is not wholly \
+         above 100 %, and a mean of at most 105 %.\n",
         describe(&chosen.values),
         error_name(metric)
     );

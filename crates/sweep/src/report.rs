@@ -169,7 +169,8 @@ fn criterion(claim: &Claim) -> String {
     let margin = percent(claim.margin);
     let text = match claim.kind {
         ClaimKind::Best => "reproduced if the whole interval of every other value is above \
-                            100 %; not reproduced if that of one value is below 100 %"
+                            100 %; not reproduced if the whole interval of one value is below \
+                            100 %"
             .to_owned(),
         ClaimKind::Worse => format!(
             "reproduced if the whole interval is above 100 % and the mean is worse by {margin} or \
@@ -195,7 +196,7 @@ fn reconstructions(out: &mut String) {
         out,
         "## Reconstructions\n\n![The reconstructions](grid.png)\n\n\
          Each picture is the seed with the median Chamfer distance; the numbers below it are means \
-         over the seeds. A count in red: not all seeds converged.\n"
+         over the seeds. A red count means that not all seeds converged.\n"
     );
 }
 
