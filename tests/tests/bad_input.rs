@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use tests::dsdf;
 
-/// Runs `dsdf` and checks that it fails with `status` and prints one line, which contains all words.
+/// Runs `dsdf` and checks that it fails with `status` and prints one line with all words.
 fn refused(arguments: &[&str], status: i32, words: &[&str]) {
     let output = dsdf(arguments);
     let message = String::from_utf8_lossy(&output.stderr);

@@ -12,7 +12,9 @@ use super::scenes::{disc, network};
 pub(crate) struct Growth {
     /// The quantity.
     with: &'static str,
+    /// The values of the quantity.
     values: Vec<f64>,
+    /// The seconds at these values.
     seconds: Vec<f64>,
     /// The slope of the logarithms, by least squares.
     exponent: f64,
@@ -60,6 +62,7 @@ pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Growth>> {
 
 /// The program, and a folder for scenes and outputs.
 struct Bench<'a> {
+    /// The program `dsdf`.
     binary: &'a Path,
     folder: &'a Path,
 }

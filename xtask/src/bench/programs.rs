@@ -13,6 +13,7 @@ use super::scenes::{disc, network, photographs};
 /// Time and memory of a command.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct CommandCost {
+    /// A description of the command.
     name: String,
     /// The least of several runs, without start-up and file access.
     seconds: f64,

@@ -83,6 +83,7 @@ fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<E
 
 /// One estimator with one number of samples on one case.
 struct Cell<'a> {
+    /// The program `dsdf`.
     binary: &'a Path,
     case: &'a Case,
     scene: &'a Value,

@@ -18,7 +18,9 @@ const SEEDS: u32 = 32;
 /// Samples per pixel.
 const SPP: &str = "16";
 
+/// Scenes of the suite.
 const SCENES: [&str; 3] = ["disc.constant", "disc.lambert", "torus.constant"];
+/// One Gaussian-filtered estimator, and two with a box filter.
 const ESTIMATORS: [&str; 3] = ["gaussian", "paper", "refined"];
 
 /// Factor of the film's width and height over those of the suite.
@@ -60,14 +62,18 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
 
 /// A magnified scene with its reference image and its pixels' kinds.
 struct VarianceScene {
+    /// The scene with more pixels.
     scene: Value,
     /// One parameter.
     wrt: Vec<String>,
+    /// The derivative image by contours, under the box filter.
     reference: Image,
+    /// One for each pixel.
     kinds: Vec<PixelKind>,
 }
 
 impl VarianceScene {
+    /// Computes the reference and the pixels' kinds of a scene of the suite.
     fn new(binary: &Path, name: &str) -> anyhow::Result<Self> {
         let scene = magnified(scene(name)?)?;
         let wrt = if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" };

@@ -10,7 +10,9 @@ use measure::dsdf::{root, run_json};
 
 /// Options of `dsdf fit` under a name.
 pub(super) struct FitSetting {
+    /// The name in tables.
     pub(super) name: &'static str,
+    /// The options.
     pub(super) flags: &'static [&'static str],
 }
 
@@ -33,9 +35,11 @@ pub(super) const PRESETS: [FitSetting; 3] = [
 /// Cost and quality of a fit.
 #[derive(Clone, Debug)]
 pub(super) struct FitOutcome {
+    /// Of the setting.
     pub(super) name: &'static str,
-    /// Wall time of the fit.
+    /// Wall time of the fit, in seconds.
     pub(super) seconds: f64,
+    /// Iterations of the fit.
     pub(super) iterations: u64,
     /// Of held-out views, in dB.
     pub(super) psnr: f64,

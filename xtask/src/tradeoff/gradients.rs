@@ -13,16 +13,19 @@ use measure::suite::{cases, scene};
 
 /// A parameter of `dsdf gradient` with the values to measure.
 pub(super) struct Axis {
+    /// The name in tables and plots.
     pub(super) name: &'static str,
     /// The option of the parameter.
     flag: &'static str,
     /// Further options, at every value.
     base: &'static [&'static str],
+    /// The values, as texts of the option.
     pub(super) values: &'static [&'static str],
     /// The value that `base` has without the option; empty if no value is.
     pub(super) default: &'static str,
 }
 
+/// The options of the published estimator.
 const PAPER: &[&str] = &["--estimator", "paper"];
 
 /// All parameters. Those of the published warp (N, k, gamma, epsilon, lambda_d) need its estimator.
@@ -130,8 +133,10 @@ pub(super) type AxisMeasurements = Vec<Vec<Measurement>>;
 
 /// A scene with its reference images.
 struct GradientScene {
+    /// Its name in the suite.
     name: &'static str,
     scene: Value,
+    /// JSON pointers to the parameters.
     wrt: Vec<String>,
     /// One image for each parameter, under the box filter and under the Gaussian filter.
     references: [Vec<Image>; 2],

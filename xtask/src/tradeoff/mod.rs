@@ -95,8 +95,11 @@ fn measure_fits(binary: &Path, folder: &Path) -> anyhow::Result<Vec<FitOutcome>>
 
 /// A setting with its cost and its error, for the Pareto front.
 struct ParetoPoint {
+    /// Parameter, value and samples.
     name: String,
+    /// Wall time of one run.
     seconds: f64,
+    /// Relative L2, root mean square.
     error: f64,
 }
 
@@ -160,6 +163,7 @@ fn pareto_points(measured: &[AxisMeasurements]) -> Vec<ParetoPoint> {
     points
 }
 
+/// The table of the Pareto front, cheapest setting first.
 fn front_table(out: &mut String, measured: &[AxisMeasurements]) {
     *out += "\n## The Pareto front\n\n\
              Of all settings and samples above, those that no other beats in both time and \
@@ -171,6 +175,7 @@ fn front_table(out: &mut String, measured: &[AxisMeasurements]) {
     }
 }
 
+/// The table of the fits.
 fn fits_table(out: &mut String, fits: &[FitOutcome]) {
     *out += "\n## Fits of the demo's scene, 24 views of 128 × 128\n\n\
              | setting | seconds | iterations | PSNR, dB | Chamfer, of the radius |\n\
