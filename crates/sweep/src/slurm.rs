@@ -88,8 +88,8 @@ pub(crate) struct JobArray {
     pub(crate) shards: usize,
 }
 
-/// The limits' sum over a cell's processes in units of one limit: the fit may take one, and all
-/// other stages together are estimated at less than another.
+/// Time of a cell in units of the limit of one process: at most one for the fit, and an assumed one
+/// for all other stages together.
 const LIMITS_PER_CELL: f64 = 2.0;
 
 /// Memory of a task in units of its processes' limits.

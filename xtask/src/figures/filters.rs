@@ -1,5 +1,7 @@
-//! Figure 1 of the supplement: the variance of derivative images inside an object with a Gaussian
-//! filter, by pixel.
+//! The variance of derivative images inside an object with a Gaussian filter, by pixel.
+//!
+//! It is figure 1 of the supplementary material to S. Bangaru et al., "Differentiable Rendering of
+//! Neural SDFs through Reparameterization", SIGGRAPH Asia 2022.
 
 use std::fmt::Write;
 use std::path::Path;
