@@ -49,25 +49,25 @@ const NETWORKS: [(&str, &[[u32; 2]], usize); 2] = [
 pub(crate) fn measure(binary: &Path) -> anyhow::Result<Vec<Growth>> {
     println!("\n| seconds of a gradient grow with | as its power |\n|---|---|");
     let folder = tempfile::tempdir()?;
-    let bench = Bench { binary, folder: folder.path() };
-    let mut all = vec![bench.pixels(&[64, 128, 256, 512])?];
+    let timer = Timer { binary, folder: folder.path() };
+    let mut all = vec![timer.pixels(&[64, 128, 256, 512])?];
     for (with, values, base, option) in OPTIONS {
-        all.push(bench.option(with, values, base, option)?);
+        all.push(timer.option(with, values, base, option)?);
     }
     for (with, shapes, index) in NETWORKS {
-        all.push(bench.network(with, shapes, index)?);
+        all.push(timer.network(with, shapes, index)?);
     }
     Ok(all)
 }
 
 /// The program, and a folder for scenes and outputs.
-struct Bench<'a> {
+struct Timer<'a> {
     /// The program `dsdf`.
     binary: &'a Path,
     folder: &'a Path,
 }
 
-impl Bench<'_> {
+impl Timer<'_> {
     /// Seconds of a derivative image of a scene file.
     fn seconds(&self, scene: &str, flags: &[&str]) -> anyhow::Result<f64> {
         let out = self.folder.join("out.npy").to_string_lossy().into_owned();

@@ -21,7 +21,7 @@ use programs::CommandCost;
 
 /// All measurements, as the JSON file has them.
 #[derive(Serialize)]
-struct Measurements {
+struct BenchResults {
     /// The processor.
     host: String,
     /// Of the source.
@@ -60,7 +60,7 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     let path = output.unwrap_or_else(|| dsdf::root().join("target/bench.json"));
     let binary = dsdf::build()?;
     eprintln!("{}", processor());
-    let measurements = Measurements {
+    let results = BenchResults {
         host: processor(),
         machine: Machine::measure()?,
         programs: programs::measure(&binary)?,
@@ -69,17 +69,17 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         revision: revision(),
     };
-    write(&path, &measurements)?;
+    write(&path, &results)?;
     eprintln!("{}", path.display());
     Ok(())
 }
 
 /// Replaces the JSON file whole.
-fn write(path: &Path, measurements: &Measurements) -> anyhow::Result<()> {
+fn write(path: &Path, results: &BenchResults) -> anyhow::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    serde_json::to_writer_pretty(&mut file, measurements)?;
+    serde_json::to_writer_pretty(&mut file, results)?;
     file.persist(path).with_context(|| path.display().to_string())?;
     Ok(())
 }

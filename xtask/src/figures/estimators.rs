@@ -70,7 +70,7 @@ fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<E
         let reference = &references[usize::from(gaussian)];
         let mut curve = ErrorCurve::new();
         for spp in SPP {
-            let cell = Cell { binary, case, scene: &scene, reference, estimator, spp };
+            let cell = ErrorMeasurement { binary, case, scene: &scene, reference, estimator, spp };
             curve.push(cell.measure(csv)?);
             if curve[curve.len() - 1].0 > LIMIT_SECONDS {
                 break;
@@ -82,7 +82,7 @@ fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<E
 }
 
 /// One estimator with one number of samples on one case.
-struct Cell<'a> {
+struct ErrorMeasurement<'a> {
     /// The program `dsdf`.
     binary: &'a Path,
     case: &'a Case,
@@ -93,11 +93,11 @@ struct Cell<'a> {
     spp: u32,
 }
 
-impl Cell<'_> {
+impl ErrorMeasurement<'_> {
     /// Seconds of a run and relative error, root mean square over seeds and parameters. Adds a row
     /// to `csv` for each seed and parameter.
     fn measure(&self, csv: &mut String) -> anyhow::Result<(f64, f64)> {
-        let Cell { case, estimator, spp, .. } = self;
+        let ErrorMeasurement { case, estimator, spp, .. } = self;
         let (mut seconds, mut square) = (0.0, 0.0);
         for seed in 0..SEEDS {
             let (spp_text, seed_text) = (spp.to_string(), seed.to_string());
