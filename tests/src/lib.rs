@@ -1,5 +1,6 @@
-//! Running the `dsdf` binary in tests, as a user would.
+#![doc = include_str!("../README.md")]
 
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -10,13 +11,15 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(Path::to_owned).unwrap_or_default()
 }
 
-/// A file of the shared references, or `None`, loudly, where there are none.
+/// A file of the shared reference data, which lies beside the workspace.
+///
+/// If there is no such file, the function prints a line to standard error and returns `None`.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let file = root().join("../shared").join(path);
     if file.exists() {
         return Some(file);
     }
-    // Not `eprintln!`, which the test harness swallows.
+    // The test harness hides the output of `eprintln!`.
     let _ = writeln!(
         std::io::stderr(),
         "SKIPPED: {path} is not here; this test needs the shared references"
@@ -24,7 +27,10 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// The binary, built once in the profile of the tests.
+/// The path of `dsdf`, built once in the profile of the tests.
+///
+/// # Panics
+/// If the build fails.
 pub fn binary() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
@@ -39,31 +45,40 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// Runs `dsdf` with arguments.
+/// Runs `dsdf` with these arguments and `--quiet`.
 ///
 /// # Panics
 /// If it cannot be started.
-pub fn dsdf<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
+pub fn dsdf<S: AsRef<OsStr>>(arguments: &[S]) -> Output {
     let output = Command::new(binary()).args(arguments).arg("--quiet").output();
     output.unwrap_or_else(|e| panic!("cannot start dsdf: {e}"))
 }
 
-/// Runs `dsdf` and returns its JSON.
+/// Runs `dsdf` and checks that it succeeds.
 ///
 /// # Panics
-/// If it fails or prints anything else.
-pub fn dsdf_json<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> serde_json::Value {
-    let mut all: Vec<&std::ffi::OsStr> = arguments.iter().map(AsRef::as_ref).collect();
+/// If it fails, with its standard error.
+pub fn dsdf_ok<S: AsRef<OsStr>>(arguments: &[S]) {
+    let output = dsdf(arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Runs `dsdf` with `--json` and returns the JSON that it prints.
+///
+/// # Panics
+/// If it fails, or if its output is not JSON.
+pub fn dsdf_json<S: AsRef<OsStr>>(arguments: &[S]) -> serde_json::Value {
+    let mut all: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
     all.push("--json".as_ref());
     let output = dsdf(&all);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("no JSON: {e}"))
 }
 
-/// The numbers of a float32 .npy file.
+/// The numbers of a float32 `.npy` file of version 1, in the order of the file.
 ///
 /// # Panics
-/// If there is none, or it is cut short.
+/// If there is no such file, or if it is cut short.
 pub fn npy(path: &Path) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));

@@ -1,4 +1,4 @@
-//! The gradient suite: `tests/gradients/suite.toml`, case by case.
+//! The gradient suite: every case of `tests/gradients/suite.toml` with the estimator `refined`.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::{Path, PathBuf};
@@ -11,6 +11,7 @@ struct Suite {
     case: Vec<Case>,
 }
 
+/// A case: its fields are described at the head of the file.
 #[derive(Deserialize)]
 struct Case {
     scene: String,
@@ -35,14 +36,17 @@ fn reference() -> u32 {
     1024
 }
 
+/// Runs of every case, each with its own seed.
 const SEEDS: u32 = 16;
+
+/// Samples per pixel of a run.
 const SPP: u32 = 256;
 
 fn suite() -> PathBuf {
     root().join("tests/gradients")
 }
 
-/// The derivative images of a case, one after the other, and the field evaluations they took.
+/// The derivative images of a case, one for each parameter, and the field evaluations of all.
 fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, u64) {
     let folder = tempfile::tempdir().unwrap();
     let scene = suite().join(format!("{}.json", case.scene)).to_string_lossy().into_owned();
@@ -72,15 +76,18 @@ fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, 
     (case.wrt.iter().map(|wrt| npy(&name(wrt))).collect(), evaluations)
 }
 
+/// The L2 distance.
 fn distance(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
 }
 
+/// The L2 norm.
 fn norm(a: &[f32]) -> f64 {
     a.iter().map(|a| f64::from(*a).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Reference, mean and difference side by side: red above zero, blue below.
+/// Writes a picture of reference, mean and difference side by side: red above zero, blue below.
+/// Returns its path.
 fn leave_pictures(name: &str, reference: &[f32], actual: &[f32]) -> PathBuf {
     let side = ((reference.len() / 3) as f64).sqrt() as u32;
     let largest = reference.iter().fold(1e-9f32, |m, v| m.max(v.abs()));
@@ -101,39 +108,64 @@ fn leave_pictures(name: &str, reference: &[f32], actual: &[f32]) -> PathBuf {
     path
 }
 
+/// The numbers of one derivative image, over all runs.
+struct Accuracy {
+    /// The mean over the runs.
+    mean: Vec<f32>,
+    /// The relative L2 distance of the mean to the reference.
+    bias: f64,
+    /// The standard error of the mean, in the same unit.
+    standard_error: f64,
+    /// The relative L2 error of one run, root mean square.
+    error: f64,
+    /// The relative variance of one sample per pixel.
+    variance: f64,
+}
+
+impl Accuracy {
+    fn new(runs: &[&[f32]], reference: &[f32]) -> Self {
+        let (n, scale) = (runs.len() as f64, norm(reference));
+        let mean = |p: usize| runs.iter().map(|run| f64::from(run[p])).sum::<f64>() / n;
+        let mean: Vec<f32> = (0..reference.len()).map(|p| mean(p) as f32).collect();
+        let squares = |to: &[f32]| runs.iter().map(|run| distance(run, to).powi(2)).sum::<f64>();
+        let spread = squares(&mean) / (n - 1.0);
+        Accuracy {
+            bias: distance(&mean, reference) / scale,
+            standard_error: (spread / n).sqrt() / scale,
+            error: (squares(reference) / n).sqrt() / scale,
+            variance: spread * f64::from(SPP) / (scale * scale),
+            mean,
+        }
+    }
+
+    /// Whether the case's tolerances hold.
+    fn is_within(&self, case: &Case) -> bool {
+        self.bias <= case.bias + 3.0 * self.standard_error && self.error <= case.error
+    }
+}
+
+/// Measures a case and prints a row for each parameter. The error has a line for each parameter
+/// out of tolerance.
 fn check(case: &Case) -> Result<(), String> {
-    let (reference, _) = images(case, "contour", case.reference, 0);
+    let (references, _) = images(case, "contour", case.reference, 0);
     let runs: Vec<_> = (0..SEEDS).map(|seed| images(case, "refined", SPP, seed)).collect();
     let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
     let mut failures = Vec::new();
-    for (i, (wrt, reference)) in case.wrt.iter().zip(&reference).enumerate() {
-        let n = f64::from(SEEDS);
-        let mean: Vec<f32> = (0..reference.len())
-            .map(|p| {
-                (runs.iter().map(|(images, _)| f64::from(images[i][p])).sum::<f64>() / n) as f32
-            })
-            .collect();
-        let scale = norm(reference);
-        let spread =
-            runs.iter().map(|(images, _)| distance(&images[i], &mean).powi(2)).sum::<f64>()
-                / (n - 1.0);
-        let (bias, standard_error) =
-            (distance(&mean, reference) / scale, (spread / n).sqrt() / scale);
-        let error =
-            (runs.iter().map(|(images, _)| distance(&images[i], reference).powi(2)).sum::<f64>()
-                / n)
-                .sqrt()
-                / scale;
-        let variance = spread * f64::from(SPP) / (scale * scale);
+    for (i, (wrt, reference)) in case.wrt.iter().zip(&references).enumerate() {
+        let own: Vec<&[f32]> = runs.iter().map(|(images, _)| &images[i][..]).collect();
+        let accuracy = Accuracy::new(&own, reference);
+        let Accuracy { bias, standard_error, error, variance, .. } = accuracy;
         println!(
-            "| {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} | {variance:.4} | {evaluations} |",
+            "| {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} | {variance:.4} \
+             | {evaluations} |",
             case.scene
         );
-        if !(bias <= case.bias + 3.0 * standard_error && error <= case.error) {
+        if !accuracy.is_within(case) {
             let name = format!("{}{}", case.scene, wrt.replace('/', "_"));
-            let picture = leave_pictures(&name, reference, &mean);
+            let picture = leave_pictures(&name, reference, &accuracy.mean);
             failures.push(format!(
-                "{} {wrt}: bias {bias:.4} (allowed {} + 3 x {standard_error:.4}), error {error:.4} (allowed {}); reference, mean and difference: {}",
+                "{} {wrt}: bias {bias:.4} (allowed {} + 3 x {standard_error:.4}), error \
+                 {error:.4} (allowed {}); reference, mean and difference: {}",
                 case.scene,
                 case.bias,
                 case.error,
@@ -145,13 +177,14 @@ fn check(case: &Case) -> Result<(), String> {
 }
 
 #[test]
-fn the_refined_estimator_is_unbiased_on_every_case() {
-    let suite: Suite =
-        toml::from_str(&std::fs::read_to_string(suite().join("suite.toml")).unwrap()).unwrap();
+fn refined_is_unbiased_on_every_case() {
+    let text = std::fs::read_to_string(suite().join("suite.toml")).unwrap();
+    let suite: Suite = toml::from_str(&text).unwrap();
     println!(
-        "| scene | by | bias ± standard error | error at {SPP} spp | variance a sample | field evaluations |"
+        "| scene | by | bias ± standard error | error at {SPP} spp | variance a sample \
+         | field evaluations |"
     );
-    // Small films do not fill two threads; two cases do.
+    // A small film does not occupy two threads: two cases run at a time, with one thread each.
     let (mine, others): (Vec<_>, Vec<_>) =
         suite.case.iter().enumerate().partition(|(i, _)| i % 2 == 0);
     let failures_of = |cases: Vec<(usize, &Case)>| -> Vec<String> {

@@ -1,5 +1,5 @@
-//! The largest resident set of derivative images: it grows with neither samples nor points along a
-//! ray.
+//! The peak memory of derivative images. It depends neither on the samples per pixel nor on the
+//! points along a ray.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tests::{binary, root};
 
-/// The high-water mark of `dsdf gradient` on a scene, in MiB.
+/// The largest resident set of `dsdf gradient` on a scene, in MiB.
 fn peak(scene: &str, flags: &[&str]) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let mut child = Command::new(binary())
@@ -20,7 +20,7 @@ fn peak(scene: &str, flags: &[&str]) -> f64 {
         .unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0.0f64;
-    // The mark goes with the process, so it is read until then.
+    // The system forgets the high-water mark with the process: it is read until the end.
     while child.try_wait().unwrap().is_none() {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
         let mark = text
@@ -34,7 +34,7 @@ fn peak(scene: &str, flags: &[&str]) -> f64 {
 }
 
 #[test]
-fn memory_grows_with_neither_samples_nor_points() {
+fn memory_does_not_grow_with_samples_or_points() {
     let scene = root().join("tests/gradients/disc.lambert.json").to_string_lossy().into_owned();
     for estimator in ["refined", "paper"] {
         let at = |spp: &str, steps: &str| {
@@ -43,10 +43,11 @@ fn memory_grows_with_neither_samples_nor_points() {
                 &["--wrt", "/sdf/radius", "--estimator", estimator, "--spp", spp, "--steps", steps],
             )
         };
-        // From 1024 samples on a tile is a pixel, and full.
+        // From 1024 samples per pixel on, a tile is one pixel and has its full size.
         let (few, many, long) = (at("1024", "22"), at("8192", "22"), at("1024", "200"));
         println!(
-            "{estimator}: {few:.0} MiB; 8 times the samples {many:.0}, 9 times the points {long:.0}"
+            "{estimator}: {few:.0} MiB; {many:.0} with 8 times the samples, {long:.0} with 9 times \
+             the points"
         );
         assert!(many < 1.5 * few, "{estimator}: {few} MiB with 1024 samples, {many} with 8192");
         assert!(long < 2.0 * few, "{estimator}: {few} MiB with 22 points, {long} with 200");
@@ -54,7 +55,7 @@ fn memory_grows_with_neither_samples_nor_points() {
 }
 
 #[test]
-fn a_large_derivative_image_fits_in_a_gibibyte() {
+fn derivative_image_of_1024_pixels_squared_takes_less_than_a_gibibyte() {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(root().join("tests/gradients/disc.lambert.json")).unwrap();
     let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();

@@ -1,12 +1,12 @@
-//! Derivative images against independent ones, and the main job at a tiny size.
+//! Derivative images against independent ones, reproducible bits, and small fits.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
 use std::process::Command;
 
-use tests::{dsdf, dsdf_json, npy, shared};
+use tests::{dsdf_json, dsdf_ok, npy, shared};
 
-/// Relative L2 error; a reference of one channel stands for all three.
+/// The relative L2 error. A reference of one channel stands for all three.
 fn error(got: &[f32], want: &[f32]) -> f64 {
     let channels = got.len() / want.len();
     let (mut difference, mut square) = (0.0, 0.0);
@@ -20,13 +20,14 @@ fn error(got: &[f32], want: &[f32]) -> f64 {
 
 #[test]
 fn derivative_images_match_independent_ones() {
-    // The published estimator's 22 points are a large bias for motion along the view.
+    // With 22 points the published estimator has a large bias for motion along the view.
     let radius_and_sideways = ["/sdf/radius", "/sdf/center/0"];
     derivative_images_match("refined", &["/sdf/radius", "/sdf/center/0", "/sdf/center/2"], 0.02);
     derivative_images_match("paper", &radius_and_sideways, 0.05);
     derivative_images_match("contour", &radius_and_sideways, 0.01);
 }
 
+/// Checks the error on the scenes of the shared references, for every parameter in `wrt`.
 fn derivative_images_match(estimator: &str, wrt: &[&str], allowed: f64) {
     for scene in ["sphere", "sphere_lambert"] {
         let Some(file) = shared(&format!("reference/gradients/{scene}.json")) else { return };
@@ -51,139 +52,103 @@ fn derivative_images_match(estimator: &str, wrt: &[&str], allowed: f64) {
     }
 }
 
+/// All estimators.
+#[rustfmt::skip]
+const ESTIMATORS: [&str; 10] = [
+    "refined", "paper", "paper-all", "interior", "gaussian", "was", "loubet", "band", "contour",
+    "fd",
+];
+
 #[test]
 fn the_same_seed_gives_the_same_bits_on_one_and_two_threads() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.json");
-    let text = r#"{"camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5], "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
-        "sdf": {"type": "torus", "center": [0, 0, 0], "axis": [0.2, 1, 0.4], "major": 0.6, "minor": 0.2},
+    let text = r#"{
+        "camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5],
+                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
+        "sdf": {"type": "torus", "center": [0, 0, 0], "axis": [0.2, 1, 0.4],
+                "major": 0.6, "minor": 0.2},
         "appearance": {"type": "normal"}, "background": [0.1, 0.2, 0.3]}"#;
     std::fs::write(&scene, text).unwrap();
     let run = |estimator: &str, threads: &str| {
         let out = folder.path().join(format!("g{threads}.npy")).to_string_lossy().into_owned();
         let scene = scene.to_string_lossy();
-        let flags = [
-            "--wrt",
-            "/sdf/major",
-            "--spp",
-            "16",
-            "--estimator",
-            estimator,
-            "--threads",
-            threads,
-            "-o",
-            &out,
-        ];
-        let output = dsdf(&[&["gradient", &scene], &flags[..]].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let flags = ["--wrt", "/sdf/major", "--spp", "16", "-o", &out];
+        let options = ["--estimator", estimator, "--threads", threads];
+        dsdf_ok(&[&["gradient", &scene], &flags[..], &options[..]].concat());
         std::fs::read(out).unwrap()
     };
-    let all = [
-        "refined",
-        "paper",
-        "paper-all",
-        "interior",
-        "gaussian",
-        "was",
-        "loubet",
-        "band",
-        "contour",
-        "fd",
-    ];
-    for estimator in all {
+    for estimator in ESTIMATORS {
         assert!(run(estimator, "1") == run(estimator, "2"), "{estimator}");
     }
 }
 
-/// A tiny data set of a sphere.
+/// Renders six views of a sphere, 32 × 32 pixels, as a data set. Returns its folder.
 fn synth(folder: &Path) -> String {
     let scene = folder.join("scene.json");
-    let text = r#"{"camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5], "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
+    let text = r#"{
+        "camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5],
+                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
         "sdf": {"type": "sphere", "center": [0.1, 0, 0], "radius": 0.6},
-        "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3], "lights": [{"type": "directional", "direction": [1, 1, 1], "radiance": [1, 1, 1]}]},
+        "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3],
+                       "lights": [{"type": "directional", "direction": [1, 1, 1],
+                                   "radiance": [1, 1, 1]}]},
         "background": [0, 0, 0]}"#;
     std::fs::write(&scene, text).unwrap();
     let data = folder.join("data").to_string_lossy().into_owned();
-    let output = dsdf(&[
-        "synth",
-        &scene.to_string_lossy(),
-        "-o",
-        &data,
-        "--views",
-        "6",
-        "--size",
-        "32x32",
-        "--spp",
-        "4",
-    ]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let options = ["--views", "6", "--size", "32x32", "--spp", "4"];
+    dsdf_ok(&[&["synth", &scene.to_string_lossy(), "-o", &data], &options[..]].concat());
     data
 }
 
-/// The iterations that a run's metrics tell of.
+/// The iterations in a run's metrics.
 fn iterations(run: &Path) -> Vec<u64> {
     let text = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default();
     let lines = text.lines().map_while(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     lines.filter_map(|v| v["iteration"].as_u64()).collect()
 }
 
-#[test]
-fn a_killed_fit_goes_on_bit_for_bit() {
-    const ITERATIONS: u64 = 120;
-    let folder = tempfile::tempdir().unwrap();
-    let data = synth(folder.path());
-    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-    let fit = |out: &str, more: &[&str]| {
-        let count = ITERATIONS.to_string();
-        let options = ["--batch", "64", "--checkpoint-every", "5", "--iterations", &count];
-        let mut all = vec!["fit".to_owned(), "--output".to_owned(), out.to_owned()];
-        if more.contains(&"--resume") {
-            all.push("--resume".to_owned());
-        } else {
-            all.push(data.clone());
-            all.extend(options.iter().chain(more).map(|s| (*s).to_owned()));
-        }
-        all
-    };
-    let finish = |arguments: &[String]| {
-        let output = dsdf(arguments);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    };
-    finish(&fit(&path("whole"), &[]));
-    let killed = folder.path().join("killed");
-    for (more, reach) in [("--threads=1", 12), ("--resume", 40)] {
-        let mut child = Command::new(tests::binary())
-            .args(fit(&path("killed"), &[more]))
-            .arg("--quiet")
-            .spawn()
-            .unwrap();
-        while iterations(&killed).last().is_none_or(|last| *last < reach) {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before iteration {reach}");
-            std::thread::sleep(std::time::Duration::from_millis(2));
-        }
-        // SIGKILL: nothing of dsdf runs any more.
-        child.kill().unwrap();
-        child.wait().unwrap();
+/// Starts `dsdf`, and kills it (SIGKILL) when the fit in the folder `run` has reached an iteration.
+fn kill_at_iteration(arguments: &[&str], run: &Path, reached: u64) {
+    let mut child = Command::new(tests::binary()).args(arguments).arg("--quiet").spawn().unwrap();
+    while iterations(run).last().is_none_or(|last| *last < reached) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before iteration {reached}");
+        std::thread::sleep(std::time::Duration::from_millis(2));
     }
-    finish(&fit(&path("killed"), &["--resume"]));
-    let read = |run: &str, name: &str| std::fs::read(folder.path().join(run).join(name)).unwrap();
-    for name in ["model.safetensors", "radiance.safetensors"] {
-        assert!(read("whole", name) == read("killed", name), "{name} differs");
-    }
-    assert_eq!(
-        iterations(&killed),
-        (1..=ITERATIONS).collect::<Vec<u64>>(),
-        "nothing is told twice or lost"
-    );
-    finish(&fit(&path("killed"), &["--resume"]));
-    assert!(
-        read("whole", "model.safetensors") == read("killed", "model.safetensors"),
-        "a finished run stays as it is"
-    );
+    child.kill().unwrap();
+    child.wait().unwrap();
 }
 
 #[test]
-fn a_fit_leaves_a_run_that_the_other_commands_read() {
+fn killed_fit_continues_with_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = synth(folder.path());
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let options = ["--batch", "64", "--checkpoint-every", "5", "--iterations", "120"];
+    let (whole, killed) = (path("whole"), path("killed"));
+    dsdf_ok(&[&["fit", "--output", &whole, &data], &options[..]].concat());
+
+    let run = Path::new(&killed);
+    let one_thread = ["--threads=1"];
+    let start = [&["fit", "--output", &killed, &data], &options[..], &one_thread[..]].concat();
+    let resume = ["fit", "--output", &killed, "--resume"];
+    kill_at_iteration(&start, run, 12);
+    kill_at_iteration(&resume, run, 40);
+    dsdf_ok(&resume);
+    let read = |run: &str, name: &str| std::fs::read(Path::new(run).join(name)).unwrap();
+    for name in ["model.safetensors", "radiance.safetensors"] {
+        assert!(read(&whole, name) == read(&killed, name), "{name} differs");
+    }
+    let expected: Vec<u64> = (1..=120).collect();
+    assert_eq!(iterations(run), expected, "every iteration has one line");
+
+    dsdf_ok(&resume);
+    let same = read(&whole, "model.safetensors") == read(&killed, "model.safetensors");
+    assert!(same, "a finished run does not change");
+}
+
+#[test]
+fn other_commands_read_the_run_of_a_fit() {
     let folder = tempfile::tempdir().unwrap();
     let data = synth(folder.path());
     let run = folder.path().join("run").to_string_lossy().into_owned();
@@ -218,14 +183,16 @@ fn a_fit_leaves_a_run_that_the_other_commands_read() {
     assert!(Path::new(&inspect).exists());
 }
 
-/// Finite differences of a ball alone, smaller than a pixel: as it grows it leaves the bounds that
-/// it had.
+/// A single ball smaller than a pixel. Its larger copy in the difference leaves the bounds of the
+/// scene.
 #[test]
-fn differences_follow_a_growing_ball() {
+fn finite_differences_of_a_growing_ball_match_refined() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.json");
-    let text = r#"{"camera": {"width": 8, "height": 8, "focal": 14, "principal": [4, 4], "eye": [0.1, 0.2, 4],
-        "target": [0.02, 0.01, 0], "up": [0, 1, 0]}, "sdf": {"type": "sphere", "center": [0, 0, 0], "radius": 0.0141},
+    let text = r#"{
+        "camera": {"width": 8, "height": 8, "focal": 14, "principal": [4, 4],
+                   "eye": [0.1, 0.2, 4], "target": [0.02, 0.01, 0], "up": [0, 1, 0]},
+        "sdf": {"type": "sphere", "center": [0, 0, 0], "radius": 0.0141},
         "appearance": {"type": "constant", "radiance": [1, 1, 1]}, "background": [0, 0, 0]}"#;
     std::fs::write(&scene, text).unwrap();
     let total = |estimator: &str, spp: &str| {

@@ -1,4 +1,4 @@
-//! Development commands of dsdf: `cargo xtask ci`, `bench`, `ablate`, `tradeoff` and `figures`.
+#![doc = include_str!("../README.md")]
 
 mod bench;
 mod figures;
@@ -12,54 +12,52 @@ use clap::{Parser, Subcommand};
 use figures::Figure;
 use measure::cargo;
 
-/// Development commands of dsdf.
+/// Development commands of dsdf
 #[derive(Parser)]
 struct Cli {
     #[command(subcommand)]
     command: Task,
 }
 
+/// The commands.
 #[derive(Subcommand)]
 enum Task {
-    /// Format, lints, documentation and tests, as the continuous integration runs them
+    /// Check format, lints, documentation and tests, as the continuous integration does
     Ci,
-    /// Measure what every pass of a network makes of this machine, and what whole commands take
+    /// Measure the throughput of network passes and the time and memory of whole commands
     Bench {
-        /// Where to write the JSON [default: target/bench.json]
+        /// File for the results as JSON [default: target/bench.json]
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
-    /// Run a sweep over parameters: fits, their quality, their gradients, and a report
+    /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
     Ablate(sweep::Ablate),
-    /// Measure what each parameter costs and buys, and the presets
+    /// Measure cost and accuracy of each parameter and of the presets
     Tradeoff {
-        /// Where to write [default: docs/results/tradeoff]
+        /// Folder for the results [default: docs/results/tradeoff]
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
-    /// Measure what the documentation shows, and write its tables and plots
+    /// Measure one figure of the documentation, and write its tables and plots
     Figures {
-        /// What to measure
+        /// The figure
         figure: Figure,
-        /// Where to write [default: docs/results/FIGURE]
+        /// Folder for the results [default: docs/results/FIGURE]
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
 }
 
-/// Exit status 2 for what is refused, 1 for what fails.
+/// Exit status 0 for success, 2 for wrong input, 1 for any other failure.
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            let text = error.to_string();
-            let line: Vec<&str> =
-                text.split("\n\n").next().unwrap_or_default().split_whitespace().collect();
-            eprintln!("{}", line.join(" "));
+            eprintln!("{}", first_paragraph(&error.to_string()));
             return ExitCode::from(2);
         }
         Err(help) => {
-            // Whoever reads it may have read enough.
+            // A reader that closed the pipe is no error.
             let _ = help.print();
             return ExitCode::SUCCESS;
         }
@@ -73,6 +71,13 @@ fn main() -> ExitCode {
     }
 }
 
+/// The first paragraph of a message in one line: refusals have one line, without the usage.
+fn first_paragraph(message: &str) -> String {
+    let words = message.split("\n\n").next().unwrap_or_default().split_whitespace();
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// Calls the command.
 fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
         Task::Ci => ci(),

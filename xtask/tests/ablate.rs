@@ -1,4 +1,4 @@
-//! Sweeps as a user runs them: small ones, to the end, killed, in parts, and refused.
+//! Sweeps as a user runs them: small ones, uninterrupted, killed, in shards, and with wrong input.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
@@ -7,17 +7,29 @@ use std::time::{Duration, Instant};
 
 use tests::{binary, root};
 
+/// The command `ablate` with these arguments, in the workspace's root.
 fn ablate(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
     command.arg("ablate").args(arguments).arg("--binary").arg(binary()).current_dir(root());
     command
 }
 
+/// Runs `ablate` and checks its success.
 fn run(arguments: &[&str]) -> Output {
     let output = ablate(arguments).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "ablate {arguments:?}: {said}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "ablate {arguments:?}: {message}");
     output
+}
+
+/// Runs `ablate` and checks that it refuses its input: exit status 2, and one line, which is
+/// returned.
+fn refusal(arguments: &[&str]) -> String {
+    let output = ablate(arguments).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert_eq!(message.lines().count(), 1, "{arguments:?}: {message}");
+    message
 }
 
 /// `results.csv` without the column of seconds, the last one.
@@ -26,14 +38,31 @@ fn results(folder: &Path) -> Vec<String> {
     text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect()
 }
 
-/// A sweep of four cells of a few seconds, with a checkpoint every few iterations.
+/// Writes a sweep of four cells, each of a few seconds, with a checkpoint every 20 iterations.
+/// Returns its path.
 fn sweep(folder: &Path) -> String {
-    let scene = root().join("xtask/sweeps/scenes/pebble.json");
     let text = format!(
-        "title = \"killed\"\niterations = 160\nseeds = [1, 2]\n[gradient]\nsize = 6\nspp = 2\nruns = 2\n\
-         [fixed]\nwidth = 16\nlayers = 2\nbatch = 128\ncheckpoint_every = 20\n[parameters]\nestimator = [\"refined\", \"paper\"]\n\
-         [[data]]\nname = \"pebble\"\nscene = {:?}\nviews = 6\nsize = 24\n",
-        scene.to_string_lossy()
+        r#"title = "killed"
+iterations = 160
+seeds = [1, 2]
+[gradient]
+size = 6
+spp = 2
+runs = 2
+[fixed]
+width = 16
+layers = 2
+batch = 128
+checkpoint_every = 20
+[parameters]
+estimator = ["refined", "paper"]
+[[data]]
+name = "pebble"
+scene = {:?}
+views = 6
+size = 24
+"#,
+        root().join("xtask/sweeps/scenes/pebble.json").to_string_lossy()
     );
     let path = folder.join("sweep.toml");
     std::fs::write(&path, text).unwrap();
@@ -44,21 +73,23 @@ fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
 
-/// Starts the sweep, and kills it (SIGKILL) when some cell that had not begun before is in the
-/// middle of its fit.
+/// The most iterations of an unfinished cell.
+fn iterations_of_unfinished_cells(output: &Path) -> usize {
+    let cells = std::fs::read_dir(output.join("cells")).into_iter().flatten().flatten();
+    let unfinished = cells.filter(|cell| !cell.path().join("result.json").exists());
+    let lines = |path: &Path| std::fs::read_to_string(path).map_or(0, |t| t.lines().count());
+    unfinished.map(|cell| lines(&cell.path().join("run/metrics.jsonl"))).max().unwrap_or(0)
+}
+
+/// Starts the sweep, and kills it (SIGKILL) in the middle of a fit, after more iterations than
+/// before.
 fn kill_in_the_middle(sweep: &str, output: &Path) {
-    let lines = |output: &Path| -> usize {
-        let cells = std::fs::read_dir(output.join("cells")).into_iter().flatten().flatten();
-        let fits = cells.filter(|cell| !cell.path().join("result.json").exists());
-        let length =
-            |path: &Path| std::fs::read_to_string(path).map_or(0, |text| text.lines().count());
-        fits.map(|cell| length(&cell.path().join("run/metrics.jsonl"))).max().unwrap_or(0)
-    };
-    let before = lines(output);
+    let before = iterations_of_unfinished_cells(output);
     let arguments = [sweep, "-o", &text(output), "--jobs", "2"];
     let mut child = ablate(&arguments).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
-    while !(lines(output) > before + 5 && lines(output) < 150) {
+    let in_the_middle = |iterations| iterations > before + 5 && iterations < 150;
+    while !in_the_middle(iterations_of_unfinished_cells(output)) {
         assert!(child.try_wait().unwrap().is_none(), "the sweep ended before it could be killed");
         assert!(start.elapsed() < Duration::from_secs(120), "no cell begins");
         std::thread::sleep(Duration::from_millis(1));
@@ -68,48 +99,31 @@ fn kill_in_the_middle(sweep: &str, output: &Path) {
 }
 
 #[test]
-fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
+fn killed_and_sharded_sweeps_give_the_results_of_an_uninterrupted_one() {
     let folder = tempfile::tempdir().unwrap();
     let sweep = sweep(folder.path());
     let [whole, killed, parts] = ["whole", "killed", "parts"].map(|name| folder.path().join(name));
     run(&[&sweep, "-o", &text(&whole), "--jobs", "2"]);
-    assert_eq!(results(&whole).len(), 5);
-    assert!(
-        results(&whole)[1..].iter().all(|row| row.contains(",done,")),
-        "{:#?}",
-        results(&whole)
-    );
+    let expected = results(&whole);
+    assert_eq!(expected.len(), 5);
+    assert!(expected[1..].iter().all(|row| row.contains(",done,")), "{expected:#?}");
 
     kill_in_the_middle(&sweep, &killed);
     kill_in_the_middle(&sweep, &killed);
     run(&[&sweep, "-o", &text(&killed), "--jobs", "2"]);
-    assert_eq!(results(&whole), results(&killed), "after two kills");
+    assert_eq!(expected, results(&killed), "after two kills");
 
-    // Nothing is run twice.
-    let cell = std::fs::read_dir(whole.join("cells"))
-        .unwrap()
-        .next()
-        .unwrap()
-        .unwrap()
-        .path()
-        .join("result.json");
-    let written = std::fs::metadata(&cell).unwrap().modified().unwrap();
+    // A finished cell is not run again.
+    let cell = std::fs::read_dir(whole.join("cells")).unwrap().next().unwrap().unwrap();
+    let result = cell.path().join("result.json");
+    let written = std::fs::metadata(&result).unwrap().modified().unwrap();
     run(&[&sweep, "-o", &text(&whole)]);
-    assert_eq!(written, std::fs::metadata(&cell).unwrap().modified().unwrap());
+    assert_eq!(written, std::fs::metadata(&result).unwrap().modified().unwrap());
 
-    for shard in ["1/4", "2/4", "3/4", "4/4"] {
-        run(&[&sweep, "-o", &text(&parts), "--shard", shard]);
-    }
-    let merged = folder.path().join("merged");
-    let shards: Vec<String> =
-        (1..=4).map(|i| text(&parts.join(format!("shards/{i}-of-4")))).collect();
-    let merged_name = text(&merged);
-    let mut merge = vec![sweep.as_str(), "-o", merged_name.as_str(), "--merge"];
-    merge.extend(shards.iter().map(String::as_str));
-    run(&merge);
-    assert_eq!(results(&whole), results(&merged), "of four shards");
+    let merged = run_in_shards(&sweep, &parts, &folder.path().join("merged"));
+    assert_eq!(expected, results(Path::new(&merged)), "of four shards");
 
-    let compared = run(&["--compare", &text(&whole), &text(&merged)]);
+    let compared = run(&["--compare", &text(&whole), &merged]);
     let page = String::from_utf8_lossy(&compared.stdout).into_owned();
     assert!(
         page.contains("4 cells in common, 0 only in A") && page.contains("| 100 % |"),
@@ -117,8 +131,21 @@ fn killed_and_sharded_sweeps_give_what_an_undisturbed_one_does() {
     );
 }
 
+/// Runs the sweep in four shards and merges them. Returns the merged folder.
+fn run_in_shards(sweep: &str, parts: &Path, merged: &Path) -> String {
+    for shard in ["1/4", "2/4", "3/4", "4/4"] {
+        run(&[sweep, "-o", &text(parts), "--shard", shard]);
+    }
+    let shards = [1, 2, 3, 4].map(|i| text(&parts.join(format!("shards/{i}-of-4"))));
+    let merged = text(merged);
+    let mut merge = vec![sweep, "-o", &merged, "--merge"];
+    merge.extend(shards.iter().map(String::as_str));
+    run(&merge);
+    merged
+}
+
 #[test]
-fn the_smoke_sweep_leaves_all_that_a_sweep_does() {
+fn smoke_sweep_writes_all_files_of_a_sweep() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("smoke");
     run(&["smoke", "-o", &text(&output)]);
@@ -129,7 +156,7 @@ fn the_smoke_sweep_leaves_all_that_a_sweep_does() {
     }
     for file in ["report.md", "report.html", "heat.svg", "curves.svg", "pareto.svg"] {
         let text = std::fs::read_to_string(output.join(file)).unwrap();
-        // A picture's bytes may spell anything.
+        // The base64 of a picture may contain any word.
         let text = text.split("base64").next().unwrap().to_owned();
         assert!(text.len() > 500 && !text.contains("NaN"), "{file}");
     }
@@ -147,54 +174,48 @@ fn the_smoke_sweep_leaves_all_that_a_sweep_does() {
     assert!(String::from_utf8_lossy(&plan.stdout).contains("4 cells, 0 to run"), "{plan:?}");
 }
 
+/// A replacement in the sweep's file, and two parts of its refusal: field and expected value.
+type WrongSweep = (&'static str, &'static str, &'static str, &'static str);
+
+const LAST: &str = "\"paper\"]";
+
+#[rustfmt::skip]
+const WRONG_SWEEPS: [WrongSweep; 14] = [
+    ("width = 16", "wdth = 16", "fixed.wdth", "an option of `dsdf fit`"),
+    (LAST, "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
+    (LAST, "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a number above 0"),
+    (LAST, "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a number above 0"),
+    (LAST, "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
+    (LAST, "\"papre\"]", "parameters.estimator: found papre", "interior, paper"),
+    (LAST, "\"custom\"]", "parameters.estimator: found custom", "weights of their own"),
+    (LAST, "\"paper\"]\nseed = [3]", "parameters.seed", "seeds"),
+    ("[\"refined\", \"paper\"]", "[]", "parameters.estimator: found []", "one value or more"),
+    ("title", "titel", "line 1", "unknown field"),
+    ("\"killed\"", "\"kil\\nled\"", "title", "one line"),
+    ("width = 16", "preview-every = 9", "preview-every", "underscores"),
+    (LAST, "\"paper\"]\nN = [9999999]", "parameters.N: found 9999999", "1 to 65536"),
+    ("seeds = [1, 2]", "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"", "line 5",
+     "unknown variant"),
+];
+
 #[test]
-fn what_cannot_be_swept_is_refused_before_any_cell() {
+fn wrong_sweeps_are_refused_before_any_cell() {
     let folder = tempfile::tempdir().unwrap();
     let good = std::fs::read_to_string(sweep(folder.path())).unwrap();
     let output = folder.path().join("out");
-    for (from, to, field, expected) in [
-        ("width = 16", "wdth = 16", "fixed.wdth", "an option of `dsdf fit`"),
-        ("\"paper\"]", "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
-        (
-            "\"paper\"]",
-            "\"paper\"]\ngamma = [0.0]",
-            "parameters.gamma: found 0",
-            "a number above 0",
-        ),
-        (
-            "\"paper\"]",
-            "\"paper\"]\ngamma = [-2]",
-            "parameters.gamma: found -2",
-            "a number above 0",
-        ),
-        ("\"paper\"]", "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
-        ("\"paper\"]", "\"papre\"]", "parameters.estimator: found papre", "interior, paper"),
-        ("\"paper\"]", "\"custom\"]", "parameters.estimator: found custom", "weights of their own"),
-        ("\"paper\"]", "\"paper\"]\nseed = [3]", "parameters.seed", "seeds"),
-        ("[\"refined\", \"paper\"]", "[]", "parameters.estimator: found []", "one value or more"),
-        ("title", "titel", "line 1", "unknown field"),
-        ("\"killed\"", "\"kil\\nled\"", "title", "one line"),
-        ("width = 16", "preview-every = 9", "preview-every", "underscores"),
-        ("\"paper\"]", "\"paper\"]\nN = [9999999]", "parameters.N: found 9999999", "1 to 65536"),
-        (
-            "seeds = [1, 2]",
-            "seeds = [1]\npackage = \"a\"\nprofile = \"fast\"",
-            "line 5",
-            "unknown variant",
-        ),
-    ] {
-        let path = folder.path().join("bad.toml");
+    let path = folder.path().join("bad.toml");
+    for (from, to, field, expected) in WRONG_SWEEPS {
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
-        let refused = ablate(&[&text(&path), "-o", &text(&output)]).output().unwrap();
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert_eq!(refused.status.code(), Some(2), "{to}: {said}");
-        let one = said.lines().count() == 1;
-        assert!(
-            one && said.contains("bad.toml") && said.contains(field) && said.contains(expected),
-            "{to}: {said}"
-        );
+        let message = refusal(&[&text(&path), "-o", &text(&output)]);
+        for part in ["bad.toml", field, expected] {
+            assert!(message.contains(part), "{to}: no {part:?} in {message}");
+        }
         assert!(!output.exists(), "{to} left a folder");
     }
+}
+
+#[test]
+fn wrong_arguments_are_refused() {
     for arguments in [
         &["nothing", "-o", "x"][..],
         &["smoke", "-o", "x", "--shard", "5/4"],
@@ -203,11 +224,6 @@ fn what_cannot_be_swept_is_refused_before_any_cell() {
         &["smoke", "-o", "x", "--jobs", "0"],
         &["--compare", "nothing", "nowhere"],
     ] {
-        let refused = ablate(arguments).output().unwrap();
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(
-            refused.status.code() == Some(2) && said.lines().count() == 1,
-            "{arguments:?}: {said}"
-        );
+        refusal(arguments);
     }
 }

@@ -1,23 +1,24 @@
 #!/usr/bin/env bash
 # Runs the smoke sweep through real Slurm and directly, and compares the results.
 #
-# A cluster of this machine alone is started on localhost, with its configuration, state and logs
-# in a temporary folder. What `cargo xtask ablate --slurm` writes is submitted to it: an array of
-# two tasks, and the merge that waits for them. On any exit all that was started is ended.
-# Where Slurm is missing it is installed, if this is root on Debian. Where it cannot be had or
-# cannot run, a line `SKIPPED: reason` is all there is, and the status is 0; a sweep that fails,
-# or a result that differs, makes it 1.
+# The script starts a cluster of this machine alone, on localhost, with its configuration, state
+# and logs in a temporary folder. It submits the script of `cargo xtask ablate --slurm`: an array of
+# two tasks, and the merge that waits for them. On every exit it ends all processes that it started.
+#
+# If Slurm is missing, root on Debian installs it. If Slurm cannot be installed or cannot run, the
+# script prints a line `SKIPPED: reason` and ends with status 0. If a sweep fails or a result
+# differs, the status is 1.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 PATH=$PATH:/usr/local/sbin:/usr/sbin:/sbin
-# No other cluster is meant, and no task of its arrays.
+# This may run inside a job of another cluster: its variables must have no effect.
 unset "${!SLURM_@}" "${!SBATCH_@}" "${!SQUEUE_@}" "${!SINFO_@}"
 
 work=$(mktemp -d)
-# Munge is reached only through folders that others may enter.
+# Munge needs a socket in a folder that other users may enter.
 chmod 755 "$work"
 
-# What runs for this cluster, jobs too, has the name of its configuration in its environment.
+# The processes of this cluster, jobs included: their environment names its configuration.
 ours() {
     grep -lzsFx "SLURM_CONF=$work/slurm.conf" /proc/[0-9]*/environ | cut -d/ -f3 || true
 }
@@ -49,7 +50,7 @@ fail() {
     tail -v -n 20 "$work"/*.log "$work"/*/*.log "$work"/*/shards/*.log >&2 2>/dev/null || true
     exit 1
 }
-# Whether a command succeeds within so many seconds.
+# within SECONDS COMMAND: repeats the command until it succeeds; fails after that time.
 within() {
     local end=$((SECONDS + $1))
     shift
@@ -64,14 +65,14 @@ if [ "$(command -v sbatch squeue sinfo slurmctld slurmd munged | wc -l)" -lt 6 ]
         skip "Slurm or munge is not installed, and this is not root on Debian"
     fi
     echo "installing slurm-wlm and munge"
-    # The packages' own services are not to start.
+    # Keep the services of the packages from starting.
     export DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 SYSTEMD_OFFLINE=1
     { apt-get update && apt-get install -y --no-install-recommends slurm-wlm munge; } </dev/null >"$work/apt.log" 2>&1 ||
         skip "slurm-wlm and munge cannot be installed"
     unset DEBIAN_FRONTEND RUNLEVEL SYSTEMD_OFFLINE
 fi
 
-# Ports that nobody listens at.
+# Two ports without a listener.
 taken() { (: <"/dev/tcp/127.0.0.1/$1") 2>/dev/null; }
 port=$((20000 + RANDOM % 10000))
 while taken "$port" || taken $((port + 1)); do port=$((port + 2)); done
@@ -101,7 +102,7 @@ within 60 idle || skip "the node does not become idle"
 timeout 60 sbatch --wait --output=/dev/null --wrap=true >/dev/null 2>"$work/sbatch.log" || skip "no job runs"
 
 cargo xtask ablate smoke -o "$work/direct" || fail "the direct sweep"
-# A folder that has to be quoted, and a submission from another one than the workspace's.
+# The folder's name needs quotes. The submission is from a folder outside of the workspace.
 array="$work/it's 4%a"
 cargo xtask ablate smoke -o "$array" --slurm --shards 2 --jobs 1 || fail "writing submit.sh"
 (cd "$work" && bash "$array/submit.sh") || fail "submit.sh"

@@ -1,21 +1,21 @@
-//! What measurements were taken with.
+//! The machine and the source revision of a measurement.
 
 use std::process::Command;
 
-/// The processor's name.
+/// The processor's name, or the architecture where the system does not tell it.
 pub fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split(':').nth(1));
     name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
 }
 
-/// The state of the source.
+/// The revision of the source by `git describe --always --dirty`, or `unknown`.
 pub fn revision() -> String {
     let output = Command::new("git")
         .args(["describe", "--always", "--dirty"])
         .current_dir(crate::dsdf::root())
         .output();
-    let said =
+    let revision =
         output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
-    if said.is_empty() { "unknown".to_owned() } else { said }
+    if revision.is_empty() { "unknown".to_owned() } else { revision }
 }

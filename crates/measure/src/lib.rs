@@ -1,9 +1,12 @@
-//! Running the `dsdf` program, and reading its results.
+#![doc = include_str!("../README.md")]
 
 mod cargo;
 pub mod dsdf;
 pub mod host;
+pub mod image;
+mod npy;
 pub mod plot;
 pub mod reference;
+pub mod suite;
 
 pub use cargo::{cargo, cargo_command};

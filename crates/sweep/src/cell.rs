@@ -1,301 +1,201 @@
-//! One cell: a fit, what it is worth, and how good its gradients are. Every stage leaves a file,
-//! and is not done again.
+//! One cell: a fit, its evaluation, its picture, and the test of its gradients.
+//!
+//! Every stage leaves a file in the cell's folder. A stage whose file is there is not run again.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde_json::Value;
 
-use super::process::{self, Failure};
-use super::results::{Row, finished, write};
-use super::sweep::{Cell, Sweep};
-use super::tables::Limits;
+use crate::files::write_whole;
+use crate::fit_metrics::add_fit_metrics;
+use crate::fit_stage::wait_for_fit;
+use crate::process::{self, ProcessFailure, StageError};
+use crate::results::{CellResult, finished};
+use crate::sweep::{Cell, Sweep};
 
-/// What all cells share.
-pub(super) struct Bench<'a> {
-    pub(super) sweep: &'a Sweep,
-    /// The program that fits.
-    pub(super) binary: &'a Path,
-    /// The folder of each data set, with its true surface.
-    pub(super) data: &'a [(PathBuf, Option<PathBuf>)],
-    /// The folder of the cells.
-    pub(super) cells: PathBuf,
-    /// Threads of one cell.
-    pub(super) threads: usize,
+/// The folder of a data set.
+pub(crate) struct DataFolder {
+    pub(crate) photographs: PathBuf,
+    /// The file of the true surface, if it is known.
+    pub(crate) truth: Option<PathBuf>,
 }
 
-/// Pixels of a cell's picture along a side.
+/// Runs the cells of a sweep.
+pub(crate) struct CellRunner<'a> {
+    pub(crate) sweep: &'a Sweep,
+    /// The program that fits.
+    pub(crate) binary: &'a Path,
+    /// The data sets, in the sweep's order.
+    pub(crate) data: &'a [DataFolder],
+    /// The folder of the cells' folders.
+    pub(crate) cells: PathBuf,
+    /// Threads of one cell.
+    pub(crate) threads: usize,
+}
+
+/// Width and height of a cell's picture, in pixels.
 const PICTURE: &str = "96";
 
-/// Parts of a fit over which losses are averaged.
-const WINDOWS: usize = 20;
+/// Numbers of the evaluation's report, with the metrics that they become.
+const EVALUATED: [(&str, &str); 5] = [
+    ("chamfer_relative", "chamfer"),
+    ("psnr", "psnr"),
+    ("ssim", "ssim"),
+    ("mask_iou", "mask_iou"),
+    ("f_score", "f_score"),
+];
 
-impl Bench<'_> {
-    pub(super) fn folder(&self, cell: &Cell) -> PathBuf {
+impl CellRunner<'_> {
+    /// The folder of a cell.
+    pub(crate) fn folder(&self, cell: &Cell) -> PathBuf {
         self.cells.join(&cell.name)
     }
 
-    /// Runs what is left of a cell; `watch` is told the fraction of the fit that is done.
+    /// Runs the remaining stages of a cell. `watch` gets the finished fraction of the fit.
     ///
     /// # Errors
-    /// If files cannot be written. What goes wrong in the cell itself is its result.
-    pub(super) fn run(&self, cell: &Cell, watch: &dyn Fn(f64)) -> anyhow::Result<Row> {
+    /// If files cannot be written, or if the machine fails. A failure of the cell itself is its
+    /// result.
+    pub(crate) fn run(&self, cell: &Cell, watch: &dyn Fn(f64)) -> anyhow::Result<CellResult> {
         let folder = self.folder(cell);
-        if let Some(row) = finished(&folder) {
-            return Ok(row);
+        if let Some(result) = finished(&folder) {
+            return Ok(result);
         }
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        let mut row = Row::new(self.sweep, cell);
-        if let Err(failure) = self.measure(cell, &folder, &mut row, watch)? {
-            (row.status, row.reason) = (failure.status.to_owned(), failure.reason);
+        let mut result = CellResult::new(self.sweep, cell);
+        match self.measure(cell, &folder, &mut result, watch) {
+            Ok(()) => {}
+            Err(StageError::Cell(failure)) => {
+                (result.status, result.reason) = (failure.status.to_owned(), failure.reason);
+            }
+            Err(StageError::Sweep(error)) => return Err(error),
         }
-        row.converged = self.sweep.converged.holds(&row, self.sweep.data[cell.data].has_truth());
-        write(&folder.join("result.json"), serde_json::to_vec_pretty(&row)?)?;
-        Ok(row)
+        let has_truth = self.sweep.data[cell.data].has_truth();
+        result.converged = self.sweep.converged.holds(&result, has_truth);
+        write_whole(&folder.join("result.json"), serde_json::to_vec_pretty(&result)?)?;
+        Ok(result)
     }
 
+    /// Runs the stages in their order, and adds their numbers to the result.
     fn measure(
         &self,
         cell: &Cell,
         folder: &Path,
-        row: &mut Row,
+        result: &mut CellResult,
         watch: &dyn Fn(f64),
-    ) -> anyhow::Result<Result<(), Failure>> {
-        let fit = folder.join("run");
-        if let Err(failure) = self.fit(cell, folder, &fit, watch)? {
-            // How far it came is part of the result.
-            losses(&fit, row);
-            return Ok(Err(failure));
+    ) -> Result<(), StageError> {
+        let run = folder.join("run");
+        let fitted = self.fit(cell, folder, &run, watch);
+        // The losses of a failed fit up to its end are part of its result.
+        if !matches!(fitted, Err(StageError::Sweep(_))) {
+            add_fit_metrics(&run, result);
         }
-        losses(&fit, row);
-        let truth = &self.data[cell.data].1;
-        let mut arguments =
-            vec!["eval".to_owned(), text(&fit), "--resolution=128".to_owned(), self.threads()];
-        arguments.extend(truth.iter().map(|path| format!("--mesh={}", text(path))));
-        match self.stage(folder, "eval", &arguments)? {
-            Err(failure) => return Ok(Err(failure)),
-            Ok(report) => {
-                for (from, to) in [
-                    ("chamfer_relative", "chamfer"),
-                    ("psnr", "psnr"),
-                    ("ssim", "ssim"),
-                    ("mask_iou", "mask_iou"),
-                    ("f_score", "f_score"),
-                ] {
-                    row.numbers.extend(report[from].as_f64().map(|v| (to.to_owned(), v)));
-                }
-            }
-        }
-        let picture = text(&folder.join("picture.png"));
-        let views = ["--views", "1", "--size", PICTURE, &self.threads()].map(str::to_owned);
-        let arguments =
-            [vec!["render".to_owned(), text(&fit), "-o".to_owned(), picture], views.to_vec()]
-                .concat();
-        if let Err(failure) = self.stage(folder, "picture", &arguments)? {
-            return Ok(Err(failure));
-        }
+        fitted?;
+        self.evaluate(cell, folder, &run, result)?;
+        self.render(folder, &run)?;
         let first = folder.join("first");
-        // The report is written last, so what a killed sweep left of it is done again.
-        if stage_report(folder, "first").is_none() && first.exists() {
-            wait_for(&first)?;
-            std::fs::remove_dir_all(&first)?;
+        self.fit_first_iterate(cell, folder, &first)?;
+        for (name, run) in [("first", &first), ("last", &run)] {
+            let [bias, variance] = self
+                .gradients(cell, folder, name, run)
+                .map_err(|error| gradient_failure(name, error))?;
+            result.numbers.insert(format!("{name}_bias"), bias);
+            result.numbers.insert(format!("{name}_variance"), variance);
         }
-        let arguments =
-            [self.fit_arguments(cell, &first, &[]), vec!["--stop-after=1".to_owned()]].concat();
-        if let Err(failure) = self.stage(folder, "first", &arguments)? {
-            return Ok(Err(failure));
-        }
-        for (name, run) in [("first", &first), ("last", &fit)] {
-            match self.gradients(cell, folder, name, run) {
-                Ok([bias, variance]) => {
-                    row.numbers.insert(format!("{name}_bias"), bias);
-                    row.numbers.insert(format!("{name}_variance"), variance);
-                }
-                // A full disk is no result.
-                Err(error) if process::is_fault(&error) => return Err(error),
-                Err(error) => {
-                    let status =
-                        error.downcast_ref::<Failure>().map_or("failed", |failure| failure.status);
-                    let reason =
-                        format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
-                    return Ok(Err(Failure { status, reason }));
-                }
-            }
-        }
-        Ok(Ok(()))
+        Ok(())
     }
 
-    /// Fits, or goes on from a checkpoint.
-    fn fit(
+    /// Compares the fit with held-out views and with the true surface.
+    fn evaluate(
         &self,
         cell: &Cell,
         folder: &Path,
         run: &Path,
-        watch: &dyn Fn(f64),
-    ) -> anyhow::Result<Result<Value, Failure>> {
-        wait_for(run)?;
-        let resume = run.join("checkpoint/state.safetensors").exists();
-        let arguments = if resume {
-            vec![
-                "fit".to_owned(),
-                "-o".to_owned(),
-                text(run),
-                "--resume".to_owned(),
-                self.threads(),
-            ]
-        } else {
-            if run.exists() {
-                std::fs::remove_dir_all(run)?;
-            }
-            self.fit_arguments(cell, run, &[])
-        };
-        let metrics = run.join("metrics.jsonl");
-        // What was spent before counts.
-        let spent =
-            if resume { last_line(&metrics)["seconds"].as_f64().unwrap_or(0.0) } else { 0.0 };
-        // A second is left for what was done but for its report.
-        let whole = self.sweep.limits.seconds;
-        let limits = Limits { seconds: (whole - spent).max(1.0).min(whole), ..self.sweep.limits };
-        let show = || watch(last_line(&metrics)["progress"].as_f64().unwrap_or(0.0));
-        let result =
-            process::run(self.binary, &arguments, &limits, &folder.join("fit.log"), &show)?;
-        Ok(result.map_err(
-            |failure| if failure.status == "time" { Failure::time(whole) } else { failure },
-        ))
-    }
-
-    fn fit_arguments(&self, cell: &Cell, run: &Path, budget: &[String]) -> Vec<String> {
+        result: &mut CellResult,
+    ) -> Result<(), StageError> {
         let mut arguments =
-            vec!["fit".to_owned(), text(&self.data[cell.data].0), "-o".to_owned(), text(run)];
-        let flags = self.sweep.flags(cell).into_iter().filter(|f| {
-            let of_budget = f.starts_with("--iterations=") || f.starts_with("--time=");
-            !f.starts_with("--gradient-") && (budget.is_empty() || !of_budget)
-        });
-        arguments.extend(flags);
-        arguments.extend(budget.iter().cloned());
-        if self.sweep.setting(cell, "preview_every").is_none() {
-            arguments.push("--preview-every=1000000000".to_owned());
+            vec!["eval".to_owned(), text(run), "--resolution=128".to_owned(), self.threads()];
+        let truth = &self.data[cell.data].truth;
+        arguments.extend(truth.iter().map(|path| format!("--mesh={}", text(path))));
+        let report = self.stage(folder, "eval", &arguments)?;
+        for (from, to) in EVALUATED {
+            result.numbers.extend(report[from].as_f64().map(|v| (to.to_owned(), v)));
         }
-        arguments.push(self.threads());
-        arguments
+        Ok(())
     }
 
-    /// Seconds of a fit of a few iterations.
-    pub(super) fn pilot(&self, cell: &Cell, iterations: u64) -> anyhow::Result<f64> {
-        let folder = self.folder(cell);
-        std::fs::create_dir_all(&folder)?;
-        let arguments =
-            self.fit_arguments(cell, &folder.join("run"), &[format!("--iterations={iterations}")]);
-        let report = self.program(&folder, "fit", &arguments, &|| {})?;
-        let report =
-            report.map_err(|failure| anyhow::anyhow!("{}: {}", cell.name, failure.reason))?;
-        report["seconds"].as_f64().context("seconds in the report")
+    /// Renders the cell's picture.
+    fn render(&self, folder: &Path, run: &Path) -> Result<(), StageError> {
+        let picture = text(&folder.join("picture.png"));
+        let mut arguments = vec!["render".to_owned(), text(run), "-o".to_owned(), picture];
+        arguments.extend(["--views", "1", "--size", PICTURE, &self.threads()].map(str::to_owned));
+        self.stage(folder, "picture", &arguments)?;
+        Ok(())
     }
 
-    pub(super) fn threads(&self) -> String {
+    /// Fits one iteration, for the gradient test on the first iterate.
+    fn fit_first_iterate(
+        &self,
+        cell: &Cell,
+        folder: &Path,
+        first: &Path,
+    ) -> Result<(), StageError> {
+        // A killed sweep may have left an unfinished run: without its report it is run again.
+        if stage_report(folder, "first").is_none() && first.exists() {
+            wait_for_fit(first)?;
+            std::fs::remove_dir_all(first)?;
+        }
+        let mut arguments = self.fit_arguments(cell, first, &[]);
+        arguments.push("--stop-after=1".to_owned());
+        self.stage(folder, "first", &arguments)?;
+        Ok(())
+    }
+
+    /// The option of the cell's threads.
+    pub(crate) fn threads(&self) -> String {
         format!("--threads={}", self.threads)
     }
 
-    /// A stage whose report is kept.
-    fn stage(
-        &self,
-        folder: &Path,
-        name: &str,
-        arguments: &[String],
-    ) -> anyhow::Result<Result<Value, Failure>> {
+    /// Runs a command once: its report is kept in `NAME.json`, and read from there afterwards.
+    fn stage(&self, folder: &Path, name: &str, arguments: &[String]) -> Result<Value, StageError> {
         if let Some(report) = stage_report(folder, name) {
-            return Ok(Ok(report));
+            return Ok(report);
         }
-        let report = self.program(folder, name, arguments, &|| {})?;
-        if let Ok(report) = &report {
-            write(&folder.join(format!("{name}.json")), report.to_string())?;
-        }
+        let report = self.command(folder, name, arguments)?;
+        write_whole(&folder.join(format!("{name}.json")), report.to_string())?;
         Ok(report)
     }
 
-    fn program(
+    /// Runs a command with the sweep's limits; its standard error goes to `NAME.log`.
+    pub(crate) fn command(
         &self,
         folder: &Path,
         name: &str,
         arguments: &[String],
-        watch: &dyn Fn(),
-    ) -> anyhow::Result<Result<Value, Failure>> {
-        process::run(
-            self.binary,
-            arguments,
-            &self.sweep.limits,
-            &folder.join(format!("{name}.log")),
-            watch,
-        )
+    ) -> Result<Value, StageError> {
+        let log = folder.join(format!("{name}.log"));
+        process::run(self.binary, arguments, &self.sweep.limits, &log, &|| {})
     }
 }
 
-/// The report that a stage left, if it is whole.
+/// The report of a finished stage; `None` if its file is missing or cut short.
 fn stage_report(folder: &Path, name: &str) -> Option<Value> {
     let text = std::fs::read_to_string(folder.join(format!("{name}.json"))).ok()?;
     serde_json::from_str(&text).ok().filter(Value::is_object)
 }
 
-fn text(path: &Path) -> String {
+/// Tells a failed gradient test, which is the cell's result, from a fault of the machine.
+fn gradient_failure(name: &str, error: anyhow::Error) -> StageError {
+    if process::is_fault(&error) {
+        return StageError::Sweep(error);
+    }
+    let status = error.downcast_ref::<ProcessFailure>().map_or("failed", |failure| failure.status);
+    let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
+    ProcessFailure { status, reason }.into()
+}
+
+/// A path as an argument of the command line.
+pub(crate) fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
-}
-
-/// Waits for a fit that a killed sweep may have left at work: what it does need not be done twice.
-fn wait_for(run: &Path) -> anyhow::Result<()> {
-    if let Ok(lock) = std::fs::File::open(run.join("lock")) {
-        lock.lock()?;
-    }
-    Ok(())
-}
-
-/// The last whole line of a file of JSON lines.
-fn last_line(path: &Path) -> Value {
-    const TAIL: u64 = 4096;
-    let tail = || {
-        use std::io::{Read, Seek, SeekFrom};
-        let mut file = std::fs::File::open(path).ok()?;
-        let length = file.metadata().ok()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(TAIL))).ok()?;
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes).ok()?;
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        text.lines().rev().find_map(|line| serde_json::from_str(line).ok())
-    };
-    tail().unwrap_or(Value::Null)
-}
-
-/// Losses, evaluations and time from the metrics of a fit, with the curve.
-fn losses(run: &Path, row: &mut Row) {
-    let text = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default();
-    let lines: Vec<Value> =
-        text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    let Some(last) = lines.last() else { return };
-    row.numbers.extend(last["seconds"].as_f64().map(|s| ("seconds".to_owned(), s)));
-    row.numbers.insert("iterations".to_owned(), lines.len() as f64);
-    for (from, to) in [
-        ("value", "values"),
-        ("gradient", "gradients"),
-        ("hessian_vector", "hessian_vectors"),
-        ("parameter", "parameters"),
-    ] {
-        let total = lines.iter().filter_map(|line| line["evaluations"][from].as_f64()).sum();
-        row.numbers.insert(to.to_owned(), total);
-    }
-    let mean = |lines: &[Value]| {
-        lines.iter().filter_map(|l| l["loss"].as_f64()).sum::<f64>() / lines.len() as f64
-    };
-    let window = lines.len().div_ceil(WINDOWS);
-    row.curve = lines
-        .chunks(window)
-        .map(|part| (part[0]["iteration"].as_f64().unwrap_or(0.0), mean(part)))
-        .collect();
-    // Coarse images have other losses: only full-sized ones compare.
-    let full: Vec<Value> = lines.iter().filter(|line| line["level"] == 0).cloned().collect();
-    // From the end on: the last is of the last iterations.
-    let windows: Vec<f64> = full.rchunks_exact(window).map(mean).collect();
-    if let Some(end) = windows.first() {
-        row.numbers.insert("loss".to_owned(), *end);
-        row.numbers
-            .insert("best_loss".to_owned(), windows.iter().copied().fold(f64::INFINITY, f64::min));
-    }
 }

@@ -1,96 +1,131 @@
-//! Two sweeps side by side.
+//! Two sweeps side by side, for `--compare`.
 
 use std::fmt::Write;
 use std::path::Path;
 
-use super::claims::{error_name, percent, short, worse};
-use super::refusal::Refusal;
-use super::results::{Better, METRICS, Row, from_csv, settings};
+use crate::metrics::{Better, METRICS, Metric};
+use crate::pairs::{error_name, error_ratio, p_value, percent};
+use crate::refusal::Refusal;
+use crate::results::{CellResult, describe};
+use crate::results_csv::from_csv;
 
-/// Compares the rows of two sweeps that have data set, parameters and seed in common.
-pub(super) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
+/// The parameter that is added to the settings of common cells, with the values `A` and `B`.
+const SIDE: &str = "sweep";
+
+/// The results of two sweeps.
+struct Comparison {
+    /// All results of the first sweep.
+    a: Vec<CellResult>,
+    /// All results of the second sweep.
+    b: Vec<CellResult>,
+    /// Those that agree in data set, parameters and seed, with the parameter [`SIDE`].
+    common: Vec<CellResult>,
+}
+
+/// Compares the results of two sweeps, given as folders or as files `results.csv`.
+///
+/// # Errors
+/// A [`Refusal`] if a file cannot be read, or if the sweeps have no cell in common.
+pub(crate) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     let read = |path: &Path| {
         from_csv(&if path.is_dir() { path.join("results.csv") } else { path.to_owned() })
     };
-    let (of_a, of_b) = (read(a)?, read(b)?);
-    let shared = |own: &[Row], other: &[Row], side: &str| -> Vec<Row> {
-        let common = own.iter().filter(|r| other.iter().any(|o| o.key() == r.key()));
-        common
-            .map(|r| {
-                let mut values = r.key().2;
-                values.push(("sweep".to_owned(), side.to_owned()));
-                Row { values, ..r.clone() }
-            })
-            .collect()
-    };
-    let both = [shared(&of_a, &of_b, "A"), shared(&of_b, &of_a, "B")].concat();
-    let count = both.iter().filter(|r| r.value("sweep") == "A").count();
-    if count == 0 {
-        return Err(Refusal::new(
-            b,
-            "cells",
-            "none in common",
-            format!("cells of {}", a.display()),
-        )
-        .into());
+    let comparison = Comparison::new(read(a)?, read(b)?);
+    if comparison.common.is_empty() {
+        let expected = format!("cells of {}", a.display());
+        return Err(Refusal::new(b, "cells", "none in common", expected).into());
     }
-    let only = |own: &[Row], other: &[Row]| {
-        own.iter().filter(|r| !other.iter().any(|o| o.key() == r.key())).count()
-    };
     let mut out = format!("# Two sweeps\n\nA: {}\nB: {}\n\n", a.display(), b.display());
-    let _ = writeln!(
-        out,
-        "{count} cells in common, {} only in A, {} only in B.\n",
-        only(&of_a, &of_b),
-        only(&of_b, &of_a)
-    );
-    let converged =
-        |side: &str| both.iter().filter(|r| r.value("sweep") == side && r.converged).count();
-    let _ = writeln!(out, "Converged: {} of A, {} of B.\n", converged("A"), converged("B"));
-    let _ = writeln!(out, "| what | B over A | 95 % | p |\n|---|---|---|---|");
-    for metric in METRICS.iter().filter(|m| m.name != "iterations") {
-        let there = |side: &str| {
-            both.iter().any(|r| r.value("sweep") == side && r.numbers.contains_key(metric.name))
-        };
-        if !there("A") || !there("B") {
-            continue;
-        }
-        let found = worse(&both, "sweep", "B", "A", metric);
-        if found.mean.is_finite() {
-            let name = if metric.better == Better::Cost {
-                metric.label.to_owned()
-            } else {
-                error_name(metric)
-            };
-            let (low, high) = (percent(found.low), percent(found.high));
-            let _ = writeln!(
-                out,
-                "| {name} | {} | {low} to {high} | {} |",
-                percent(found.mean),
-                short(found.p)
-            );
-        }
+    comparison.counts(&mut out);
+    comparison.metrics(&mut out);
+    comparison.cells(&mut out);
+    Ok(out)
+}
+
+/// The results of `own` whose cells `other` has too, marked as of one side.
+fn shared(own: &[CellResult], other: &[CellResult], side: &str) -> Vec<CellResult> {
+    let mark = |r: &CellResult| {
+        let mut values = r.key().2;
+        values.push((SIDE.to_owned(), side.to_owned()));
+        CellResult { values, ..r.clone() }
+    };
+    own.iter().filter(|r| other.iter().any(|o| o.key() == r.key())).map(mark).collect()
+}
+
+impl Comparison {
+    fn new(a: Vec<CellResult>, b: Vec<CellResult>) -> Self {
+        let common = [shared(&a, &b, "A"), shared(&b, &a, "B")].concat();
+        Comparison { a, b, common }
     }
-    let _ = writeln!(
-        out,
-        "\n| cell | seed | Chamfer A | Chamfer B | PSNR A | PSNR B |\n|---|---|---|---|---|---|"
-    );
-    for row in of_a.iter() {
-        let Some(other) = of_b.iter().find(|o| o.key() == row.key()) else { continue };
-        let number = |row: &Row, name: &str, factor: f64| {
-            row.numbers.get(name).map_or(row.status.clone(), |v| format!("{:.3}", v * factor))
+
+    /// The common results of one side.
+    fn side(&self, side: &str) -> impl Iterator<Item = &CellResult> {
+        self.common.iter().filter(move |r| r.value(SIDE) == side)
+    }
+
+    /// Numbers of cells, and of fits that converged.
+    fn counts(&self, out: &mut String) {
+        let only = |own: &[CellResult], other: &[CellResult]| {
+            own.iter().filter(|r| !other.iter().any(|o| o.key() == r.key())).count()
         };
         let _ = writeln!(
             out,
-            "| {}, {} | {} | {} | {} | {} | {} |",
-            row.data,
-            settings(&row.values),
-            row.seed,
-            number(row, "chamfer", 100.0),
-            number(other, "chamfer", 100.0),
-            number(row, "psnr", 1.0),
-            number(other, "psnr", 1.0)
+            "{} cells in common, {} only in A, {} only in B.\n",
+            self.side("A").count(),
+            only(&self.a, &self.b),
+            only(&self.b, &self.a)
         );
+        let converged = |side: &str| self.side(side).filter(|r| r.converged).count();
+        let _ = writeln!(out, "Converged: {} of A, {} of B.\n", converged("A"), converged("B"));
     }
-    Ok(out)
+
+    /// The ratio of the errors of B to those of A, for every metric that both have.
+    fn metrics(&self, out: &mut String) {
+        let _ = writeln!(out, "| metric | B over A | 95 % | p |\n|---|---|---|---|");
+        let known = |side: &str, metric: &Metric| self.side(side).any(|r| r.has(metric));
+        for metric in METRICS.iter().filter(|m| m.name != "iterations") {
+            if !known("A", metric) || !known("B", metric) {
+                continue;
+            }
+            let ratio = error_ratio(&self.common, SIDE, "B", "A", metric);
+            if !ratio.mean.is_finite() {
+                continue;
+            }
+            let cost = metric.better == Better::Cost;
+            let name = if cost { metric.label.to_owned() } else { error_name(metric) };
+            let _ = writeln!(
+                out,
+                "| {name} | {} | {} to {} | {} |",
+                percent(ratio.mean),
+                percent(ratio.low),
+                percent(ratio.high),
+                p_value(ratio.p)
+            );
+        }
+    }
+
+    /// Chamfer distance and PSNR of every common cell.
+    fn cells(&self, out: &mut String) {
+        let _ = writeln!(
+            out,
+            "\n| cell | seed | Chamfer A | Chamfer B | PSNR A | PSNR B |\n|---|---|---|---|---|---|"
+        );
+        for a in &self.a {
+            let Some(b) = self.b.iter().find(|b| b.key() == a.key()) else { continue };
+            let number = |r: &CellResult, name: &str, factor: f64| {
+                r.numbers.get(name).map_or(r.status.clone(), |v| format!("{:.3}", v * factor))
+            };
+            let _ = writeln!(
+                out,
+                "| {}, {} | {} | {} | {} | {} | {} |",
+                a.data,
+                describe(&a.values),
+                a.seed,
+                number(a, "chamfer", 100.0),
+                number(b, "chamfer", 100.0),
+                number(a, "psnr", 1.0),
+                number(b, "psnr", 1.0)
+            );
+        }
+    }
 }

@@ -1,26 +1,22 @@
-//! What the cells of a folder were made of: fingerprints of the program and of the data.
+//! The origin of the cells in a folder: fingerprints of the program and the data, and the machines.
+//!
+//! A folder is continued only with the same program and the same data.
 
 use std::path::{Path, PathBuf};
 
-use super::refusal::Refusal;
-use super::results::write;
-use super::tables::Data;
+use serde_json::Value;
 
-/// A text file, if there is one.
-pub(super) fn read(path: &Path) -> Result<Option<String>, Refusal> {
-    match std::fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(Refusal::new(path, "file", error, "a file to read")),
-    }
-}
+use crate::files::{read_if_present, write_whole};
+use crate::refusal::Refusal;
+use crate::schema::DataSet;
 
-/// FNV-1a, of 64 bits: the same number on every machine.
-struct Hash(u64);
+/// A 64-bit FNV-1a hash, the same on every machine: G. Fowler, L. C. Noll, K.-P. Vo and
+/// D. Eastlake, "The FNV Non-Cryptographic Hash Algorithm".
+struct Fnv1a(u64);
 
-impl Hash {
+impl Fnv1a {
     const fn new() -> Self {
-        Hash(0xcbf2_9ce4_8422_2325)
+        Fnv1a(0xcbf2_9ce4_8422_2325)
     }
 
     fn add(&mut self, bytes: &[u8]) {
@@ -29,53 +25,52 @@ impl Hash {
         }
     }
 
-    fn file(&mut self, path: &Path) -> Result<(), Refusal> {
-        self.add(
-            &std::fs::read(path).map_err(|e| Refusal::new(path, "file", e, "a file to read"))?,
-        );
+    fn add_file(&mut self, path: &Path) -> Result<(), Refusal> {
+        let refuse = |e| Refusal::new(path, "file", e, "a file to read");
+        self.add(&std::fs::read(path).map_err(refuse)?);
         Ok(())
     }
 }
 
-/// A number that tells files apart.
-pub(super) fn file(path: &Path) -> Result<u64, Refusal> {
-    let mut hash = Hash::new();
-    hash.file(path)?;
+/// The fingerprint of a file's content.
+fn fingerprint(path: &Path) -> Result<u64, Refusal> {
+    let mut hash = Fnv1a::new();
+    hash.add_file(path)?;
     Ok(hash.0)
 }
 
-/// The same for all that a data set is made of: its folder, or its scene with the files that this
-/// names, and its true surface.
-pub(super) fn data(data: &Data, folder: &Path) -> Result<u64, Refusal> {
-    let mut files: Vec<PathBuf> = data.mesh.iter().map(|mesh| folder.join(mesh)).collect();
+/// The fingerprint of a data set, from names and contents of its files: all of its folder, or its
+/// scene with the files that the scene names; and its true surface.
+pub(crate) fn data_fingerprint(data: &DataSet, base: &Path) -> Result<u64, Refusal> {
+    let mut files: Vec<PathBuf> = data.mesh.iter().map(|mesh| base.join(mesh)).collect();
     if let Some(scene) = &data.scene {
-        let scene = folder.join(scene);
+        let scene = base.join(scene);
         let beside = scene.parent().unwrap_or(Path::new(""));
-        let content = serde_json::from_str(&read(&scene)?.unwrap_or_default())
-            .unwrap_or(serde_json::Value::Null);
-        named(&content, beside, &mut files);
+        let text = read_if_present(&scene)?.unwrap_or_default();
+        let content = serde_json::from_str(&text).unwrap_or(Value::Null);
+        files_named_in(&content, beside, &mut files);
         files.push(scene);
     }
     if let Some(dataset) = &data.dataset {
-        all(&folder.join(dataset), &mut files)?;
+        files_under(&base.join(dataset), &mut files)?;
     }
-    let mut hash = Hash::new();
+    let mut hash = Fnv1a::new();
     for path in files {
-        hash.add(path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().as_bytes());
-        hash.file(&path)?;
+        hash.add(path.strip_prefix(base).unwrap_or(&path).to_string_lossy().as_bytes());
+        hash.add_file(&path)?;
     }
     Ok(hash.0)
 }
 
-/// Files of a folder, in the order of their names.
-fn all(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Refusal> {
+/// Adds all files of a folder and its folders, in the order of their names.
+fn files_under(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Refusal> {
     let refuse = |e| Refusal::new(folder, "dataset", e, "a folder to read");
     let mut own: Vec<PathBuf> =
         std::fs::read_dir(folder).map_err(refuse)?.flatten().map(|entry| entry.path()).collect();
     own.sort();
     for path in own {
         if path.is_dir() {
-            all(&path, files)?;
+            files_under(&path, files)?;
         } else {
             files.push(path);
         }
@@ -83,97 +78,101 @@ fn all(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Files that a scene names.
-fn named(content: &serde_json::Value, folder: &Path, files: &mut Vec<PathBuf>) {
+/// Adds the files that a scene's strings name.
+fn files_named_in(content: &Value, folder: &Path, files: &mut Vec<PathBuf>) {
     match content {
-        serde_json::Value::String(text) => {
-            files.extend(Some(folder.join(text)).filter(|path| path.is_file()))
+        Value::String(text) => {
+            files.extend(Some(folder.join(text)).filter(|path| path.is_file()));
         }
-        serde_json::Value::Array(list) => list.iter().for_each(|item| named(item, folder, files)),
-        serde_json::Value::Object(map) => map.values().for_each(|item| named(item, folder, files)),
+        Value::Array(list) => list.iter().for_each(|item| files_named_in(item, folder, files)),
+        Value::Object(map) => map.values().for_each(|item| files_named_in(item, folder, files)),
         _ => {}
     }
 }
 
-/// The file that holds them, a line for the program and one for each data set.
+/// The file of fingerprints: one line for the program and one for each data set.
 const INPUTS: &str = "inputs";
 
-/// Refuses to go on in `output` with another program or other data than what is there was made
-/// with; keeps them otherwise.
-pub(super) fn check(
+/// Writes the fingerprints of the program and the data sets to the folder `output`.
+///
+/// # Errors
+/// A [`Refusal`] if the folder has cells or data of another program or of other data.
+pub(crate) fn check(
     output: &Path,
     binary: &Path,
-    sets: &[Data],
-    folder: &Path,
+    sets: &[DataSet],
+    base: &Path,
 ) -> anyhow::Result<()> {
-    let mut own = format!("program {:016x}\n", file(binary)?);
+    let mut own = format!("program {:016x}\n", fingerprint(binary)?);
     for set in sets {
-        own += &format!("{} {:016x}\n", set.name, data(set, folder)?);
+        own += &format!("{} {:016x}\n", set.name, data_fingerprint(set, base)?);
     }
     let path = output.join(INPUTS);
-    let taken = |set: &Data| output.join("data").join(&set.name).exists();
-    let begun = output.join("cells").exists() || sets.iter().any(taken);
-    if let Some(there) = read(&path)?.filter(|there| begun && *there != own) {
-        let found =
-            format!("another {}", changed(&there, &own).split(' ').next().unwrap_or_default());
+    let rendered = |set: &DataSet| output.join("data").join(&set.name).exists();
+    let begun = output.join("cells").exists() || sets.iter().any(rendered);
+    if let Some(known) = read_if_present(&path)?.filter(|known| begun && *known != own) {
+        let name = first_difference(&known, &own).split(' ').next().unwrap_or_default();
         let expected = "that of the cells that are here (see --binary), or another folder";
-        return Err(Refusal::new(&path, "inputs", found, expected).into());
+        return Err(Refusal::new(&path, "inputs", format!("another {name}"), expected).into());
     }
-    write(&path, own)
+    write_whole(&path, own)
 }
 
-/// The first line that is not of `own`.
-pub(super) fn changed<'a>(there: &'a str, own: &str) -> &'a str {
-    there.lines().find(|line| !own.lines().any(|own| own == *line)).unwrap_or("less")
+/// The first line of `known` that `own` lacks, or `less` if there is none.
+pub(crate) fn first_difference<'a>(known: &'a str, own: &str) -> &'a str {
+    known.lines().find(|line| !own.lines().any(|own| own == *line)).unwrap_or("less")
 }
 
-/// Refuses shards of other data, and keeps what they were made of; other programs may be of other
-/// machines, and are said.
-pub(super) fn merge(folders: &[PathBuf], output: &Path) -> anyhow::Result<()> {
-    let of_data =
-        |text: &str| text.lines().filter(|line| !line.starts_with("program ")).collect::<String>();
+/// Gathers fingerprints and machines of shards in the folder `output`.
+///
+/// Programs may differ, since each machine may build its own: a warning names them.
+///
+/// # Errors
+/// A [`Refusal`] if the shards were made of different data.
+pub(crate) fn merge(shards: &[PathBuf], output: &Path) -> anyhow::Result<()> {
     let mut first: Option<(PathBuf, String)> = None;
-    let mut more = Vec::new();
-    for folder in [output].into_iter().chain(folders.iter().map(PathBuf::as_path)) {
-        more.extend(machines(folder)?);
+    let mut all_machines = Vec::new();
+    for folder in [output].into_iter().chain(shards.iter().map(PathBuf::as_path)) {
+        all_machines.extend(machines(folder)?);
         let path = folder.join(INPUTS);
-        let Some(text) = read(&path)? else { continue };
-        let Some((known, there)) = &first else {
-            first = Some((path, text));
-            continue;
-        };
-        if of_data(&text) != of_data(there) {
-            return Err(Refusal::new(
-                &path,
-                "inputs",
-                "other data",
-                format!("that of {}", known.display()),
-            )
-            .into());
-        }
-        if text != *there {
-            eprintln!(
-                "warning: {}: another program than that of {}",
-                path.display(),
-                known.display()
-            );
+        let Some(inputs) = read_if_present(&path)? else { continue };
+        match &first {
+            None => first = Some((path, inputs)),
+            Some((known, expected)) => compare_inputs(&path, &inputs, known, expected)?,
         }
     }
-    add_machines(output, more)?;
-    first.map_or(Ok(()), |(_, text)| write(&output.join(INPUTS), text))
+    add_machines(output, all_machines)?;
+    first.map_or(Ok(()), |(_, inputs)| write_whole(&output.join(INPUTS), inputs))
 }
 
-/// Where and with what cells were run: a line each, kept beside them for the report.
+/// Refuses other data than that of the folder `known`, and warns of another program.
+fn compare_inputs(path: &Path, inputs: &str, known: &Path, expected: &str) -> Result<(), Refusal> {
+    let data = |inputs: &str| -> String {
+        inputs.lines().filter(|line| !line.starts_with("program ")).collect()
+    };
+    if data(inputs) != data(expected) {
+        let expected = format!("that of {}", known.display());
+        return Err(Refusal::new(path, "inputs", "other data", expected));
+    }
+    if inputs != expected {
+        let (path, known) = (path.display(), known.display());
+        eprintln!("warning: {path}: another program than that of {known}");
+    }
+    Ok(())
+}
+
+/// The file of machines, one line each, for the report.
 const MACHINES: &str = "machines";
 
-/// The machines of a folder.
-pub(super) fn machines(folder: &Path) -> Result<Vec<String>, Refusal> {
-    let text = read(&folder.join(MACHINES))?.unwrap_or_default();
+/// The machines that ran cells of a folder.
+pub(crate) fn machines(folder: &Path) -> Result<Vec<String>, Refusal> {
+    let text = read_if_present(&folder.join(MACHINES))?.unwrap_or_default();
     Ok(text.lines().map(str::to_owned).collect())
 }
 
-/// This machine, with so many cores of it, and the source of the program unless that was given.
-pub(super) fn this_machine(cores: usize, given: bool) -> String {
+/// The line of this machine: processor, cores, and the program's revision. The revision of a
+/// program from `--binary` is unknown.
+pub(crate) fn this_machine(cores: usize, given: bool) -> String {
     let program = if given {
         "a program given".to_owned()
     } else {
@@ -183,12 +182,13 @@ pub(super) fn this_machine(cores: usize, given: bool) -> String {
 }
 
 /// Adds machines to those of a folder, each once.
-pub(super) fn add_machines(folder: &Path, more: Vec<String>) -> anyhow::Result<()> {
+pub(crate) fn add_machines(folder: &Path, more: Vec<String>) -> anyhow::Result<()> {
     let mut all = machines(folder)?;
     for line in more {
         if !all.contains(&line) {
             all.push(line);
         }
     }
-    write(&folder.join(MACHINES), all.iter().map(|line| format!("{line}\n")).collect::<String>())
+    let lines: String = all.iter().map(|line| format!("{line}\n")).collect();
+    write_whole(&folder.join(MACHINES), lines)
 }

@@ -1,171 +1,248 @@
-//! Programs run with a limit on time and memory.
+//! Programs with limits on time and memory.
 
 use std::fs::File;
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde_json::Value;
 
-use super::tables::Limits;
+use crate::schema::Limits;
 
-/// Why a program did not do what it should.
+/// A failure of the program itself, which becomes the cell's result.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{reason}")]
-pub(super) struct Failure {
+pub(crate) struct ProcessFailure {
     /// `failed`, `time` or `memory`.
-    pub(super) status: &'static str,
-    pub(super) reason: String,
+    pub(crate) status: &'static str,
+    /// One line.
+    pub(crate) reason: String,
 }
 
-impl Failure {
-    /// Of a program that took longer than it may.
-    pub(super) fn time(limit: f64) -> Self {
-        Failure { status: "time", reason: format!("{limit} s are over") }
+impl ProcessFailure {
+    /// The failure of a program that ran longer than `limit` seconds.
+    pub(crate) fn time(limit: f64) -> Self {
+        ProcessFailure { status: "time", reason: format!("{limit} s are over") }
+    }
+
+    fn failed(reason: String) -> Self {
+        ProcessFailure { status: "failed", reason }
     }
 }
 
-/// A program with limits, for commands in a row.
-pub(super) struct Limited<'a> {
-    pub(super) program: &'a Path,
-    pub(super) limits: &'a Limits,
-    pub(super) log: &'a Path,
+/// Why a stage of a cell has no result.
+#[derive(Debug)]
+pub(crate) enum StageError {
+    /// The cell failed: the sweep records it and goes on.
+    Cell(ProcessFailure),
+    /// The machine or the user interrupted the cell: the sweep ends, and runs the cell again when
+    /// it is continued.
+    Sweep(anyhow::Error),
 }
 
-impl measure::dsdf::Run for Limited<'_> {
-    fn report(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+impl StageError {
+    /// The error without the distinction. [`ProcessFailure`] can be recovered by downcast.
+    pub(crate) fn into_anyhow(self) -> anyhow::Error {
+        match self {
+            StageError::Cell(failure) => failure.into(),
+            StageError::Sweep(error) => error,
+        }
+    }
+}
+
+impl From<ProcessFailure> for StageError {
+    fn from(failure: ProcessFailure) -> Self {
+        StageError::Cell(failure)
+    }
+}
+
+impl From<anyhow::Error> for StageError {
+    fn from(error: anyhow::Error) -> Self {
+        StageError::Sweep(error)
+    }
+}
+
+impl From<std::io::Error> for StageError {
+    fn from(error: std::io::Error) -> Self {
+        StageError::Sweep(error.into())
+    }
+}
+
+/// A program with limits that runs `dsdf` commands one after the other.
+pub(crate) struct LimitedProgram<'a> {
+    pub(crate) program: &'a Path,
+    pub(crate) limits: &'a Limits,
+    /// The file for standard error of the latest command.
+    pub(crate) log: &'a Path,
+}
+
+impl measure::dsdf::RunDsdf for LimitedProgram<'_> {
+    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value> {
         let arguments: Vec<String> = arguments.iter().map(|&a| a.to_owned()).collect();
-        Ok(run(self.program, &arguments, self.limits, self.log, &|| {})??)
+        run(self.program, &arguments, self.limits, self.log, &|| {})
+            .map_err(StageError::into_anyhow)
     }
 }
 
-/// What ended a program is no doing of its own.
+/// A fault of the machine, or an interruption by the user, that ended a program.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Fault(String);
 
-/// Whether an error is none of a cell's: a fault, or files that cannot be read or written. That one
-/// is missing is the cell's own.
-pub(super) fn is_fault(error: &anyhow::Error) -> bool {
+/// Whether an error is not the cell's own: a fault, or a file that cannot be read or written. A
+/// missing file is the cell's own failure.
+pub(crate) fn is_fault(error: &anyhow::Error) -> bool {
     let system = error.root_cause().downcast_ref::<std::io::Error>();
     error.is::<Fault>() || system.is_some_and(|e| e.kind() != std::io::ErrorKind::NotFound)
 }
 
-/// Errors of the system that say nothing of what was run: input and output, threads, files open,
-/// space, read-only, stale, quota.
-const MACHINE: [i32; 8] = [5, 11, 23, 24, 28, 30, 116, 122];
+/// Numbers of Unix system errors that depend on the machine, not on the program: input or output
+/// (5), no more processes or threads (11), too many open files (23, 24), no space (28), read-only
+/// file system (30), stale file handle (116), disk quota (122).
+const MACHINE_ERRORS: [i32; 8] = [5, 11, 23, 24, 28, 30, 116, 122];
 
-/// Whether a message is of such an error.
-fn of_the_machine(message: &str) -> bool {
-    cfg!(unix) && MACHINE.iter().any(|code| message.contains(&format!("(os error {code})")))
+/// Whether a line of standard error names such an error.
+fn names_machine_error(line: &str) -> bool {
+    cfg!(unix) && MACHINE_ERRORS.iter().any(|code| line.contains(&format!("(os error {code})")))
 }
 
-/// The exit status of `dsdf` when it was asked to stop.
+/// The exit status of `dsdf` after an interruption by a signal.
 const INTERRUPTED: i32 = 130;
 
-/// How often a program is looked at.
-const LOOK: Duration = Duration::from_millis(20);
+/// Time between two looks at a running program.
+const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Runs `program` and reads the JSON object that it prints. What it says otherwise goes to `log`;
-/// `watch` is called all the while.
+/// Runs `program` with limits and reads the JSON that it prints. Standard error goes to the file
+/// `log`. `watch` is called every 20 ms while the program runs.
+///
+/// The program ends with this process: it gets the option `--end-with`.
 ///
 /// # Errors
-/// If the program cannot be started, or a disk is full. What it does otherwise is a result.
-pub(super) fn run(
+/// [`StageError::Cell`] if the program fails, exceeds a limit or prints no JSON.
+/// [`StageError::Sweep`] if it cannot start, is interrupted, or fails by a fault of the machine.
+pub(crate) fn run(
     program: &Path,
     arguments: &[String],
     limits: &Limits,
     log: &Path,
     watch: &dyn Fn(),
-) -> anyhow::Result<Result<Value, Failure>> {
-    // A new file each time: what a killed sweep left running writes to its own.
-    let out_path = log.with_extension("out");
-    let _ = std::fs::remove_file(&out_path);
-    let out = File::create(&out_path).with_context(|| out_path.display().to_string())?;
-    let mut child = Command::new(program)
+) -> Result<Value, StageError> {
+    let out = log.with_extension("out");
+    let mut child = start(program, arguments, &out, log)?;
+    let status = wait_within(&mut child, limits, watch)?;
+    let text = String::from_utf8_lossy(&std::fs::read(&out)?).into_owned();
+    std::fs::remove_file(&out)?;
+    if status.success() {
+        let json = serde_json::from_str(&text);
+        return Ok(json.map_err(|e| ProcessFailure::failed(e.to_string()))?);
+    }
+    Err(failure(status, log))
+}
+
+/// Starts the program with standard output in the file `out` and standard error in the file `log`.
+fn start(program: &Path, arguments: &[String], out: &PathBuf, log: &Path) -> anyhow::Result<Child> {
+    // A new file each time: a program that outlived a killed sweep still writes to the old one.
+    let _ = std::fs::remove_file(out);
+    let file = File::create(out).with_context(|| out.display().to_string())?;
+    Command::new(program)
         .args(arguments)
         .args(["--json", "--quiet", &format!("--end-with={}", std::process::id())])
         .stdin(Stdio::null())
-        .stdout(out)
+        .stdout(file)
         .stderr(File::create(log)?)
         .spawn()
-        .with_context(|| format!("cannot start {}", program.display()))?;
+        .with_context(|| format!("cannot start {}", program.display()))
+}
+
+/// Waits for the end of a program, and kills it when it exceeds a limit.
+fn wait_within(
+    child: &mut Child,
+    limits: &Limits,
+    watch: &dyn Fn(),
+) -> Result<ExitStatus, StageError> {
     let start = Instant::now();
-    let status = loop {
+    loop {
         if let Some(status) = child.try_wait()? {
-            break status;
+            return Ok(status);
         }
-        let used = measure::dsdf::memory(child.id(), "VmRSS:");
-        let seconds = start.elapsed().as_secs_f64();
-        let over = if seconds > limits.seconds {
-            Some(Failure::time(limits.seconds))
-        } else {
-            let over = used.filter(|used| *used > limits.mebibytes);
-            over.map(|used| Failure {
-                status: "memory",
-                reason: format!("{used:.0} MiB of {} in use", limits.mebibytes),
-            })
-        };
-        if let Some(failure) = over {
+        if let Some(failure) = exceeded(child.id(), start.elapsed().as_secs_f64(), limits) {
             child.kill()?;
             child.wait()?;
-            return Ok(Err(failure));
+            return Err(failure.into());
         }
         watch();
-        std::thread::sleep(LOOK);
-    };
-    let text = String::from_utf8_lossy(&std::fs::read(&out_path)?).into_owned();
-    std::fs::remove_file(&out_path)?;
-    if status.success() {
-        return Ok(serde_json::from_str(&text)
-            .map_err(|e| Failure { status: "failed", reason: e.to_string() }));
+        std::thread::sleep(INTERVAL);
     }
+}
+
+/// The limit that a running process exceeds after these seconds.
+fn exceeded(process: u32, seconds: f64, limits: &Limits) -> Option<ProcessFailure> {
+    if seconds > limits.seconds {
+        return Some(ProcessFailure::time(limits.seconds));
+    }
+    let used = measure::dsdf::memory(process, "VmRSS:").filter(|used| *used > limits.mebibytes)?;
+    let reason = format!("{used:.0} MiB of {} in use", limits.mebibytes);
+    Some(ProcessFailure { status: "memory", reason })
+}
+
+/// The error of a program that ended with this status, from its standard error in the file `log`.
+fn failure(status: ExitStatus, log: &Path) -> StageError {
     let errors = String::from_utf8_lossy(&std::fs::read(log).unwrap_or_default()).into_owned();
-    let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
-    // The parameters are not to blame: the cell is run again.
-    let blamed = errors.lines().find(|line| of_the_machine(line));
+    let fault = errors.lines().find(|line| names_machine_error(line));
     let interrupted = (status.code() == Some(INTERRUPTED)).then_some("interrupted");
-    if let Some(said) = blamed.or(interrupted) {
-        return Err(Fault(format!("{}: {said}", log.display())).into());
+    if let Some(message) = fault.or(interrupted) {
+        return StageError::Sweep(Fault(format!("{}: {message}", log.display())).into());
     }
-    Ok(Err(Failure { status: "failed", reason: format!("{status}: {last}") }))
+    let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
+    ProcessFailure::failed(format!("{status}: {last}")).into()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn shell(script: &str, limits: Limits) -> Result<Value, Failure> {
+    const LIMITS: Limits = Limits { seconds: 0.2, mebibytes: 1000.0 };
+
+    fn shell(script: &str, limits: Limits) -> Result<Value, ProcessFailure> {
         let folder = tempfile::tempdir().unwrap();
         let arguments = ["-c".to_owned(), script.to_owned()];
-        run(Path::new("sh"), &arguments, &limits, &folder.path().join("log"), &|| {}).unwrap()
+        run(Path::new("sh"), &arguments, &limits, &folder.path().join("log"), &|| {}).map_err(|e| {
+            match e {
+                StageError::Cell(failure) => failure,
+                StageError::Sweep(error) => panic!("{error:#}"),
+            }
+        })
     }
 
     #[test]
-    fn limits_end_a_program_and_what_it_says_is_kept() {
-        let limits = Limits { seconds: 0.2, mebibytes: 1000.0 };
+    fn limits_end_a_program_and_its_last_message_is_the_reason() {
+        let limits = LIMITS;
         assert_eq!(shell("echo '{\"a\": 1}'", limits).unwrap()["a"], 1);
         assert_eq!(shell("sleep 10", limits).unwrap_err().status, "time");
         let failure = shell("echo one >&2; echo two >&2; exit 3", limits).unwrap_err();
         assert!(failure.status == "failed" && failure.reason.ends_with(": two"), "{failure:?}");
         assert_eq!(shell("echo nonsense", limits).unwrap_err().status, "failed");
-        // Also through what reads its report.
-        let folder = tempfile::tempdir().unwrap();
-        let program =
-            Limited { program: Path::new("sh"), limits: &limits, log: &folder.path().join("log") };
-        for script in ["echo 'No space left (os error 28)' >&2; echo note >&2; exit 1", "exit 130"]
-        {
-            let error = measure::dsdf::Run::report(&program, &["-c", script]).unwrap_err();
-            assert!(is_fault(&error.context("gradient")), "{script}");
-        }
-        let own = measure::dsdf::Run::report(&program, &["-c", "exit 3"]).unwrap_err();
-        assert!(!is_fault(&own), "{own}");
-        assert!(of_the_machine("error: run: No space left on device (os error 28)"));
-        assert!(!of_the_machine("error: run: No such file or directory (os error 2)"));
         if cfg!(target_os = "linux") {
             let small = Limits { seconds: 10.0, mebibytes: 0.1 };
             assert_eq!(shell("sleep 5", small).unwrap_err().status, "memory");
         }
+    }
+
+    #[test]
+    fn faults_of_the_machine_are_told_from_failures_of_the_program() {
+        use measure::dsdf::RunDsdf;
+        let folder = tempfile::tempdir().unwrap();
+        let (program, log) = (Path::new("sh"), folder.path().join("log"));
+        let program = LimitedProgram { program, limits: &LIMITS, log: &log };
+        for script in ["echo 'No space left (os error 28)' >&2; echo note >&2; exit 1", "exit 130"]
+        {
+            let error = program.run_json(&["-c", script]).unwrap_err();
+            assert!(is_fault(&error.context("gradient")), "{script}");
+        }
+        let own = program.run_json(&["-c", "exit 3"]).unwrap_err();
+        assert!(!is_fault(&own), "{own}");
+        assert!(names_machine_error("error: run: No space left on device (os error 28)"));
+        assert!(!names_machine_error("error: run: No such file or directory (os error 2)"));
     }
 }

@@ -1,9 +1,9 @@
-//! Input that is refused: one line, exit status 2.
+//! Wrong input, which ends the command with one line and exit status 2.
 
 use std::fmt::Display;
 use std::path::Path;
 
-/// What was wrong with a file or an argument.
+/// Wrong input: the file, the field in it, the value found and the value expected.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {field}: found {found}, expected {expected}")]
 pub struct Refusal {
@@ -14,13 +14,20 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// Of what another program said: its own "expected", or else this one.
-    pub(super) fn of(file: &Path, field: impl Display, said: &str, expected: &str) -> Self {
-        let (found, expected) = said.rsplit_once(", expected ").unwrap_or((said, expected));
+    /// A refusal from another program's message. If the message names an expected value, that one
+    /// is taken in place of `expected`.
+    pub(crate) fn from_message(
+        file: &Path,
+        field: impl Display,
+        message: &str,
+        expected: &str,
+    ) -> Self {
+        let (found, expected) = message.rsplit_once(", expected ").unwrap_or((message, expected));
         Self::new(file, field, found, expected)
     }
 
-    pub(super) fn new(
+    /// A refusal in one line: line breaks in the texts become spaces.
+    pub(crate) fn new(
         file: &Path,
         field: impl Display,
         found: impl Display,

@@ -1,36 +1,52 @@
-//! Sweeps on clusters: shards, and the script of a job array.
+//! Sweeps on clusters: shards, and the script of a Slurm job array.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::refusal::Refusal;
-use super::sweep::Sweep;
+use crate::refusal::Refusal;
+use crate::sweep::Sweep;
 
-/// Shard `index` of `count`, from 0.
+/// A part of a sweep's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Shard {
-    pub(super) index: usize,
-    pub(super) count: usize,
+pub(crate) struct Shard {
+    /// From 0 to `count` − 1.
+    pub(crate) index: usize,
+    /// Number of shards.
+    pub(crate) count: usize,
+}
+
+/// Refuses an argument or an environment variable.
+fn refuse(field: &str, found: &str, expected: &str) -> Refusal {
+    Refusal::new(Path::new("arguments"), field, found, expected)
 }
 
 impl Shard {
-    /// Reads `I/N` with I from 1 to N, or nothing, with the array task that `variable` tells of.
-    pub(super) fn read(
+    /// The shard of an argument `I/N`, or else of the Slurm array task that runs this process.
+    /// `None` stands for the whole sweep.
+    ///
+    /// `variable` reads environment variables.
+    ///
+    /// # Errors
+    /// A [`Refusal`] unless I is from 1 to N, or if the tasks of the array are not consecutive.
+    pub(crate) fn read(
         argument: Option<&str>,
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Option<Shard>, Refusal> {
-        let refuse = |field: &str, found: &str, expected: &str| {
-            Err(Refusal::new(Path::new("arguments"), field, found, expected))
-        };
-        if let Some(text) = argument {
-            let numbers =
-                text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-            return match numbers {
-                Some((i, count)) if (1..=count).contains(&i) => {
-                    Ok(Some(Shard { index: i - 1, count }))
-                }
-                _ => refuse("--shard", text, "I/N with I from 1 to N"),
-            };
+        match argument {
+            Some(text) => Self::parse(text).map(Some),
+            None => Self::of_array_task(variable),
         }
+    }
+
+    fn parse(text: &str) -> Result<Shard, Refusal> {
+        let numbers =
+            text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((i, count)) if (1..=count).contains(&i) => Ok(Shard { index: i - 1, count }),
+            _ => Err(refuse("--shard", text, "I/N with I from 1 to N")),
+        }
+    }
+
+    fn of_array_task(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Shard>, Refusal> {
         let Some(task) = variable("SLURM_ARRAY_TASK_ID") else { return Ok(None) };
         let number = |name: &str| variable(name).and_then(|v| v.parse::<usize>().ok());
         let (first, count) = (number("SLURM_ARRAY_TASK_MIN"), number("SLURM_ARRAY_TASK_COUNT"));
@@ -38,79 +54,90 @@ impl Shard {
             (Ok(task), Some(first), Some(count)) if task >= first && task - first < count => {
                 Ok(Some(Shard { index: task - first, count }))
             }
-            _ => refuse("SLURM_ARRAY_TASK_ID", &task, "an array of consecutive tasks"),
+            _ => Err(refuse("SLURM_ARRAY_TASK_ID", &task, "an array of consecutive tasks")),
         }
     }
 
     /// Whether cell `number` is of this shard.
-    pub(super) fn holds(self, number: usize) -> bool {
+    pub(crate) fn holds(self, number: usize) -> bool {
         number % self.count == self.index
     }
 }
 
-/// The cores that a task was given, where it is one: a node may not say, and offer all it has.
-pub(super) fn cores(variable: impl Fn(&str) -> Option<String>) -> Option<usize> {
+/// The cores of a Slurm task, or `None` outside of one. The system may count all cores of the node.
+pub(crate) fn cores(variable: impl Fn(&str) -> Option<String>) -> Option<usize> {
     variable("SLURM_CPUS_PER_TASK")?.parse().ok().filter(|&cores| cores > 0)
 }
 
-/// The folder of a shard in that of its sweep.
-pub(super) fn folder(output: &Path, shard: Shard) -> std::path::PathBuf {
+/// The folder of a shard in the sweep's output folder.
+pub(crate) fn shard_folder(output: &Path, shard: Shard) -> PathBuf {
     output.join("shards").join(format!("{}-of-{}", shard.index + 1, shard.count))
 }
 
-/// A sweep as a job array and a merge.
-pub(super) struct Job {
-    /// The command of a task, but for its shard.
-    pub(super) run: Vec<String>,
-    /// The command of the merge, but for its folders.
-    pub(super) merge: Vec<String>,
-    /// Cells in all.
-    pub(super) cells: usize,
-    /// Cells at a time in a task.
-    pub(super) jobs: usize,
-    /// Tasks.
-    pub(super) shards: usize,
+/// A sweep as a Slurm job array, and a job that merges its shards.
+pub(crate) struct JobArray {
+    /// The command line of a task, without its shard.
+    pub(crate) run: Vec<String>,
+    /// The command line of the merge, without the shards' folders.
+    pub(crate) merge: Vec<String>,
+    /// Number of cells.
+    pub(crate) cells: usize,
+    /// Cells at a time in one task; a task gets as many cores.
+    pub(crate) jobs: usize,
+    /// Number of tasks.
+    pub(crate) shards: usize,
 }
+
+/// Time of a cell in units of the limit of one process: at most one for the fit, and an assumed one
+/// for all other stages together.
+const LIMITS_PER_CELL: f64 = 2.0;
+
+/// Memory of a task in units of its processes' limits.
+const MEMORY_MARGIN: f64 = 1.1;
 
 /// A word of a shell's command line.
 fn quote(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-impl Job {
-    /// A script for `bash`: it submits the array, and a job that merges when all of it is done.
-    pub(super) fn script(&self, sweep: &Sweep, output: &Path) -> String {
-        let Job { cells, jobs, shards, .. } = self;
-        // Fits have the limit each; what is measured of them takes less again.
+/// A shell's command line.
+fn command_line(command: &[String]) -> String {
+    command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
+}
+
+impl JobArray {
+    /// A script for `bash`. It submits the array, and a job that merges when all tasks have ended.
+    pub(crate) fn script(&self, sweep: &Sweep, output: &Path) -> String {
+        let JobArray { cells, jobs, shards, .. } = self;
         let rounds = cells.div_ceil(*shards).div_ceil(*jobs);
-        let minutes = (rounds as f64 * sweep.limits.seconds * 2.0 / 60.0).ceil().max(1.0);
-        let memory = (*jobs as f64 * sweep.limits.mebibytes * 1.1).ceil();
+        let seconds = rounds as f64 * sweep.limits.seconds * LIMITS_PER_CELL;
+        let minutes = (seconds / 60.0).ceil().max(1.0);
+        let memory = (*jobs as f64 * sweep.limits.mebibytes * MEMORY_MARGIN).ceil();
         let out = output.to_string_lossy();
-        // Slurm has its own use for % in the names of logs.
+        // Slurm expands % in the names of logs.
         let [root, out, logs] =
             [&measure::dsdf::root().to_string_lossy(), &out, &*out.replace('%', "%%")].map(quote);
-        let words = |command: &[String]| {
-            command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
-        };
-        // The number of tasks is said: an array of some tasks again would count only those.
-        let run = format!("{} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\"", words(&self.run));
-        let merge = format!("{} --merge {out}/shards/*-of-{shards}", words(&self.merge));
-        let title: Vec<&str> = sweep.title.split_whitespace().collect();
+        // The number of shards is fixed here: if some tasks are submitted again, Slurm counts only
+        // those.
+        let shard = format!("--shard \"$SLURM_ARRAY_TASK_ID/{shards}\"");
+        let run = quote(&format!("{} {shard}", command_line(&self.run)));
+        let merge =
+            quote(&format!("{} --merge {out}/shards/*-of-{shards}", command_line(&self.merge)));
+        let title = sweep.title.split_whitespace().collect::<Vec<_>>().join(" ");
         format!(
             "#!/usr/bin/env bash\n\
-             # {}: {cells} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
+             # {title}: {cells} cells in {shards} array tasks of {jobs} at a time, and a merge.\n\
              set -euo pipefail\n\
              # Jobs start where they are submitted, and build the binary there.\n\
              cd {root}\n\
              mkdir -p {out}/shards\n\
-             array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} --cpus-per-task={jobs} --mem={memory}M \\\n  \
+             array=$(sbatch --parsable --job-name=dsdf-ablate --array=1-{shards} \
+             --cpus-per-task={jobs} --mem={memory}M \\\n  \
              --time={minutes} --requeue --open-mode=append --output={logs}/shards/%a.log \\\n  \
-             --wrap={})\n\
-             sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" --cpus-per-task=1 --mem=2G --time=30 \\\n  \
-             --output={logs}/merge.log --wrap={}\n",
-            title.join(" "),
-            quote(&run),
-            quote(&merge),
+             --wrap={run})\n\
+             sbatch --parsable --job-name=dsdf-merge --dependency=afterany:\"$array\" \
+             --cpus-per-task=1 --mem=2G --time=30 \\\n  \
+             --output={logs}/merge.log --wrap={merge}\n",
         )
     }
 }
@@ -120,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shards_are_read_and_share_all_cells() {
+    fn shards_are_read_and_every_cell_is_in_one_shard() {
         let none = |_: &str| None;
         assert_eq!(Shard::read(None, none).unwrap(), None);
         assert_eq!(Shard::read(Some("2/4"), none).unwrap(), Some(Shard { index: 1, count: 4 }));
@@ -141,7 +168,7 @@ mod tests {
             Some(value.to_owned())
         };
         assert_eq!(Shard::read(None, task).unwrap(), Some(Shard { index: 2, count: 4 }));
-        // An array of other steps than one has gaps that no shard would fill.
+        // An array with a step other than one has gaps: some shards would never run.
         let odd =
             |name: &str| task(name).map(|v| if name.ends_with("ID") { "9".into() } else { v });
         Shard::read(None, odd).unwrap_err();

@@ -7,11 +7,22 @@ fn sweep(text: &str) -> Result<Sweep, Refusal> {
     Sweep::load(&path.to_string_lossy()).map(|(sweep, _)| sweep)
 }
 
-const GOOD: &str = "title = \"t\"\niterations = 5\nseeds = [1, 2]\n[parameters]\ngamma = [3.0, 6.0]\ntop_k = [4, 7, 9]\n\
-                    [fixed]\nestimator = \"paper\"\nuse_masks = true\n[[data]]\nname = \"a\"\nscene = \"a.json\"\n";
+const GOOD: &str = r#"title = "t"
+iterations = 5
+seeds = [1, 2]
+[parameters]
+gamma = [3.0, 6.0]
+top_k = [4, 7, 9]
+[fixed]
+estimator = "paper"
+use_masks = true
+[[data]]
+name = "a"
+scene = "a.json"
+"#;
 
 #[test]
-fn a_grid_has_all_combinations_for_every_seed() {
+fn cells_are_all_combinations_for_every_seed() {
     let sweep = sweep(GOOD).unwrap();
     let cells = sweep.cells();
     assert_eq!(cells.len(), 12);
@@ -28,7 +39,7 @@ fn a_grid_has_all_combinations_for_every_seed() {
 }
 
 #[test]
-fn what_cannot_be_swept_is_refused_in_one_line() {
+fn wrong_sweep_files_are_refused_in_one_line() {
     for (from, to, field, expected) in [
         ("title", "titel", "line 1", "a sweep"),
         ("gamma = [3.0, 6.0]", "gamma = []", "parameters.gamma", "one value or more"),
@@ -52,24 +63,24 @@ fn what_cannot_be_swept_is_refused_in_one_line() {
         ("scene = \"a.json\"", "", "data.a", "one of them"),
         ("iterations = 5", "iterations = 5\nmetrics = [\"speed\"]", "metrics", "chamfer"),
     ] {
-        let said = sweep(&GOOD.replace(from, to)).unwrap_err().to_string();
+        let message = sweep(&GOOD.replace(from, to)).unwrap_err().to_string();
         assert!(
-            said.contains(field) && said.contains(expected) && !said.contains('\n'),
-            "{to}: {said}"
+            message.contains(field) && message.contains(expected) && !message.contains('\n'),
+            "{to}: {message}"
         );
     }
     let claim =
         "[[claim]]\ntext = \"c\"\nkind = \"worse\"\nparameter = \"gamma\"\nvalues = [6.0]\n";
-    let said = sweep(&format!("{GOOD}{claim}")).unwrap_err().to_string();
-    assert!(said.contains("than"), "{said}");
+    let message = sweep(&format!("{GOOD}{claim}")).unwrap_err().to_string();
+    assert!(message.contains("than"), "{message}");
     sweep(&format!("{GOOD}{claim}than = 3.0\n")).unwrap();
-    let said = sweep(&format!("{GOOD}{claim}than = 4.0\n")).unwrap_err().to_string();
-    assert!(said.contains("a value of the grid"), "{said}");
+    let message = sweep(&format!("{GOOD}{claim}than = 4.0\n")).unwrap_err().to_string();
+    assert!(message.contains("a value of the grid"), "{message}");
     assert!(sweep("").unwrap_err().to_string().contains("expected"));
 }
 
 #[test]
-fn shipped_sweeps_are_sweeps() {
+fn shipped_sweeps_are_read_and_have_their_number_of_cells() {
     let cells = |name: &str| Sweep::load(name).unwrap().0.cells().len();
     assert_eq!(SHIPPED.map(|(name, _)| cells(name)), [96, 42, 150, 48, 36, 12, 4]);
     assert!(Sweep::load("nothing").unwrap_err().to_string().contains("k-gamma"));

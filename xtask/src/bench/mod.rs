@@ -1,6 +1,10 @@
-//! `cargo xtask bench`: what this machine can do, and what of it every pass of the network uses.
+//! `cargo xtask bench`: the machine's peak, the throughput of every network pass, and the time and
+//! memory of whole commands.
 
+mod accuracy;
+mod growth;
 mod programs;
+mod scenes;
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -9,32 +13,39 @@ use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use accuracy::Accuracy;
+use growth::Growth;
 use measure::host::{processor, revision};
 use measure::{cargo_command, dsdf};
-use programs::{Accuracy, Growth, Program};
+use programs::CommandCost;
 
-/// All that a run measures.
+/// All measurements, as the JSON file has them.
 #[derive(Serialize)]
-struct Report {
+struct BenchResults {
+    /// The processor.
     host: String,
+    /// Of the source.
     revision: String,
+    /// Threads that the system offers.
     threads: usize,
     #[serde(flatten)]
     machine: Machine,
-    programs: Vec<Program>,
+    programs: Vec<CommandCost>,
     accuracy: Accuracy,
     growth: Vec<Growth>,
 }
 
-/// What the bench `machine` of `sdf-nn` says.
+/// The results of the bench `machine` of `sdf-nn`, unchanged.
 #[derive(Deserialize, Serialize)]
 struct Machine {
+    /// The peak of the processor.
     peak: Value,
+    /// The throughput of every pass.
     passes: Value,
 }
 
 impl Machine {
-    /// Runs it, built for release; its table goes to standard error.
+    /// Runs the bench in the profile for benches; its table goes to standard error.
     fn measure() -> anyhow::Result<Self> {
         let output = cargo_command(&["bench", "--package", "sdf-nn", "--bench", "machine"])
             .stderr(Stdio::inherit())
@@ -44,43 +55,31 @@ impl Machine {
     }
 }
 
-/// Measures, prints a table, and writes the JSON.
+/// Measures, prints tables, and writes the JSON file `output`.
 pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     let path = output.unwrap_or_else(|| dsdf::root().join("target/bench.json"));
     let binary = dsdf::build()?;
     eprintln!("{}", processor());
-    let machine = Machine::measure()?;
-    println!("\n| program | seconds | peak memory, MiB |\n|---|---|---|");
-    let programs = programs::measure(&binary)?;
-    let accuracy = programs::accuracy(&binary)?;
-    println!(
-        "\nThe derivative at 4 samples: bias {:.2} % (the mean of 64 seeds has {:.2} % of noise), RMSE {:.1} %",
-        100.0 * accuracy.bias,
-        100.0 * accuracy.noise,
-        100.0 * accuracy.rmse
-    );
-    println!("\n| seconds of a gradient grow with | as its power |\n|---|---|");
-    let growth = programs::growth(&binary)?;
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let report = Report {
+    let results = BenchResults {
         host: processor(),
+        machine: Machine::measure()?,
+        programs: programs::measure(&binary)?,
+        accuracy: accuracy::measure(&binary)?,
+        growth: growth::measure(&binary)?,
+        threads: std::thread::available_parallelism().map_or(1, usize::from),
         revision: revision(),
-        threads,
-        machine,
-        programs,
-        accuracy,
-        growth,
     };
-    write(&path, &report)?;
+    write(&path, &results)?;
     eprintln!("{}", path.display());
     Ok(())
 }
 
-fn write(path: &Path, report: &Report) -> anyhow::Result<()> {
+/// Replaces the JSON file whole.
+fn write(path: &Path, results: &BenchResults) -> anyhow::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    serde_json::to_writer_pretty(&mut file, report)?;
+    serde_json::to_writer_pretty(&mut file, results)?;
     file.persist(path).with_context(|| path.display().to_string())?;
     Ok(())
 }

@@ -3,11 +3,14 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use measure::dsdf::{Case, gradient, scene, suite};
+use measure::dsdf::gradient;
+use measure::image::Image;
 use measure::plot::{Curve, Panel, svg};
 use measure::reference::{box_filtered, gaussian_filtered};
+use measure::suite::{Case, cases, scene};
+use serde_json::Value;
 
-/// The estimators with whether they are of the Gaussian filter.
+/// The estimators, each with whether its pixels are Gaussian-filtered.
 const ESTIMATORS: [(&str, bool); 8] = [
     ("interior", false),
     ("paper", false),
@@ -19,35 +22,37 @@ const ESTIMATORS: [(&str, bool); 8] = [
     ("refined", false),
 ];
 
-/// Samples a pixel, until a run takes longer than the limit.
+/// Samples per pixel. The first number at which a run takes longer than the limit is the last.
 const SPP: [u32; 6] = [4, 16, 64, 256, 1024, 4096];
+
+/// The limit of a run, in seconds.
 const LIMIT_SECONDS: f64 = 0.6;
 
-/// The time at which the table compares, in seconds.
+/// The time of the comparison in the table, in seconds.
 const AT: f64 = 0.3;
 
 /// Runs of every cell; the error is the root of their mean square.
 const SEEDS: u32 = 2;
 
-/// Seconds and relative error of the runs of one estimator on one scene.
-type Ladder = Vec<(f64, f64)>;
+/// Seconds and relative error of one estimator on one scene, for growing numbers of samples.
+type ErrorCurve = Vec<(f64, f64)>;
 
+/// Measures all cases, and writes `estimators.csv`, `.svg` and `.md` after each.
 pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     let mut csv = String::from("scene,wrt,estimator,spp,seed,seconds,evaluations,relative_l2\n");
     let mut panels = Vec::new();
     let mut rows = Vec::new();
-    for case in suite()? {
+    for case in cases()? {
         eprintln!("{}", case.scene);
-        let ladders = measure(binary, &case, &mut csv)?;
-        rows.push(row(&case.scene, &ladders));
+        let curves = measure(binary, &case, &mut csv)?;
+        rows.push(row(&case.scene, &curves));
         let curve =
-            |(name, points): (&(&str, bool), Ladder)| Curve { name: name.0.to_owned(), points };
+            |(name, points): (&(&str, bool), ErrorCurve)| Curve { name: name.0.to_owned(), points };
         panels.push(Panel {
             title: case.scene,
-            curves: ESTIMATORS.iter().zip(ladders).map(curve).collect(),
+            curves: ESTIMATORS.iter().zip(curves).map(curve).collect(),
             front: false,
         });
-        // What is measured is written at once.
         super::write(folder, "estimators.csv", &csv)?;
         super::write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
         super::write(folder, "estimators.md", table(&rows))?;
@@ -55,70 +60,89 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The ladder of every estimator on a case: the error is over all that the scene is differentiated
-/// by.
-fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<Ladder>> {
+/// The error curve of every estimator on a case.
+fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<ErrorCurve>> {
     let scene = scene(&case.scene)?;
     let references =
         [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
-    let mut ladders = Vec::new();
-    for (name, filtered) in ESTIMATORS {
-        let reference = &references[usize::from(filtered)];
-        let mut ladder = Ladder::new();
+    let mut curves = Vec::new();
+    for (estimator, gaussian) in ESTIMATORS {
+        let reference = &references[usize::from(gaussian)];
+        let mut curve = ErrorCurve::new();
         for spp in SPP {
-            let (mut seconds, mut square) = (0.0, 0.0);
-            for seed in 0..SEEDS {
-                let flags =
-                    ["--estimator", name, "--spp", &spp.to_string(), "--seed", &seed.to_string()]
-                        .map(str::to_owned);
-                let flags: Vec<&str> = flags.iter().map(String::as_str).collect();
-                let got = gradient(binary, &scene, &case.wrt, &flags)?;
-                seconds += got.seconds / f64::from(SEEDS);
-                for ((wrt, image), reference) in case.wrt.iter().zip(&got.images).zip(reference) {
-                    let error = image.distance(reference) / reference.norm();
-                    square += error * error / (f64::from(SEEDS) * case.wrt.len() as f64);
-                    let _ = writeln!(
-                        csv,
-                        "{},{wrt},{name},{spp},{seed},{:.5},{},{error:.6}",
-                        case.scene, got.seconds, got.evaluations
-                    );
-                }
-            }
-            ladder.push((seconds, square.sqrt()));
-            if seconds > LIMIT_SECONDS {
+            let cell = ErrorMeasurement { binary, case, scene: &scene, reference, estimator, spp };
+            curve.push(cell.measure(csv)?);
+            if curve[curve.len() - 1].0 > LIMIT_SECONDS {
                 break;
             }
         }
-        ladders.push(ladder);
+        curves.push(curve);
     }
-    Ok(ladders)
+    Ok(curves)
 }
 
-/// The error at a time, along the straight lines of a log–log plot; the nearest end outside.
-fn error_at(ladder: &Ladder, seconds: f64) -> f64 {
-    for pair in ladder.windows(2) {
+/// One estimator with one number of samples on one case.
+struct ErrorMeasurement<'a> {
+    /// The program `dsdf`.
+    binary: &'a Path,
+    case: &'a Case,
+    scene: &'a Value,
+    /// One image for each parameter of the case.
+    reference: &'a [Image],
+    estimator: &'a str,
+    spp: u32,
+}
+
+impl ErrorMeasurement<'_> {
+    /// Seconds of a run and relative error, root mean square over seeds and parameters. Adds a row
+    /// to `csv` for each seed and parameter.
+    fn measure(&self, csv: &mut String) -> anyhow::Result<(f64, f64)> {
+        let ErrorMeasurement { case, estimator, spp, .. } = self;
+        let (mut seconds, mut square) = (0.0, 0.0);
+        for seed in 0..SEEDS {
+            let (spp_text, seed_text) = (spp.to_string(), seed.to_string());
+            let flags = ["--estimator", estimator, "--spp", &spp_text, "--seed", &seed_text];
+            let got = gradient(self.binary, self.scene, &case.wrt, &flags)?;
+            seconds += got.seconds / f64::from(SEEDS);
+            for ((wrt, image), reference) in case.wrt.iter().zip(&got.images).zip(self.reference) {
+                let error = image.distance(reference) / reference.norm();
+                square += error * error / (f64::from(SEEDS) * case.wrt.len() as f64);
+                let _ = writeln!(
+                    csv,
+                    "{},{wrt},{estimator},{spp},{seed},{:.5},{},{error:.6}",
+                    case.scene, got.seconds, got.evaluations
+                );
+            }
+        }
+        Ok((seconds, square.sqrt()))
+    }
+}
+
+/// The error at a time, interpolated along the straight lines of a log–log plot. Outside of the
+/// measured times it is that of the nearest end.
+fn error_at(curve: &ErrorCurve, seconds: f64) -> f64 {
+    for pair in curve.windows(2) {
         let [(t0, e0), (t1, e1)] = [pair[0], pair[1]];
         if seconds >= t0 && seconds <= t1 && t1 > t0 {
             let share = (seconds / t0).ln() / (t1 / t0).ln();
             return e0 * (e1 / e0).powf(share);
         }
     }
-    let end = if ladder.first().is_some_and(|first| seconds < first.0) {
-        ladder.first()
-    } else {
-        ladder.last()
-    };
+    let before = curve.first().is_some_and(|first| seconds < first.0);
+    let end = if before { curve.first() } else { curve.last() };
     end.map_or(f64::NAN, |end| end.1)
 }
 
 /// The errors of a scene at equal time.
-fn row(scene: &str, ladders: &[Ladder]) -> (String, Vec<f64>) {
-    (scene.to_owned(), ladders.iter().map(|ladder| error_at(ladder, AT)).collect())
+fn row(scene: &str, curves: &[ErrorCurve]) -> (String, Vec<f64>) {
+    (scene.to_owned(), curves.iter().map(|curve| error_at(curve, AT)).collect())
 }
 
+/// The table of all scenes, in Markdown.
 fn table(rows: &[(String, Vec<f64>)]) -> String {
     let mut out = format!(
-        "Relative L2 error of derivative images after {AT} s, root mean square over {SEEDS} seeds and all parameters.\n\n| scene |"
+        "Relative L2 error of derivative images after {AT} s, root mean square over {SEEDS} seeds \
+         and all parameters.\n\n| scene |"
     );
     ESTIMATORS.iter().for_each(|(name, _)| out += &format!(" {name} |"));
     out += " next best over `refined` |\n|---|";
@@ -127,9 +151,9 @@ fn table(rows: &[(String, Vec<f64>)]) -> String {
     for (scene, errors) in rows {
         let _ = write!(out, "| {scene} |");
         errors.iter().for_each(|e| out += &format!(" {e:.4} |"));
-        let (ours, others) = (errors[errors.len() - 1], &errors[..errors.len() - 1]);
+        let (refined, others) = (errors[errors.len() - 1], &errors[..errors.len() - 1]);
         let best = others.iter().copied().fold(f64::MAX, f64::min);
-        let _ = writeln!(out, " {:.1} × |", best / ours);
+        let _ = writeln!(out, " {:.1} × |", best / refined);
     }
     out
 }
@@ -139,10 +163,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_read_off_straight_lines() {
-        let ladder = vec![(0.01, 1.0), (1.0, 0.01)];
-        assert!((error_at(&ladder, 0.1) - 0.1).abs() < 1e-12);
-        assert_eq!(error_at(&ladder, 5.0), 0.01);
-        assert_eq!(error_at(&ladder, 0.001), 1.0);
+    fn errors_are_interpolated_on_log_log_lines() {
+        let curve = vec![(0.01, 1.0), (1.0, 0.01)];
+        assert!((error_at(&curve, 0.1) - 0.1).abs() < 1e-12);
+        assert_eq!(error_at(&curve, 5.0), 0.01);
+        assert_eq!(error_at(&curve, 0.001), 1.0);
     }
 }

@@ -1,125 +1,167 @@
-//! Figure 1 of the supplement: the variance that a Gaussian filter has inside an object, pixel by
-//! pixel.
+//! The variance of derivative images inside an object with a Gaussian filter, by pixel.
+//!
+//! It is figure 1 of the supplementary material to S. Bangaru et al., "Differentiable Rendering of
+//! Neural SDFs through Reparameterization", SIGGRAPH Asia 2022.
 
 use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::Context;
 use image::{Rgb, RgbImage};
+use measure::dsdf::gradient;
+use measure::image::Image;
+use measure::reference::box_filtered;
+use measure::suite::scene;
 use serde_json::{Value, json};
 
-use measure::dsdf::{Image, gradient, scene};
-use measure::reference::box_filtered;
-
+/// Runs of every estimator.
 const SEEDS: u32 = 32;
+
+/// Samples per pixel.
 const SPP: &str = "16";
+
+/// Scenes of the suite.
 const SCENES: [&str; 3] = ["disc.constant", "disc.lambert", "torus.constant"];
+/// One Gaussian-filtered estimator, and two with a box filter.
 const ESTIMATORS: [&str; 3] = ["gaussian", "paper", "refined"];
-const MORE: u32 = 3;
+
+/// Factor of the film's width and height over those of the suite.
+const MAGNIFIED: u32 = 3;
+
+/// Width and height of a film pixel in the pictures, in pixels.
 const ZOOM: u32 = 5;
 
+/// Reach of the Gaussian filter, in pixels.
+const REACH: i64 = 2;
+
+/// Measures all scenes, and writes `filters.md`, `filters.csv` and a picture for each scene.
 pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     let mut table = format!(
-        "Variance of one pixel's derivative at {SPP} samples a pixel, mean over pixels, in units of the derivative image's mean square; {SEEDS} seeds.\n\n\
-         | scene | by | estimator | pixels inside | pixels with a silhouette |\n|---|---|---|---|---|\n"
+        "Variance of one pixel's derivative at {SPP} samples a pixel, mean over pixels, in units \
+         of the derivative image's mean square; {SEEDS} seeds.\n\n\
+         | scene | by | estimator | pixels inside | pixels with a silhouette |\n\
+         |---|---|---|---|---|\n"
     );
     let mut csv = String::from("scene,wrt,estimator,interior_variance,silhouette_variance\n");
     for name in SCENES {
         eprintln!("{name}");
-        let scene = magnified(scene(name)?)?;
-        let wrt =
-            vec![if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" }.to_owned()];
-        let reference = box_filtered(binary, &scene, &wrt)?.remove(0);
-        let coverage = mask(&reference, binary, &scene)?;
-        let scale = reference.norm().powi(2) / reference.pixels.len() as f64;
+        let scene = VarianceScene::new(binary, name)?;
         let mut variances = Vec::new();
         for estimator in ESTIMATORS {
-            let runs: anyhow::Result<Vec<Image>> = (0..SEEDS)
-                .map(|seed| {
-                    let seed = seed.to_string();
-                    let flags = ["--estimator", estimator, "--spp", SPP, "--seed", &seed];
-                    Ok(gradient(binary, &scene, &wrt, &flags)?.images.remove(0))
-                })
-                .collect();
-            let variance: Vec<f64> = variance(&runs?).into_iter().map(|v| v / scale).collect();
-            let mean = |kind: Kind| {
-                let own: Vec<f64> = variance
-                    .iter()
-                    .zip(&coverage)
-                    .filter(|(_, k)| **k == kind)
-                    .map(|(v, _)| *v)
-                    .collect();
-                own.iter().fold(0.0, |sum, v| sum + v) / own.len().max(1) as f64
-            };
-            let (inside, edge) = (mean(Kind::Inside), mean(Kind::Silhouette));
-            let _ = writeln!(
-                table,
-                "| {name} | {} | {estimator} | {inside:.3e} | {edge:.3e} |",
-                wrt[0]
-            );
-            let _ = writeln!(csv, "{name},{},{estimator},{inside:e},{edge:e}", wrt[0]);
+            let variance = scene.variance(binary, estimator)?;
+            let inside = scene.mean(&variance, PixelKind::Inside);
+            let edge = scene.mean(&variance, PixelKind::Silhouette);
+            let wrt = &scene.wrt[0];
+            let _ = writeln!(table, "| {name} | {wrt} | {estimator} | {inside:.3e} | {edge:.3e} |");
+            let _ = writeln!(csv, "{name},{wrt},{estimator},{inside:e},{edge:e}");
             variances.push(variance);
         }
-        let width = reference.width;
-        picture(&variances, width).save(folder.join(format!("{name}.png")))?;
+        picture(&variances, scene.reference.width).save(folder.join(format!("{name}.png")))?;
     }
     super::write(folder, "filters.csv", csv)?;
     super::write(folder, "filters.md", table)
 }
 
-/// The scene on a film with more pixels, so that there are some far from silhouettes.
+/// A magnified scene with its reference image and its pixels' kinds.
+struct VarianceScene {
+    /// The scene with more pixels.
+    scene: Value,
+    /// One parameter.
+    wrt: Vec<String>,
+    /// The derivative image by contours, under the box filter.
+    reference: Image,
+    /// One for each pixel.
+    kinds: Vec<PixelKind>,
+}
+
+impl VarianceScene {
+    /// Computes the reference and the pixels' kinds of a scene of the suite.
+    fn new(binary: &Path, name: &str) -> anyhow::Result<Self> {
+        let scene = magnified(scene(name)?)?;
+        let wrt = if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" };
+        let wrt = vec![wrt.to_owned()];
+        let reference = box_filtered(binary, &scene, &wrt)?.remove(0);
+        let kinds = pixel_kinds(&reference, binary, &scene)?;
+        Ok(VarianceScene { scene, wrt, reference, kinds })
+    }
+
+    /// The variance of every pixel in units of the reference's mean square.
+    fn variance(&self, binary: &Path, estimator: &str) -> anyhow::Result<Vec<f64>> {
+        let scale = self.reference.norm().powi(2) / self.reference.pixels.len() as f64;
+        let runs: anyhow::Result<Vec<Image>> = (0..SEEDS)
+            .map(|seed| {
+                let seed = seed.to_string();
+                let flags = ["--estimator", estimator, "--spp", SPP, "--seed", &seed];
+                Ok(gradient(binary, &self.scene, &self.wrt, &flags)?.images.remove(0))
+            })
+            .collect();
+        Ok(variance(&runs?).into_iter().map(|v| v / scale).collect())
+    }
+
+    /// The mean over the pixels of a kind; 0 without such pixels.
+    fn mean(&self, variance: &[f64], kind: PixelKind) -> f64 {
+        let pairs = variance.iter().zip(&self.kinds);
+        let own: Vec<f64> = pairs.filter(|(_, k)| **k == kind).map(|(v, _)| *v).collect();
+        own.iter().fold(0.0, |sum, v| sum + v) / own.len().max(1) as f64
+    }
+}
+
+/// The scene on a film with more pixels: some of them are then far from silhouettes.
 fn magnified(mut scene: Value) -> anyhow::Result<Value> {
     let camera = scene.get_mut("camera").context("a camera")?;
     for key in ["width", "height", "focal"] {
-        camera[key] = json!(camera[key].as_f64().context(key)? as u32 * MORE);
+        camera[key] = json!(camera[key].as_f64().context(key)? as u32 * MAGNIFIED);
     }
-    let middle = camera["principal"].as_array_mut().context("camera/principal")?;
-    middle.iter_mut().for_each(|v| *v = json!(v.as_f64().unwrap_or_default() * f64::from(MORE)));
+    let principal = camera["principal"].as_array_mut().context("camera/principal")?;
+    for v in principal {
+        *v = json!(v.as_f64().unwrap_or_default() * f64::from(MAGNIFIED));
+    }
     Ok(scene)
 }
 
+/// The position of a pixel relative to the silhouettes.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum PixelKind {
+    /// Covered by the object, and out of the Gaussian's reach of every silhouette.
     Inside,
+    /// Crossed by a silhouette.
     Silhouette,
-    Outside,
+    /// All other pixels.
+    Other,
 }
 
-/// What each pixel is: a silhouette crosses it, or one passes within two pixels, or neither and it
-/// is covered or not.
+/// The kinds of all pixels.
 ///
-/// The derivative by a shift of the whole background tells coverage.
-fn mask(reference: &Image, binary: &Path, scene: &Value) -> anyhow::Result<Vec<Kind>> {
-    let background = vec!["/background/0".to_owned()];
-    let seen = gradient(binary, scene, &background, &["--estimator", "contour", "--spp", "256"])?
-        .images
-        .remove(0);
+/// They come from the derivative of the image by the background's radiance, which is the share of a
+/// pixel that the background covers.
+fn pixel_kinds(reference: &Image, binary: &Path, scene: &Value) -> anyhow::Result<Vec<PixelKind>> {
+    let by = vec!["/background/0".to_owned()];
+    let flags = ["--estimator", "contour", "--spp", "256"];
+    let background = gradient(binary, scene, &by, &flags)?.images.remove(0);
     let (width, height) =
         (reference.width as i64, (reference.pixels.len() / reference.width) as i64);
     let kind = |x: i64, y: i64| {
-        let value = seen.pixels[(y * width + x) as usize][0];
-        if value < 1e-9 {
-            Kind::Inside
-        } else if value > 1.0 - 1e-9 {
-            Kind::Outside
+        let share = background.pixels[(y * width + x) as usize][0];
+        if share < 1e-9 {
+            PixelKind::Inside
+        } else if share > 1.0 - 1e-9 {
+            PixelKind::Other
         } else {
-            Kind::Silhouette
+            PixelKind::Silhouette
         }
     };
-    // A Gaussian reaches two pixels: inside is what is further from silhouettes than that.
-    let near = |x: i64, y: i64| {
-        let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| (x + i, y + j)));
+    let near_silhouette = |x: i64, y: i64| {
+        let around = (-REACH..=REACH).flat_map(|j| (-REACH..=REACH).map(move |i| (x + i, y + j)));
         around
             .filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
-            .any(|(x, y)| kind(x, y) == Kind::Silhouette)
+            .any(|(x, y)| kind(x, y) == PixelKind::Silhouette)
     };
-    let each = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    Ok(each
-        .map(|(x, y)| match kind(x, y) {
-            Kind::Inside if near(x, y) => Kind::Outside,
-            kind => kind,
-        })
-        .collect())
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let kinds = pixels.map(|(x, y)| match kind(x, y) {
+        PixelKind::Inside if near_silhouette(x, y) => PixelKind::Other,
+        kind => kind,
+    });
+    Ok(kinds.collect())
 }
 
 /// The variance of every pixel, mean over channels.

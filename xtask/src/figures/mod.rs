@@ -1,4 +1,4 @@
-//! What the documentation shows, measured.
+//! `cargo xtask figures`: the measured figures of the documentation.
 
 mod estimators;
 mod filters;
@@ -17,11 +17,11 @@ pub(crate) enum Figure {
     Estimators,
     /// Error against the number N of points along a ray, `paper` against `refined`
     Steps,
-    /// Variance of a Gaussian filter against that of a box with its boundary, pixel by pixel
+    /// Variance with a Gaussian filter against a box filter with its boundary integral, by pixel
     Filters,
 }
 
-/// Measures a figure and writes it.
+/// Measures a figure and writes it into the folder `output`.
 pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()> {
     let name = match figure {
         Figure::Estimators => "estimators",
@@ -40,7 +40,7 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
     Ok(())
 }
 
-/// Writes a file of a figure whole.
+/// Replaces a file in a folder whole.
 pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
     std::io::Write::write_all(&mut file, content.as_ref())?;

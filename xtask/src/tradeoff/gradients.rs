@@ -1,4 +1,4 @@
-//! Derivative images: error over time, one parameter at a time.
+//! Derivative images: error and time, varying one parameter at a time.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -6,23 +6,30 @@ use std::path::Path;
 use anyhow::ensure;
 use serde_json::Value;
 
-use measure::dsdf::{Image, Spread, gradient, scene, suite};
+use measure::dsdf::gradient;
+use measure::image::{Image, SquaredError};
 use measure::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
+use measure::suite::{cases, scene};
 
-/// A parameter with the values that are tried, all else as `base` says.
+/// A parameter of `dsdf gradient` with the values to measure.
 pub(super) struct Axis {
+    /// The name in tables and plots.
     pub(super) name: &'static str,
+    /// The option of the parameter.
     flag: &'static str,
+    /// Further options, at every value.
     base: &'static [&'static str],
+    /// The values, as texts of the option.
     pub(super) values: &'static [&'static str],
-    /// The one of them that the base has anyway.
+    /// The value that `base` has without the option; empty if no value is.
     pub(super) default: &'static str,
 }
 
+/// The options of the published estimator.
 const PAPER: &[&str] = &["--estimator", "paper"];
 
-/// What is varied. The five of the published warp need that estimator; edge samples are lines a
-/// pixel in `refined`.
+/// All parameters. Those of the published warp (N, k, gamma, epsilon, lambda_d) need its estimator.
+/// For `refined`, edge samples are lines per pixel.
 pub(super) const AXES: [Axis; 10] = [
     Axis {
         name: "estimator",
@@ -100,125 +107,128 @@ pub(super) const AXES: [Axis; 10] = [
 const SCENES: [&str; 4] =
     ["off-axis.lambert", "occlusion.constant", "torus.lambert", "network.constant"];
 
-/// Samples a pixel.
+/// Samples per pixel.
 pub(super) const SPP: [u32; 3] = [4, 16, 64];
 
-/// Runs of every cell.
+/// Runs of every measurement.
 const SEEDS: u32 = 8;
 
-/// A setting with a number of samples, over the scenes: geometric means.
+/// The least number that counts in a geometric mean. A smaller bias cannot be told from none with
+/// eight seeds.
+const LEAST: f64 = 1e-4;
+
+/// Time and relative L2 error of a setting: on one scene, or the geometric mean over the scenes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cell {
+pub(super) struct Measurement {
+    /// Wall time of one run.
     pub(super) seconds: f64,
-    /// The relative L2 error of a run, root mean square.
+    /// The error of one run, root mean square over seeds and parameters.
     pub(super) error: f64,
-    /// That of the mean over infinitely many seeds, estimated.
+    /// The error of the expected image, estimated.
     pub(super) bias: f64,
 }
 
-/// The cells of an axis: by value, then by samples.
-pub(super) type Cells = Vec<Vec<Cell>>;
+/// The measurements of an axis: for every value, one for each number of samples.
+pub(super) type AxisMeasurements = Vec<Vec<Measurement>>;
 
-/// A scene with its reference images under both filters.
-struct Subject {
+/// A scene with its reference images.
+struct GradientScene {
+    /// Its name in the suite.
     name: &'static str,
     scene: Value,
+    /// JSON pointers to the parameters.
     wrt: Vec<String>,
+    /// One image for each parameter, under the box filter and under the Gaussian filter.
     references: [Vec<Image>; 2],
 }
 
-pub(super) struct Gradients {
-    subjects: Vec<Subject>,
+/// All scenes of the measurements.
+pub(super) struct GradientScenes {
+    scenes: Vec<GradientScene>,
 }
 
-impl Gradients {
+impl GradientScenes {
+    /// Reads the scenes and computes their references.
     pub(super) fn new(binary: &Path) -> anyhow::Result<Self> {
-        let mut subjects = Vec::new();
-        for case in suite()? {
+        let mut scenes = Vec::new();
+        for case in cases()? {
             let Some(name) = SCENES.into_iter().find(|name| *name == case.scene) else { continue };
             let scene = scene(name)?;
             let references = [
                 box_filtered(binary, &scene, &case.wrt)?,
                 gaussian_filtered(binary, &scene, &case.wrt)?,
             ];
-            subjects.push(Subject { name, scene, wrt: case.wrt, references });
+            scenes.push(GradientScene { name, scene, wrt: case.wrt, references });
         }
-        ensure!(subjects.len() == SCENES.len(), "the suite lacks one of {SCENES:?}");
-        Ok(Gradients { subjects })
+        ensure!(scenes.len() == SCENES.len(), "the suite lacks one of {SCENES:?}");
+        Ok(GradientScenes { scenes })
     }
 
-    /// Measures an axis; rows are added to `csv`.
-    pub(super) fn measure(
+    /// Measures all values of an axis. Adds rows to `csv`.
+    pub(super) fn measure_axis(
         &self,
         binary: &Path,
         axis: &Axis,
         csv: &mut String,
-    ) -> anyhow::Result<Cells> {
-        let mut cells = Vec::new();
+    ) -> anyhow::Result<AxisMeasurements> {
+        let mut measured = Vec::new();
         for value in axis.values {
-            let mut ladder = Vec::new();
+            let mut of_value = Vec::new();
             for spp in SPP {
                 let spp_text = spp.to_string();
                 let flags = [axis.base, &[axis.flag, value, "--spp", &spp_text]].concat();
-                ladder.push(self.cell(
-                    binary,
-                    &flags,
-                    &format!("{},{value},{spp}", axis.name),
-                    csv,
-                )?);
+                let label = format!("{},{value},{spp}", axis.name);
+                of_value.push(self.measure(binary, &flags, &label, csv)?);
             }
-            cells.push(ladder);
+            measured.push(of_value);
         }
-        Ok(cells)
+        Ok(measured)
     }
 
-    /// Measures flags on every scene.
-    pub(super) fn cell(
+    /// Measures options on every scene: the geometric mean. Adds a row to `csv` for each scene; it
+    /// starts with `label`.
+    pub(super) fn measure(
         &self,
         binary: &Path,
         flags: &[&str],
         label: &str,
         csv: &mut String,
-    ) -> anyhow::Result<Cell> {
+    ) -> anyhow::Result<Measurement> {
         let gaussian = flags.iter().any(|f| GAUSSIAN.contains(f));
         let mut logs = [0.0; 3];
-        for subject in &self.subjects {
-            let cell = subject.cell(binary, flags, usize::from(gaussian))?;
-            let _ = writeln!(
-                csv,
-                "{label},{},{:.6},{:.6},{:.6}",
-                subject.name, cell.seconds, cell.error, cell.bias
-            );
-            for (log, v) in logs.iter_mut().zip([cell.seconds, cell.error, cell.bias]) {
-                *log += v.max(LEAST).ln() / self.subjects.len() as f64;
+        for scene in &self.scenes {
+            let Measurement { seconds, error, bias } =
+                scene.measure(binary, flags, usize::from(gaussian))?;
+            let _ = writeln!(csv, "{label},{},{seconds:.6},{error:.6},{bias:.6}", scene.name);
+            for (log, v) in logs.iter_mut().zip([seconds, error, bias]) {
+                *log += v.max(LEAST).ln() / self.scenes.len() as f64;
             }
         }
         let [seconds, error, bias] = logs.map(f64::exp);
-        Ok(Cell { seconds, error, bias })
+        Ok(Measurement { seconds, error, bias })
     }
 }
 
-/// A bias below this cannot be told from none with this many seeds.
-const LEAST: f64 = 1e-4;
-
-impl Subject {
-    fn cell(&self, binary: &Path, flags: &[&str], filter: usize) -> anyhow::Result<Cell> {
+impl GradientScene {
+    /// Measures options against the references under one filter: 0 for box, 1 for Gaussian.
+    fn measure(&self, binary: &Path, flags: &[&str], filter: usize) -> anyhow::Result<Measurement> {
         let mut runs = Vec::new();
         let mut seconds = 0.0;
         for seed in 0..SEEDS {
             let seed = seed.to_string();
-            let run =
-                gradient(binary, &self.scene, &self.wrt, &[flags, &["--seed", &seed]].concat())?;
+            let flags = [flags, &["--seed", &seed]].concat();
+            let run = gradient(binary, &self.scene, &self.wrt, &flags)?;
             seconds += run.seconds / f64::from(SEEDS);
             runs.push(run.images);
         }
         let (mut square, mut bias) = (0.0, 0.0);
         for (w, reference) in self.references[filter].iter().enumerate() {
-            let spread = Spread::of(&runs.iter().map(|run| &run[w]).collect::<Vec<_>>(), reference);
+            let images: Vec<&Image> = runs.iter().map(|run| &run[w]).collect();
+            let error = SquaredError::of(&images, reference);
             let norm = reference.norm().powi(2) * self.wrt.len() as f64;
-            square += spread.run / norm;
-            bias += spread.bias / norm;
+            square += error.run / norm;
+            bias += error.bias / norm;
         }
-        Ok(Cell { seconds, error: square.sqrt(), bias: bias.max(0.0).sqrt() })
+        Ok(Measurement { seconds, error: square.sqrt(), bias: bias.max(0.0).sqrt() })
     }
 }

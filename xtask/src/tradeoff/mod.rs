@@ -1,4 +1,5 @@
-//! `cargo xtask tradeoff`: what each parameter costs and buys, and which settings nothing beats.
+//! `cargo xtask tradeoff`: cost and accuracy of each parameter, the Pareto front of all settings,
+//! and the presets.
 
 mod fits;
 mod gradients;
@@ -9,134 +10,181 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use crate::figures::write;
-use fits::{Fitted, NETWORKS, PRESETS};
-use gradients::{AXES, Axis, Cell, Cells, Gradients, SPP};
+use fits::{FitOutcome, NETWORKS, PRESETS};
+use gradients::{AXES, Axis, AxisMeasurements, GradientScenes, Measurement, SPP};
 use measure::dsdf;
 use measure::plot::{Curve, Panel, front, svg};
 use measure::reference::GAUSSIAN;
 
-/// The samples a pixel that tables of one number show.
+/// Index in [`SPP`] of the samples per pixel in tables of one number.
 const SHOWN: usize = 2;
 
-/// Measures everything, and writes CSV, SVG and tables.
+/// The presets of `dsdf gradient`.
+const GRADIENT_PRESETS: [&str; 3] = ["fast", "balanced", "accurate"];
+
+/// Measures derivative images and fits, and writes CSV, SVG and tables into the folder `output`.
 pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
     let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results/tradeoff"));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let binary = dsdf::build()?;
-    let gradients = Gradients::new(&binary)?;
-    let measured = measure_gradients(&gradients, &binary, &folder)?;
-    let gradient_presets = measure_presets(&gradients, &binary)?;
+    let scenes = GradientScenes::new(&binary)?;
+    let measured = measure_axes(&scenes, &binary, &folder)?;
+    let presets = measure_presets(&scenes, &binary)?;
     let fits = measure_fits(&binary, &folder)?;
-    write(&folder, "tradeoff.md", page(&measured, &gradient_presets, &fits))?;
+    write(&folder, "tradeoff.md", page(&measured, &presets, &fits))?;
     eprintln!("{}", folder.display());
     Ok(())
 }
 
-/// All axes; what is measured is written at once.
-fn measure_gradients(
-    gradients: &Gradients,
+/// Measures all axes, and writes `gradients.csv` and `gradients.svg` after each.
+fn measure_axes(
+    scenes: &GradientScenes,
     binary: &Path,
     folder: &Path,
-) -> anyhow::Result<Vec<Cells>> {
+) -> anyhow::Result<Vec<AxisMeasurements>> {
     let mut csv = String::from("parameter,value,spp,scene,seconds,rmse,bias\n");
     let (mut panels, mut all) = (Vec::new(), Vec::new());
     for (i, axis) in AXES.iter().enumerate() {
         eprintln!("{} of {}: {}", i + 1, AXES.len(), axis.name);
-        let cells = gradients.measure(binary, axis, &mut csv)?;
-        panels.push(Panel {
-            title: axis.name.to_owned(),
-            curves: curves(axis, &cells),
-            front: false,
-        });
+        let measured = scenes.measure_axis(binary, axis, &mut csv)?;
+        let curves = curves(axis, &measured);
+        panels.push(Panel { title: axis.name.to_owned(), curves, front: false });
         write(folder, "gradients.csv", &csv)?;
         write(folder, "gradients.svg", svg(&panels, "seconds", "RMSE"))?;
-        all.push(cells);
+        all.push(measured);
     }
     Ok(all)
 }
 
-fn curves(axis: &Axis, cells: &Cells) -> Vec<Curve> {
-    let points = |ladder: &Vec<Cell>| ladder.iter().map(|c| (c.seconds, c.error)).collect();
+/// One curve of error over seconds for each value of an axis.
+fn curves(axis: &Axis, measured: &AxisMeasurements) -> Vec<Curve> {
+    let points =
+        |of_value: &Vec<Measurement>| of_value.iter().map(|m| (m.seconds, m.error)).collect();
     axis.values
         .iter()
-        .zip(cells)
-        .map(|(name, l)| Curve { name: (*name).to_owned(), points: points(l) })
+        .zip(measured)
+        .map(|(name, of_value)| Curve { name: (*name).to_owned(), points: points(of_value) })
         .collect()
 }
 
-/// The presets of `dsdf gradient`.
+/// The presets of `dsdf gradient`, each with its name.
 fn measure_presets(
-    gradients: &Gradients,
+    scenes: &GradientScenes,
     binary: &Path,
-) -> anyhow::Result<Vec<(&'static str, Cell)>> {
-    let cell = |preset| {
-        Ok((preset, gradients.cell(binary, &["--preset", preset], preset, &mut String::new())?))
+) -> anyhow::Result<Vec<(&'static str, Measurement)>> {
+    let measure = |preset| {
+        let flags = ["--preset", preset];
+        Ok((preset, scenes.measure(binary, &flags, preset, &mut String::new())?))
     };
-    ["fast", "balanced", "accurate"].into_iter().map(cell).collect()
+    GRADIENT_PRESETS.into_iter().map(measure).collect()
 }
 
-/// Networks for the same time, and the presets of `dsdf fit`.
-fn measure_fits(binary: &Path, folder: &Path) -> anyhow::Result<Vec<Fitted>> {
+/// Fits with different networks for the same time, and with the presets of `dsdf fit`.
+fn measure_fits(binary: &Path, folder: &Path) -> anyhow::Result<Vec<FitOutcome>> {
     let scratch = tempfile::tempdir()?;
     let data = fits::photographs(binary, scratch.path())?;
     let mut csv = String::from("setting,seconds,iterations,psnr,chamfer_relative\n");
-    let mut fitted = Vec::new();
+    let mut outcomes = Vec::new();
     for setting in NETWORKS.iter().chain(&PRESETS) {
         eprintln!("fit {} ({})", setting.name, setting.flags.join(" "));
-        fitted.push(fits::measure(binary, scratch.path(), &data, setting, &mut csv)?);
+        outcomes.push(fits::measure(binary, scratch.path(), &data, setting, &mut csv)?);
         write(folder, "fits.csv", &csv)?;
     }
-    Ok(fitted)
+    Ok(outcomes)
 }
 
-/// A setting with its cost and its error.
-struct Point {
+/// A setting with its cost and its error, for the Pareto front.
+struct ParetoPoint {
+    /// Parameter, value and samples.
     name: String,
+    /// Wall time of one run.
     seconds: f64,
+    /// Relative L2, root mean square.
     error: f64,
 }
 
-fn page(measured: &[Cells], presets: &[(&'static str, Cell)], fits: &[Fitted]) -> String {
-    let mut out = format!(
-        "Written by `cargo xtask tradeoff`. Relative L2 errors of derivative images, geometric means over four scenes and eight \
-         seeds each.\n\n## One parameter at a time, {} samples a pixel\n\n| parameter | value | milliseconds | RMSE | bias |\n|---|---|---|---|---|\n",
+/// All tables, in Markdown.
+fn page(
+    measured: &[AxisMeasurements],
+    presets: &[(&'static str, Measurement)],
+    fits: &[FitOutcome],
+) -> String {
+    let mut out = String::from(
+        "Written by `cargo xtask tradeoff`. Relative L2 errors of derivative images, geometric \
+         means over four scenes and eight seeds each.\n\n",
+    );
+    axes_table(&mut out, measured);
+    front_table(&mut out, measured);
+    out += "\n## Presets of `dsdf gradient`\n\n\
+            | preset | milliseconds | RMSE | bias |\n|---|---|---|---|\n";
+    for (name, Measurement { seconds, error, bias }) in presets {
+        let _ = writeln!(out, "| {name} | {:.2} | {error:.4} | {bias:.4} |", seconds * 1e3);
+    }
+    fits_table(&mut out, fits);
+    out
+}
+
+/// The table of all axes at one number of samples.
+fn axes_table(out: &mut String, measured: &[AxisMeasurements]) {
+    let _ = writeln!(
+        out,
+        "## One parameter at a time, {} samples a pixel\n\n\
+         | parameter | value | milliseconds | RMSE | bias |\n|---|---|---|---|---|",
         SPP[SHOWN]
     );
-    let mut points = Vec::new();
-    for (axis, cells) in AXES.iter().zip(measured) {
-        for (value, ladder) in axis.values.iter().zip(cells) {
-            let Cell { seconds, error, bias } = ladder[SHOWN];
+    for (axis, of_axis) in AXES.iter().zip(measured) {
+        for (value, of_value) in axis.values.iter().zip(of_axis) {
+            let Measurement { seconds, error, bias } = of_value[SHOWN];
+            let milliseconds = seconds * 1e3;
             let _ = writeln!(
                 out,
-                "| {} | {value} | {:.2} | {error:.4} | {bias:.4} |",
-                axis.name,
-                seconds * 1e3
+                "| {} | {value} | {milliseconds:.2} | {error:.4} | {bias:.4} |",
+                axis.name
             );
-            // What is measured under another name anyway, or is of another image, is not of the
-            // front.
-            let counts = *value != axis.default && !GAUSSIAN.contains(value);
-            for (spp, cell) in SPP.iter().zip(ladder).filter(|_| counts) {
+        }
+    }
+}
+
+/// The points of all axes. A value that is the default is measured elsewhere already, and a
+/// Gaussian-filtered image is another image: both are left out.
+fn pareto_points(measured: &[AxisMeasurements]) -> Vec<ParetoPoint> {
+    let mut points = Vec::new();
+    for (axis, of_axis) in AXES.iter().zip(measured) {
+        for (value, of_value) in axis.values.iter().zip(of_axis) {
+            if *value == axis.default || GAUSSIAN.contains(value) {
+                continue;
+            }
+            for (spp, Measurement { seconds, error, .. }) in SPP.iter().zip(of_value) {
                 let name = format!("{} {value}, {spp} samples", axis.name);
-                points.push(Point { name, seconds: cell.seconds, error: cell.error });
+                points.push(ParetoPoint { name, seconds: *seconds, error: *error });
             }
         }
     }
-    out += "\n## The Pareto front\n\nOf all settings and samples above, those that no other beats in both time and error.\n\n\
-            | setting | milliseconds | RMSE |\n|---|---|---|\n";
-    for Point { name, seconds, error } in front(points, |p| (p.seconds, p.error)) {
+    points
+}
+
+/// The table of the Pareto front, cheapest setting first.
+fn front_table(out: &mut String, measured: &[AxisMeasurements]) {
+    *out += "\n## The Pareto front\n\n\
+             Of all settings and samples above, those that no other beats in both time and \
+             error.\n\n\
+             | setting | milliseconds | RMSE |\n|---|---|---|\n";
+    for point in front(pareto_points(measured), |p| (p.seconds, p.error)) {
+        let ParetoPoint { name, seconds, error } = point;
         let _ = writeln!(out, "| {name} | {:.2} | {error:.4} |", seconds * 1e3);
     }
-    out += "\n## Presets of `dsdf gradient`\n\n| preset | milliseconds | RMSE | bias |\n|---|---|---|---|\n";
-    for (name, Cell { seconds, error, bias }) in presets {
-        let _ = writeln!(out, "| {name} | {:.2} | {error:.4} | {bias:.4} |", seconds * 1e3);
-    }
-    out += "\n## Fits of the demo's scene, 24 views of 128 × 128\n\n| setting | seconds | iterations | PSNR, dB | Chamfer, of the radius |\n|---|---|---|---|---|\n";
-    for Fitted { name, seconds, iterations, psnr, chamfer } in fits {
+}
+
+/// The table of the fits.
+fn fits_table(out: &mut String, fits: &[FitOutcome]) {
+    *out += "\n## Fits of the demo's scene, 24 views of 128 × 128\n\n\
+             | setting | seconds | iterations | PSNR, dB | Chamfer, of the radius |\n\
+             |---|---|---|---|---|\n";
+    for FitOutcome { name, seconds, iterations, psnr, chamfer } in fits {
         let _ = writeln!(
             out,
             "| {name} | {seconds:.0} | {iterations} | {psnr:.1} | {:.2} % |",
             chamfer * 100.0
         );
     }
-    out
 }

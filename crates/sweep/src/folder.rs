@@ -1,0 +1,175 @@
+//! A sweep's output folder: its lock, its data, its cells, its report.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::cell::DataFolder;
+use crate::files::{read_if_present, write_whole};
+use crate::process::{self, StageError};
+use crate::refusal::Refusal;
+use crate::results::{CellResult, finished};
+use crate::schema::DataSet;
+use crate::sweep::{Cell, Sweep};
+use crate::{inputs, print, report};
+
+/// A sweep with its folders.
+pub(crate) struct SweepFolder {
+    pub(crate) sweep: Sweep,
+    /// The folder of the sweep file, where its paths start.
+    pub(crate) base: PathBuf,
+    /// The output folder.
+    pub(crate) output: PathBuf,
+}
+
+/// The files of a finished cell that a merge copies; `result.json`, which marks it as finished, is
+/// the last.
+const MERGED: [&str; 2] = ["picture.png", "result.json"];
+
+impl SweepFolder {
+    /// The folder of the cells' folders.
+    pub(crate) fn cells(&self) -> PathBuf {
+        self.output.join("cells")
+    }
+
+    /// The folder of a cell.
+    pub(crate) fn cell(&self, cell: &Cell) -> PathBuf {
+        self.cells().join(&cell.name)
+    }
+
+    /// Locks the output folder for this process and keeps the sweep in it as `sweep.toml`. The lock
+    /// ends with the returned file.
+    ///
+    /// # Errors
+    /// A [`Refusal`] if another process holds the lock, or if the folder is of another sweep.
+    pub(crate) fn lock(&self) -> anyhow::Result<std::fs::File> {
+        let path = self.output.join("lock");
+        let lock = std::fs::File::create(&path)
+            .map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
+        if lock.try_lock().is_err() {
+            let (found, expected) = ("another sweep at work", "a folder of one's own");
+            return Err(Refusal::new(&self.output, "lock", found, expected).into());
+        }
+        let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
+        if let Some(known) = read_if_present(&path)? {
+            self.check_same_cells(&path, &known)?;
+        }
+        write_whole(&path, text)?;
+        Ok(lock)
+    }
+
+    /// Refuses a sweep file whose cells differ from those of this sweep.
+    fn check_same_cells(&self, path: &Path, text: &str) -> anyhow::Result<()> {
+        let expected = "the same sweep, or another folder";
+        let own = toml::to_string(&self.sweep.identity())?;
+        let other = toml::from_str::<Sweep>(text).map(|sweep| toml::to_string(&sweep.identity()));
+        let Ok(Ok(other)) = other else {
+            return Err(Refusal::new(path, "sweep", "no sweep", expected).into());
+        };
+        if own != other {
+            let found = inputs::first_difference(&other, &own);
+            return Err(Refusal::new(path, "sweep", found, expected).into());
+        }
+        Ok(())
+    }
+
+    /// The folders of the data sets. Views of a scene are rendered if their folder is missing.
+    pub(crate) fn data_folders(&self, binary: &Path) -> anyhow::Result<Vec<DataFolder>> {
+        self.sweep.data.iter().map(|data| self.data_folder(data, binary)).collect()
+    }
+
+    fn data_folder(&self, data: &DataSet, binary: &Path) -> anyhow::Result<DataFolder> {
+        let mesh = data.mesh.as_deref().map(|mesh| self.base.join(mesh));
+        if let Some(dataset) = &data.dataset {
+            let photographs = std::path::absolute(self.base.join(dataset))?;
+            return Ok(DataFolder { photographs, truth: mesh });
+        }
+        let photographs = self.output.join("data").join(&data.name);
+        if !photographs.exists() {
+            self.render_views(data, &photographs, binary)?;
+        }
+        let truth = Some(mesh.unwrap_or_else(|| photographs.join("truth.ply")));
+        Ok(DataFolder { photographs, truth })
+    }
+
+    /// Renders the views of a scene into `folder`, which appears whole or not at all.
+    fn render_views(&self, data: &DataSet, folder: &Path, binary: &Path) -> anyhow::Result<()> {
+        let scene = self.base.join(data.scene.as_deref().unwrap_or_default());
+        let (part, log) = (folder.with_extension("part"), folder.with_extension("log"));
+        let _ = std::fs::remove_dir_all(&part);
+        std::fs::create_dir_all(part.parent().context("a folder")?)?;
+        let (views, size) = (data.views.to_string(), format!("{0}x{0}", data.size));
+        let (scene_name, out) = (scene.to_string_lossy(), part.to_string_lossy());
+        let arguments = ["synth", &scene_name, "-o", &out, "--views", &views, "--size", &size];
+        let arguments = arguments.map(str::to_owned);
+        process::run(binary, &arguments, &self.sweep.limits, &log, &|| {}).map_err(|error| {
+            match error {
+                StageError::Cell(failure) => {
+                    let expected = "a scene to take pictures of";
+                    Refusal::from_message(&scene, "data", &failure.reason, expected).into()
+                }
+                StageError::Sweep(error) => error,
+            }
+        })?;
+        Ok(std::fs::rename(&part, folder)?)
+    }
+
+    /// Copies finished cells from other folders of the same sweep, with the origin of their data.
+    ///
+    /// # Errors
+    /// A [`Refusal`] if a folder is of another sweep or of other data.
+    pub(crate) fn merge(&self, folders: &[PathBuf]) -> anyhow::Result<()> {
+        for folder in folders {
+            let path = folder.join("sweep.toml");
+            let text = std::fs::read_to_string(&path)
+                .map_err(|e| Refusal::new(&path, "sweep", e, "a shard of this sweep"))?;
+            self.check_same_cells(&path, &text)?;
+        }
+        inputs::merge(folders, &self.output)?;
+        for cell in self.sweep.cells() {
+            self.merge_cell(&cell, folders)?;
+        }
+        Ok(())
+    }
+
+    /// Copies a cell from the first folder that has it finished, unless it is here.
+    fn merge_cell(&self, cell: &Cell, folders: &[PathBuf]) -> anyhow::Result<()> {
+        let to = self.cell(cell);
+        if finished(&to).is_some() {
+            return Ok(());
+        }
+        let candidates = folders.iter().map(|folder| folder.join("cells").join(&cell.name));
+        let Some(from) = candidates.into_iter().find(|from| finished(from).is_some()) else {
+            return Ok(());
+        };
+        std::fs::create_dir_all(&to)?;
+        for name in MERGED {
+            if let Ok(bytes) = std::fs::read(from.join(name)) {
+                write_whole(&to.join(name), bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes results and report of the finished cells, in the sweep's order, and prints the path
+    /// of the report.
+    pub(crate) fn write_report(&self) -> anyhow::Result<()> {
+        let mut pictures = HashMap::new();
+        let mut results = Vec::new();
+        for cell in self.sweep.cells() {
+            if let Some(mut result) = finished(&self.cell(&cell)) {
+                // The sweep's criterion may have changed since the cell was run.
+                let has_truth = self.sweep.data[cell.data].has_truth();
+                result.converged = self.sweep.converged.holds(&result, has_truth);
+                pictures.insert(result.key(), self.cell(&cell).join("picture.png"));
+                results.push(result);
+            }
+        }
+        let picture =
+            |result: &CellResult| pictures.get(&result.key()).cloned().unwrap_or_default();
+        report::write_report(&self.sweep, &results, &self.output, &picture)?;
+        print(&format!("{}\n", self.output.join("report.md").display()));
+        Ok(())
+    }
+}

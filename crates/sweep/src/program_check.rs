@@ -1,0 +1,194 @@
+//! Checks of a sweep that need the program or the data: its options, its package, its files.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use crate::refusal::Refusal;
+use crate::schema::DataSet;
+use crate::sweep::{Sweep, flag, text};
+
+/// Options of `dsdf fit` that a sweep may not set, with the key or option to use instead.
+const RESERVED: [(&str, &str); 13] = [
+    ("help", "an option of a fit"),
+    ("version", "an option of a fit"),
+    ("check", "an option of a fit"),
+    ("end_with", "an option of a fit"),
+    ("stop_after", "iterations = N beside title"),
+    ("seed", "seeds = [...] beside title"),
+    ("iterations", "iterations = N beside title"),
+    ("time", "time = \"...\" beside title"),
+    ("threads", "--jobs"),
+    ("output", "-o"),
+    ("resume", "nothing: sweeps go on by themselves"),
+    ("json", "sweeps without it: it is set"),
+    ("quiet", "sweeps without it: it is set"),
+];
+
+/// Refuses a package that the workspace does not have.
+pub(crate) fn check_package(sweep: &Sweep, file: &Path) -> anyhow::Result<()> {
+    let packages = measure::dsdf::packages()?;
+    if !packages.contains(&sweep.package) {
+        let expected = format!("one of {}", packages.join(", "));
+        return Err(Refusal::new(file, "package", &sweep.package, expected).into());
+    }
+    Ok(())
+}
+
+/// Refuses options that the program rejects: each value alone, then the combinations of all cells.
+///
+/// `dsdf fit --check` judges options without a fit.
+pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow::Result<()> {
+    check_binary(binary)?;
+    for (key, value) in &sweep.fixed {
+        check_option(file, "fixed", key, text(value), binary)?;
+    }
+    for key in sweep.parameters.keys() {
+        for value in sweep.values(key) {
+            check_option(file, "parameters", key, value, binary)?;
+        }
+    }
+    check_combinations(sweep, file, binary)
+}
+
+/// Refuses a program that cannot run, or does not take the options of a fit.
+fn check_binary(binary: &Path) -> anyhow::Result<()> {
+    let found = match rejection(binary, &["--no-such-option".to_owned()]) {
+        Ok(Some(message)) if message.contains("--no-such-option") => return Ok(()),
+        Ok(None) => "a program that takes anything".to_owned(),
+        Ok(Some(message)) if message.is_empty() => "a program that says nothing".to_owned(),
+        Ok(Some(message)) => message,
+        Err(error) => error.to_string(),
+    };
+    Err(Refusal::new(binary, "--binary", found, "a program like dsdf").into())
+}
+
+/// Refuses a value of an option in one of the sweep's tables.
+fn check_option(
+    file: &Path,
+    table: &str,
+    key: &String,
+    value: String,
+    binary: &Path,
+) -> anyhow::Result<()> {
+    let field = format!("{table}.{key}");
+    if let Some((_, instead)) = RESERVED.iter().find(|(reserved, _)| reserved == key) {
+        return Err(Refusal::new(file, field, key, instead).into());
+    }
+    if key == "gradient_precision" {
+        if value != "f32" && value != "f64" {
+            return Err(Refusal::new(file, field, value, "f32 or f64").into());
+        }
+        return Ok(());
+    }
+    // A switch that is off has no option: the switch itself is checked.
+    let checked = if value == "false" { "true".to_owned() } else { value.clone() };
+    let Some(message) = rejection(binary, &flag((key.clone(), checked)))? else { return Ok(()) };
+    if message.contains("unexpected argument") {
+        return Err(Refusal::new(file, field, key, "an option of `dsdf fit`").into());
+    }
+    let expected = message.rsplit_once("expected ").map_or(&*message, |(_, expected)| expected);
+    Err(Refusal::new(file, field, value, expected).into())
+}
+
+/// Refuses values that the program takes alone but not together. Cells that differ in the seed only
+/// are checked once.
+fn check_combinations(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow::Result<()> {
+    let mut checked: Vec<Vec<String>> = Vec::new();
+    for cell in sweep.cells() {
+        let flags: Vec<String> =
+            sweep.flags(&cell).into_iter().filter(|f| !f.starts_with("--gradient-")).collect();
+        let settings: Vec<String> =
+            flags.iter().filter(|f| !f.starts_with("--seed=")).cloned().collect();
+        if checked.contains(&settings) {
+            continue;
+        }
+        if let Some(message) = rejection(binary, &flags)? {
+            let expected = "options that go together";
+            return Err(Refusal::new(file, cell.name, message, expected).into());
+        }
+        checked.push(settings);
+    }
+    Ok(())
+}
+
+/// Refuses data sets with missing or unsuitable files. `base` is the folder of their paths.
+pub(crate) fn check_data(
+    sweep: &Sweep,
+    base: &Path,
+    file: &Path,
+    binary: &Path,
+) -> anyhow::Result<()> {
+    sweep.data.iter().try_for_each(|data| DataCheck { data, base, file }.run(binary))
+}
+
+/// The check of one data set.
+struct DataCheck<'a> {
+    data: &'a DataSet,
+    base: &'a Path,
+    /// The sweep's file, for refusals.
+    file: &'a Path,
+}
+
+impl DataCheck<'_> {
+    fn run(&self, binary: &Path) -> anyhow::Result<()> {
+        let data = self.data;
+        self.check_path("scene", &data.scene, "a file", Path::is_file)?;
+        self.check_path("dataset", &data.dataset, "a folder", Path::is_dir)?;
+        self.check_path("mesh", &data.mesh, "a file", Path::is_file)?;
+        let is_mesh = |path: &String| path.ends_with(".ply") || path.ends_with(".obj");
+        if let Some(mesh) = data.mesh.as_ref().filter(|path| !is_mesh(path)) {
+            let expected = "a .ply or .obj file";
+            return Err(Refusal::new(self.file, self.field("mesh"), mesh, expected).into());
+        }
+        if let Some(dataset) = &data.dataset {
+            self.inspect(&self.base.join(dataset), binary)?;
+        }
+        if data.views == 0 || data.size == 0 {
+            let expected = "1 or more, as for size";
+            return Err(Refusal::new(self.file, self.field("views"), "0", expected).into());
+        }
+        Ok(())
+    }
+
+    fn field(&self, key: &str) -> String {
+        format!("data.{}.{key}", self.data.name)
+    }
+
+    /// Refuses a path that is set and is not `expected`.
+    fn check_path(
+        &self,
+        key: &str,
+        path: &Option<String>,
+        expected: &str,
+        is_expected: fn(&Path) -> bool,
+    ) -> Result<(), Refusal> {
+        match path.as_ref().map(|path| self.base.join(path)) {
+            Some(path) if !is_expected(&path) => {
+                Err(Refusal::new(self.file, self.field(key), path.display(), expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses a folder that the program cannot read as a data set.
+    fn inspect(&self, dataset: &Path, binary: &Path) -> anyhow::Result<()> {
+        let output = Command::new(binary).args(["inspect", "--json"]).arg(dataset).output()?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let (field, message) = (self.field("dataset"), message(&output));
+        Err(Refusal::from_message(self.file, field, &message, "a data set").into())
+    }
+}
+
+/// The program's message if it rejects these options of a fit.
+fn rejection(binary: &Path, flags: &[String]) -> anyhow::Result<Option<String>> {
+    let output =
+        Command::new(binary).args(["fit", "--check", "-o", "unused"]).args(flags).output()?;
+    Ok((!output.status.success()).then(|| message(&output)))
+}
+
+/// The message of a program that failed.
+fn message(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).trim().trim_start_matches("error: ").to_owned()
+}
