@@ -4,7 +4,8 @@ use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 /// The workspace's root folder.
 pub fn root() -> PathBuf {
@@ -31,18 +32,31 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 ///
 /// # Panics
 /// If the build fails.
-pub fn binary() -> &'static Path {
-    static BINARY: OnceLock<PathBuf> = OnceLock::new();
-    BINARY.get_or_init(|| {
-        let status = Command::new(env!("CARGO"))
-            .args(["build", "--package", "app", "--bin", "dsdf"])
-            .current_dir(root())
-            .status();
-        assert!(status.is_ok_and(|s| s.success()), "cargo build of dsdf");
-        let target = std::env::var_os("CARGO_TARGET_DIR")
-            .map_or_else(|| root().join("target"), |dir| root().join(dir));
-        target.join("debug").join(format!("dsdf{}", std::env::consts::EXE_SUFFIX))
-    })
+pub fn binary() -> PathBuf {
+    program("app")
+}
+
+/// The path of a package's program, built once in the profile of the tests: `dsdf` for `app`, or
+/// the binary with the name of the package.
+///
+/// # Panics
+/// If the build fails.
+pub fn program(package: &str) -> PathBuf {
+    static BUILT: LazyLock<Mutex<HashMap<String, PathBuf>>> = LazyLock::new(Mutex::default);
+    let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
+    built.entry(package.to_owned()).or_insert_with(|| build(package)).clone()
+}
+
+fn build(package: &str) -> PathBuf {
+    let name = if package == "app" { "dsdf" } else { package };
+    let status = Command::new(env!("CARGO"))
+        .args(["build", "--package", package, "--bin", name])
+        .current_dir(root())
+        .status();
+    assert!(status.is_ok_and(|s| s.success()), "cargo build of {name}");
+    let target = std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| root().join("target"), |dir| root().join(dir));
+    target.join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }
 
 /// Runs `dsdf` with these arguments and `--quiet`.
@@ -68,9 +82,16 @@ pub fn dsdf_ok<S: AsRef<OsStr>>(arguments: &[S]) {
 /// # Panics
 /// If it fails, or if its output is not JSON.
 pub fn dsdf_json<S: AsRef<OsStr>>(arguments: &[S]) -> serde_json::Value {
-    let mut all: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
-    all.push("--json".as_ref());
-    let output = dsdf(&all);
+    program_json(&binary(), arguments)
+}
+
+/// Runs a program with the commands of `dsdf` with `--json`, and returns the JSON that it prints.
+///
+/// # Panics
+/// If it fails, or if its output is not JSON.
+pub fn program_json<S: AsRef<OsStr>>(program: &Path, arguments: &[S]) -> serde_json::Value {
+    let output = Command::new(program).args(arguments).args(["--json", "--quiet"]).output();
+    let output = output.unwrap_or_else(|e| panic!("cannot start {}: {e}", program.display()));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("no JSON: {e}"))
 }

@@ -1,14 +1,30 @@
-//! The gradient suite: every case of `tests/gradients/suite.toml` with the estimator `refined`.
+//! The gradient suite: the estimators and the cases of `tests/gradients/suite.toml`.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use tests::{dsdf_json, npy, root};
+use tests::{npy, program, program_json, root};
 
 #[derive(Deserialize)]
 struct Suite {
+    estimator: Vec<SuiteEstimator>,
     case: Vec<Case>,
+}
+
+/// An estimator: its fields are described at the head of the file.
+#[derive(Clone, Deserialize)]
+struct SuiteEstimator {
+    name: String,
+    package: String,
+    scenes: Option<Vec<String>>,
+    error: Option<f64>,
+}
+
+impl SuiteEstimator {
+    fn program(&self) -> PathBuf {
+        program(&self.package)
+    }
 }
 
 /// A case: its fields are described at the head of the file.
@@ -47,7 +63,13 @@ fn suite() -> PathBuf {
 }
 
 /// The derivative images of a case, one for each parameter, and the field evaluations of all.
-fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, u64) {
+fn images(
+    program: &Path,
+    case: &Case,
+    estimator: &str,
+    spp: u32,
+    seed: u32,
+) -> (Vec<Vec<f32>>, u64) {
     let folder = tempfile::tempdir().unwrap();
     let scene = suite().join(format!("{}.json", case.scene)).to_string_lossy().into_owned();
     let out = folder.path().join("g.npy").to_string_lossy().into_owned();
@@ -67,7 +89,7 @@ fn images(case: &Case, estimator: &str, spp: u32, seed: u32) -> (Vec<Vec<f32>>, 
         "1",
     ];
     case.wrt.iter().for_each(|wrt| arguments.extend(["--wrt", wrt]));
-    let report = dsdf_json(&arguments);
+    let report = program_json(program, &arguments);
     let kinds = ["value", "gradient", "hessian_vector"];
     let evaluations = kinds.iter().map(|kind| report["evaluations"][kind].as_u64().unwrap()).sum();
     let name = |wrt: &String| {
@@ -138,17 +160,20 @@ impl Accuracy {
         }
     }
 
-    /// Whether the case's tolerances hold.
-    fn is_within(&self, case: &Case) -> bool {
-        self.bias <= case.bias + 3.0 * self.standard_error && self.error <= case.error
+    /// Whether the tolerances hold.
+    fn is_within(&self, bias: f64, error: f64) -> bool {
+        self.bias <= bias + 3.0 * self.standard_error && self.error <= error
     }
 }
 
-/// Measures a case and prints a row for each parameter. The error has a line for each parameter
-/// out of tolerance.
-fn check(case: &Case) -> Result<(), String> {
-    let (references, _) = images(case, "contour", case.reference, 0);
-    let runs: Vec<_> = (0..SEEDS).map(|seed| images(case, "refined", SPP, seed)).collect();
+/// Measures an estimator on a case and prints a row for each parameter. The error has a line for
+/// each parameter out of tolerance.
+fn check(estimator: &SuiteEstimator, case: &Case) -> Result<(), String> {
+    let (program, name) = (estimator.program(), &estimator.name);
+    let allowed = estimator.error.unwrap_or(case.error);
+    let (references, _) = images(&program, case, "contour", case.reference, 0);
+    let runs: Vec<_> =
+        (0..SEEDS).map(|seed| images(&program, case, name, SPP, seed)).collect();
     let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
     let mut failures = Vec::new();
     for (i, (wrt, reference)) in case.wrt.iter().zip(&references).enumerate() {
@@ -156,19 +181,18 @@ fn check(case: &Case) -> Result<(), String> {
         let accuracy = Accuracy::new(&own, reference);
         let Accuracy { bias, standard_error, error, variance, .. } = accuracy;
         println!(
-            "| {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} | {variance:.4} \
-             | {evaluations} |",
+            "| {name} | {} | {wrt} | {bias:.4} ± {standard_error:.4} | {error:.4} \
+             | {variance:.4} | {evaluations} |",
             case.scene
         );
-        if !accuracy.is_within(case) {
-            let name = format!("{}{}", case.scene, wrt.replace('/', "_"));
-            let picture = leave_pictures(&name, reference, &accuracy.mean);
+        if !accuracy.is_within(case.bias, allowed) {
+            let file = format!("{name}.{}{}", case.scene, wrt.replace('/', "_"));
+            let picture = leave_pictures(&file, reference, &accuracy.mean);
             failures.push(format!(
-                "{} {wrt}: bias {bias:.4} (allowed {} + 3 x {standard_error:.4}), error \
-                 {error:.4} (allowed {}); reference, mean and difference: {}",
+                "{name}, {} {wrt}: bias {bias:.4} (allowed {} + 3 x {standard_error:.4}), error \
+                 {error:.4} (allowed {allowed}); reference, mean and difference: {}",
                 case.scene,
                 case.bias,
-                case.error,
                 picture.display()
             ));
         }
@@ -176,23 +200,40 @@ fn check(case: &Case) -> Result<(), String> {
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }
 
-#[test]
-fn refined_is_unbiased_on_every_case() {
+/// Checks the estimators of the suite that `wanted` accepts, each on its scenes.
+fn check_estimators(wanted: impl Fn(&SuiteEstimator) -> bool) {
     let text = std::fs::read_to_string(suite().join("suite.toml")).unwrap();
     let suite: Suite = toml::from_str(&text).unwrap();
     println!(
-        "| scene | by | bias ± standard error | error at {SPP} spp | variance a sample \
-         | field evaluations |"
+        "| estimator | scene | by | bias ± standard error | error at {SPP} spp \
+         | variance a sample | field evaluations |"
     );
+    let mut work: Vec<(&SuiteEstimator, &Case)> = Vec::new();
+    for estimator in suite.estimator.iter().filter(|e| wanted(e)) {
+        let has = |case: &&Case| {
+            estimator.scenes.as_ref().is_none_or(|scenes| scenes.contains(&case.scene))
+        };
+        work.extend(suite.case.iter().filter(has).map(|case| (estimator, case)));
+    }
+    assert!(!work.is_empty(), "no estimator and no case");
     // A small film does not occupy two threads: two cases run at a time, with one thread each.
-    let (mine, others): (Vec<_>, Vec<_>) =
-        suite.case.iter().enumerate().partition(|(i, _)| i % 2 == 0);
-    let failures_of = |cases: Vec<(usize, &Case)>| -> Vec<String> {
-        cases.into_iter().filter_map(|(_, case)| check(case).err()).collect()
+    let failures_of = |start: usize| -> Vec<String> {
+        let own = work.iter().skip(start).step_by(2);
+        own.filter_map(|(estimator, case)| check(estimator, case).err()).collect()
     };
     let failures = std::thread::scope(|scope| {
-        let others = scope.spawn(|| failures_of(others));
-        [failures_of(mine), others.join().unwrap()].concat()
+        let others = scope.spawn(|| failures_of(1));
+        [failures_of(0), others.join().unwrap()].concat()
     });
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
+
+#[test]
+fn refined_is_unbiased_on_every_case() {
+    check_estimators(|estimator| estimator.package == "app");
+}
+
+#[test]
+fn crofton_and_other_estimators_of_extensions_are_unbiased_on_their_cases() {
+    check_estimators(|estimator| estimator.package != "app");
 }

@@ -2,6 +2,7 @@
 
 mod bench;
 mod figures;
+mod style;
 mod tradeoff;
 
 use std::path::PathBuf;
@@ -24,6 +25,8 @@ struct Cli {
 enum Task {
     /// Check format, lints, documentation and tests, as the continuous integration does
     Ci,
+    /// Check widths of lines, sizes of files and crates, and the wording of comments
+    Style,
     /// Measure the throughput of network passes and the time and memory of whole commands
     Bench {
         /// File for the results as JSON [default: target/bench.json]
@@ -81,6 +84,7 @@ fn first_paragraph(message: &str) -> String {
 fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
         Task::Ci => ci(),
+        Task::Style => style::run(),
         Task::Ablate(arguments) => sweep::run(&arguments),
         Task::Bench { output } => bench::run(output),
         Task::Tradeoff { output } => tradeoff::run(output),
@@ -90,6 +94,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
 
 /// Runs every check and stops at the first that fails.
 fn ci() -> anyhow::Result<()> {
+    style::run()?;
     cargo(&["fmt", "--all", "--check"], &[])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])?;
     cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])?;

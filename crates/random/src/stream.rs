@@ -50,8 +50,8 @@ impl Stream {
     }
 }
 
-/// A well-mixed number from two: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast Splittable
-/// Pseudorandom Number Generators", OOPSLA 2014). Bijective in `b` for each `a`.
+/// A well-mixed number from two: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast
+/// Splittable Pseudorandom Number Generators", OOPSLA 2014). Bijective in `b` for each `a`.
 fn mix(a: u64, b: u64) -> u64 {
     let mut z =
         a.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(b).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -104,7 +104,7 @@ mod tests {
         assert!((mean - 0.5).abs() < 0.01, "mean {mean}");
     }
 
-    /// Streams, their parts at 4096 indices, and parts of these, for all purposes and several seeds.
+    /// Streams, their parts at 4096 indices, and parts of parts, for all purposes and five seeds.
     #[test]
     fn no_two_purposes_share_a_value() {
         let others = [0, 1, u32::MAX].map(Purpose::Other);

@@ -1,0 +1,106 @@
+//! `cargo xtask style`: rules of the text that no other tool checks.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+
+/// The widest line of code, comments and Markdown, in characters.
+const WIDTH: usize = 100;
+
+/// The most lines of a Rust file.
+const FILE_LINES: usize = 500;
+
+/// The most lines of Rust in a crate.
+const CRATE_LINES: usize = 4000;
+
+/// Checks every tracked Rust and Markdown file, and lists the places that break a rule.
+///
+/// # Errors
+/// If a rule is broken, or a file cannot be read.
+pub(crate) fn run() -> anyhow::Result<()> {
+    let root = measure::dsdf::root();
+    let mut findings = Vec::new();
+    let mut crate_lines = std::collections::BTreeMap::<String, usize>::new();
+    for name in tracked(&root)? {
+        let text = std::fs::read_to_string(root.join(&name)).with_context(|| name.clone())?;
+        check_lines(&name, &text, &mut findings);
+        if let Some(package) = name.strip_prefix("crates/").and_then(|rest| rest.split('/').next())
+            && name.ends_with(".rs")
+        {
+            *crate_lines.entry(package.to_owned()).or_default() += text.lines().count();
+        }
+    }
+    for (package, lines) in crate_lines.into_iter().filter(|(_, lines)| *lines > CRATE_LINES) {
+        findings.push(format!("crates/{package}: {lines} lines, at most {CRATE_LINES}"));
+    }
+    if findings.is_empty() {
+        return Ok(());
+    }
+    for finding in &findings {
+        eprintln!("{finding}");
+    }
+    bail!("{} places break a rule of the text", findings.len());
+}
+
+/// The Rust and Markdown files under version control, without generated results.
+fn tracked(root: &Path) -> anyhow::Result<Vec<String>> {
+    let output = Command::new("git")
+        .args(["ls-files", "*.rs", "*.md"])
+        .current_dir(root)
+        .output()
+        .context("cannot start git")?;
+    ensure!(output.status.success(), "git ls-files: {}", String::from_utf8_lossy(&output.stderr));
+    let names = String::from_utf8(output.stdout)?;
+    let written = |name: &&str| !name.starts_with("docs/results/");
+    Ok(names.lines().filter(written).map(str::to_owned).collect())
+}
+
+fn check_lines(name: &str, text: &str, findings: &mut Vec<String>) {
+    for (number, line) in text.lines().enumerate() {
+        let mut report = |rule: String| findings.push(format!("{name}:{}: {rule}", number + 1));
+        let width = line.chars().count();
+        if width > WIDTH {
+            report(format!("{width} characters wide, at most {WIDTH}"));
+        }
+        if name.ends_with(".rs") && comment(line).is_some_and(has_what_clause) {
+            report("a clause with \"what\" in place of a noun: name the thing".to_owned());
+        }
+    }
+    let lines = text.lines().count();
+    if name.ends_with(".rs") && lines > FILE_LINES {
+        findings.push(format!("{name}: {lines} lines, at most {FILE_LINES}"));
+    }
+}
+
+/// The text of a line that is a comment.
+fn comment(line: &str) -> Option<&str> {
+    let text = line.trim_start().strip_prefix("//")?;
+    Some(text.trim_start_matches(['/', '!']).trim_start())
+}
+
+/// Whether a comment starts with a clause whose subject or object is "what".
+fn has_what_clause(comment: &str) -> bool {
+    let mut words = comment.split_whitespace();
+    let first = words.next().unwrap_or_default();
+    let capitalised = first.chars().next().is_some_and(char::is_uppercase);
+    let what = |word: &str| word == "what" || word == "What";
+    what(first) || (capitalised && words.next().is_some_and(what))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rules_are_reported_with_their_place() {
+        let text = format!("/// Returns what is seen.\nlet ok = 1; // what\n{}\n", "é".repeat(101));
+        let mut findings = Vec::new();
+        check_lines("a.rs", &text, &mut findings);
+        assert_eq!(findings.len(), 2, "{findings:?}");
+        assert!(findings[0].starts_with("a.rs:1:") && findings[1].starts_with("a.rs:3:"));
+        findings.clear();
+        check_lines("a.rs", &"x\n".repeat(501), &mut findings);
+        assert_eq!(findings, ["a.rs: 501 lines, at most 500"]);
+    }
+}
