@@ -8,11 +8,12 @@ use measure::dsdf::{RunDsdf, gradient};
 use measure::image::{Image, SquaredError};
 use measure::reference::{GAUSSIAN, gaussian_filtered};
 use serde_json::{Value, json};
+use sweep_report::Cell;
+use sweep_report::files::write_whole;
+use sweep_report::options::{flag, text};
 
-use crate::cell::CellRunner;
-use crate::files::write_whole;
 use crate::process::LimitedProgram;
-use crate::sweep::{Cell, flag, text};
+use crate::runner::CellRunner;
 
 /// Samples per pixel of the reference. Its error is 0.7 %, a hundredth of the measured errors.
 const REFERENCE_SPP: &str = "256";
