@@ -25,8 +25,8 @@ struct Comparison {
 
 /// Compares the results of two sweeps, given as folders or as files `results.csv`.
 ///
-/// Returns a page in Markdown: ratios of the errors of `b` to those of `a`, and a table of the common
-/// cells.
+/// Returns a page in Markdown: ratios of the errors of `b` to those of `a`, and a table of the
+/// common cells.
 ///
 /// # Errors
 /// A [`Refusal`] if a file cannot be read, or if the sweeps have no cell in common.

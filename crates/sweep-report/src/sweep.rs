@@ -9,6 +9,8 @@ use crate::options::{Settings, flag, text};
 use crate::schema::{Claim, Convergence, DataSet, GradientTest, Limits, Profile};
 
 /// The content of a sweep file.
+///
+/// [`Sweep::load`] checks it. A sweep that is deserialised otherwise is not checked.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {

@@ -95,7 +95,7 @@ fn check_option(
 /// Some messages end with the expected value, and some list the possible values. Of any other
 /// message the reason follows the found value.
 fn found_and_expected(value: String, message: &str) -> (String, String) {
-    if let Some((_, expected)) = message.rsplit_once("expected ") {
+    if let Some((_, expected)) = message.rsplit_once(" expected ") {
         return (value, expected.to_owned());
     }
     if let Some((_, list)) = message.split_once("[possible values: ") {
@@ -217,7 +217,13 @@ mod tests {
     fn refused_values_have_a_found_and_an_expected_part() {
         for (message, found, expected) in [
             ("arguments: N: found 0, expected 1 to 65536", "0", "1 to 65536"),
+            ("invalid value '0' for '--a <A>': expected 1 or 2", "0", "1 or 2"),
             ("invalid value '0' for '--a <A>' [possible values: b, c]", "0", "one of b, c"),
+            (
+                "unexpected value '0' for '--a' found; no more were expected",
+                "0 (unexpected value '0' for '--a' found; no more were expected)",
+                "a value that `dsdf fit` accepts",
+            ),
             (
                 "invalid value '0' for '--a <A>': not a word",
                 "0 (not a word)",
