@@ -180,14 +180,16 @@ type WrongSweep = (&'static str, &'static str, &'static str, &'static str);
 const LAST: &str = "\"paper\"]";
 
 #[rustfmt::skip]
-const WRONG_SWEEPS: [WrongSweep; 14] = [
+const WRONG_SWEEPS: [WrongSweep; 16] = [
     ("width = 16", "wdth = 16", "fixed.wdth", "an option of `dsdf fit`"),
     (LAST, "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
     (LAST, "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a number above 0"),
     (LAST, "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a number above 0"),
     (LAST, "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
-    (LAST, "\"papre\"]", "parameters.estimator: found papre", "interior, paper"),
-    (LAST, "\"custom\"]", "parameters.estimator: found custom", "weights of their own"),
+    (LAST, "\"papre\"]", "parameters.estimator: found papre", "one of refined, paper"),
+    (LAST, "\"paper\"]\npreset = [\"fats\"]", "parameters.preset: found fats", "one of fast"),
+    ("width = 16", "width = 1.5", "fixed.width: found 1.5 (invalid digit", "`dsdf fit` accepts"),
+    ("runs = 2", "runs = 1", "gradient.runs: found 1", "2 or more"),
     (LAST, "\"paper\"]\nseed = [3]", "parameters.seed", "seeds"),
     ("[\"refined\", \"paper\"]", "[]", "parameters.estimator: found []", "one value or more"),
     ("title", "titel", "line 1", "unknown field"),

@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use sweep_report::{Cell, Refusal, Sweep};
 
 use crate::program_check::check_package;
-use crate::refusal::Refusal;
-use crate::sweep::{Cell, Sweep};
 
 /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
 #[derive(Args, Debug)]
@@ -75,7 +74,7 @@ impl Ablate {
         let cells: Vec<Cell> = sweep.cells().into_iter().filter(wanted).collect();
         if cells.is_empty() {
             let found = self.only.join(" ");
-            let expected = "what some cell's name holds";
+            let expected = "part of a cell's name";
             return Err(Refusal::new(Path::new("arguments"), "--only", found, expected));
         }
         Ok(cells)

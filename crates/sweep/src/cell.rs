@@ -2,37 +2,18 @@
 //!
 //! Every stage leaves a file in the cell's folder. A stage whose file is there is not run again.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 use serde_json::Value;
+use sweep_report::Cell;
+use sweep_report::files::write_whole;
+use sweep_report::results::{CellResult, finished};
 
-use crate::files::write_whole;
 use crate::fit_metrics::add_fit_metrics;
 use crate::fit_stage::wait_for_fit;
 use crate::process::{self, ProcessFailure, StageError};
-use crate::results::{CellResult, finished};
-use crate::sweep::{Cell, Sweep};
-
-/// The folder of a data set.
-pub(crate) struct DataFolder {
-    pub(crate) photographs: PathBuf,
-    /// The file of the true surface, if it is known.
-    pub(crate) truth: Option<PathBuf>,
-}
-
-/// Runs the cells of a sweep.
-pub(crate) struct CellRunner<'a> {
-    pub(crate) sweep: &'a Sweep,
-    /// The program that fits.
-    pub(crate) binary: &'a Path,
-    /// The data sets, in the sweep's order.
-    pub(crate) data: &'a [DataFolder],
-    /// The folder of the cells' folders.
-    pub(crate) cells: PathBuf,
-    /// Threads of one cell.
-    pub(crate) threads: usize,
-}
+use crate::runner::{CellRunner, text};
 
 /// Width and height of a cell's picture, in pixels.
 const PICTURE: &str = "96";
@@ -47,11 +28,6 @@ const EVALUATED: [(&str, &str); 5] = [
 ];
 
 impl CellRunner<'_> {
-    /// The folder of a cell.
-    pub(crate) fn folder(&self, cell: &Cell) -> PathBuf {
-        self.cells.join(&cell.name)
-    }
-
     /// Runs the remaining stages of a cell. `watch` gets the finished fraction of the fit.
     ///
     /// # Errors
@@ -72,7 +48,7 @@ impl CellRunner<'_> {
             Err(StageError::Sweep(error)) => return Err(error),
         }
         let has_truth = self.sweep.data[cell.data].has_truth();
-        result.converged = self.sweep.converged.holds(&result, has_truth);
+        result.converged = result.meets(&self.sweep.converged, has_truth);
         write_whole(&folder.join("result.json"), serde_json::to_vec_pretty(&result)?)?;
         Ok(result)
     }
@@ -152,11 +128,6 @@ impl CellRunner<'_> {
         Ok(())
     }
 
-    /// The option of the cell's threads.
-    pub(crate) fn threads(&self) -> String {
-        format!("--threads={}", self.threads)
-    }
-
     /// Runs a command once: its report is kept in `NAME.json`, and read from there afterwards.
     fn stage(&self, folder: &Path, name: &str, arguments: &[String]) -> Result<Value, StageError> {
         if let Some(report) = stage_report(folder, name) {
@@ -165,17 +136,6 @@ impl CellRunner<'_> {
         let report = self.command(folder, name, arguments)?;
         write_whole(&folder.join(format!("{name}.json")), report.to_string())?;
         Ok(report)
-    }
-
-    /// Runs a command with the sweep's limits; its standard error goes to `NAME.log`.
-    pub(crate) fn command(
-        &self,
-        folder: &Path,
-        name: &str,
-        arguments: &[String],
-    ) -> Result<Value, StageError> {
-        let log = folder.join(format!("{name}.log"));
-        process::run(self.binary, arguments, &self.sweep.limits, &log, &|| {})
     }
 }
 
@@ -193,9 +153,4 @@ fn gradient_failure(name: &str, error: anyhow::Error) -> StageError {
     let status = error.downcast_ref::<ProcessFailure>().map_or("failed", |failure| failure.status);
     let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
     ProcessFailure { status, reason }.into()
-}
-
-/// A path as an argument of the command line.
-pub(crate) fn text(path: &Path) -> String {
-    path.to_string_lossy().into_owned()
 }

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use crate::cell::CellRunner;
+use sweep_report::Cell;
+use sweep_report::results::finished;
+
+use crate::console::print;
 use crate::folder::SweepFolder;
-use crate::print;
-use crate::results::finished;
-use crate::sweep::Cell;
+use crate::runner::CellRunner;
 
 /// Iterations of a fit that is timed for the estimate.
 const TIMED_ITERATIONS: u64 = 30;

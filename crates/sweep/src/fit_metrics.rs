@@ -4,8 +4,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use serde_json::Value;
-
-use crate::results::CellResult;
+use sweep_report::results::CellResult;
 
 /// Parts of a fit over which losses are averaged.
 const WINDOWS: usize = 20;

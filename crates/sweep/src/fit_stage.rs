@@ -4,12 +4,12 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde_json::Value;
+use sweep_report::Cell;
+use sweep_report::schema::Limits;
 
-use crate::cell::{CellRunner, text};
 use crate::fit_metrics::last_line;
 use crate::process::{self, ProcessFailure, StageError};
-use crate::schema::Limits;
-use crate::sweep::Cell;
+use crate::runner::{CellRunner, text};
 
 /// The option that keeps a fit from rendering previews.
 const NO_PREVIEWS: &str = "--preview-every=1000000000";

@@ -4,15 +4,15 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use sweep_report::files::{read_if_present, write_whole};
+use sweep_report::results::{CellResult, finished};
+use sweep_report::schema::DataSet;
+use sweep_report::{Cell, Refusal, Sweep, write_report};
 
-use crate::cell::DataFolder;
-use crate::files::{read_if_present, write_whole};
+use crate::console::print;
+use crate::inputs;
 use crate::process::{self, StageError};
-use crate::refusal::Refusal;
-use crate::results::{CellResult, finished};
-use crate::schema::DataSet;
-use crate::sweep::{Cell, Sweep};
-use crate::{inputs, print, report};
+use crate::runner::DataFolder;
 
 /// A sweep with its folders.
 pub(crate) struct SweepFolder {
@@ -48,7 +48,7 @@ impl SweepFolder {
         let lock = std::fs::File::create(&path)
             .map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
         if lock.try_lock().is_err() {
-            let (found, expected) = ("another sweep at work", "a folder of one's own");
+            let (found, expected) = ("another sweep is writing here", "another folder");
             return Err(Refusal::new(&self.output, "lock", found, expected).into());
         }
         let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
@@ -161,14 +161,15 @@ impl SweepFolder {
             if let Some(mut result) = finished(&self.cell(&cell)) {
                 // The sweep's criterion may have changed since the cell was run.
                 let has_truth = self.sweep.data[cell.data].has_truth();
-                result.converged = self.sweep.converged.holds(&result, has_truth);
+                result.converged = result.meets(&self.sweep.converged, has_truth);
                 pictures.insert(result.key(), self.cell(&cell).join("picture.png"));
                 results.push(result);
             }
         }
         let picture =
             |result: &CellResult| pictures.get(&result.key()).cloned().unwrap_or_default();
-        report::write_report(&self.sweep, &results, &self.output, &picture)?;
+        let machines = inputs::machines(&self.output)?;
+        write_report(&self.sweep, &results, &machines, &self.output, &picture)?;
         print(&format!("{}\n", self.output.join("report.md").display()));
         Ok(())
     }

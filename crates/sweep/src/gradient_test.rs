@@ -8,11 +8,12 @@ use measure::dsdf::{RunDsdf, gradient};
 use measure::image::{Image, SquaredError};
 use measure::reference::{GAUSSIAN, gaussian_filtered};
 use serde_json::{Value, json};
+use sweep_report::Cell;
+use sweep_report::files::write_whole;
+use sweep_report::options::{flag, text};
 
-use crate::cell::CellRunner;
-use crate::files::write_whole;
 use crate::process::LimitedProgram;
-use crate::sweep::{Cell, flag, text};
+use crate::runner::CellRunner;
 
 /// Samples per pixel of the reference. Its error is 0.7 %, a hundredth of the measured errors.
 const REFERENCE_SPP: &str = "256";
@@ -44,29 +45,20 @@ impl FitFile {
         Ok(FitFile { center: [x, y, z], radius, options })
     }
 
-    /// An option as text; empty if it is not there.
-    fn option(&self, key: &str) -> String {
-        self.options.get(key).map(text).unwrap_or_default()
+    /// The estimator's name.
+    fn estimator(&self) -> anyhow::Result<String> {
+        Ok(text(self.options.get("estimator").context("estimator in fit.toml")?))
     }
 
-    /// A length as text in world units, as `dsdf gradient` takes it. In `fit.toml` it is in
+    /// The options of `dsdf gradient` for the estimator of the fit. Both commands take lengths in
     /// bounding radii.
-    fn length(&self, key: &str) -> String {
-        let length = self.option(key).parse::<f64>().map(|v| v * self.radius);
-        length.map(|v| v.to_string()).unwrap_or_default()
-    }
-
-    /// The options of `dsdf gradient` for the estimator of the fit.
-    fn estimator_flags(&self) -> Vec<String> {
-        let options = [
-            ("estimator", self.option("estimator")),
-            ("steps", self.option("steps")),
-            ("top_k", self.option("top_k")),
-            ("gamma", self.option("gamma")),
-            ("epsilon", self.length("epsilon")),
-            ("lambda_d", self.length("lambda_d")),
-        ];
-        options.into_iter().flat_map(|(key, value)| flag((key.to_owned(), value))).collect()
+    fn estimator_flags(&self) -> anyhow::Result<Vec<String>> {
+        let mut flags = flag(("estimator".to_owned(), self.estimator()?));
+        let warp = self.options.get("warp").and_then(toml::Value::as_table);
+        for (key, value) in warp.context("options.warp in fit.toml")? {
+            flags.extend(flag((key.clone(), text(value))));
+        }
+        Ok(flags)
     }
 
     /// The run's model with radiance 1 before a background of 0, on a film of `size` × `size`
@@ -101,13 +93,13 @@ impl CellRunner<'_> {
             return Ok(known);
         }
         let fit = FitFile::read(run)?;
-        let mut flags = fit.estimator_flags();
+        let mut flags = fit.estimator_flags()?;
         flags.extend(self.gradient_flags(cell));
         let log = folder.join(format!("{name}.gradient.log"));
         let program =
             LimitedProgram { program: self.binary, limits: &self.sweep.limits, log: &log };
         let scene = fit.silhouette_scene(run, self.sweep.gradient.size);
-        let reference = reference(&program, &scene, &fit.option("estimator"))?;
+        let reference = reference(&program, &scene, &fit.estimator()?)?;
         let runs: Vec<Image> = (0..self.sweep.gradient.runs)
             .map(|seed| derivative(&program, &scene, &flags, seed))
             .collect::<anyhow::Result<_>>()?;

@@ -5,10 +5,9 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-
-use crate::files::{read_if_present, write_whole};
-use crate::refusal::Refusal;
-use crate::schema::DataSet;
+use sweep_report::Refusal;
+use sweep_report::files::{read_if_present, write_whole};
+use sweep_report::schema::DataSet;
 
 /// A 64-bit FNV-1a hash, the same on every machine: G. Fowler, L. C. Noll, K.-P. Vo and
 /// D. Eastlake, "The FNV Non-Cryptographic Hash Algorithm".
@@ -112,8 +111,15 @@ pub(crate) fn check(
     let begun = output.join("cells").exists() || sets.iter().any(rendered);
     if let Some(known) = read_if_present(&path)?.filter(|known| begun && *known != own) {
         let name = first_difference(&known, &own).split(' ').next().unwrap_or_default();
-        let expected = "that of the cells that are here (see --binary), or another folder";
-        return Err(Refusal::new(&path, "inputs", format!("another {name}"), expected).into());
+        let (found, expected) = match name {
+            "program" => {
+                ("another program".to_owned(), "the program of this folder's cells (see --binary)")
+            }
+            "less" => ("fewer data sets".to_owned(), "the data of this folder's cells"),
+            name => (format!("other data of {name}"), "the data of this folder's cells"),
+        };
+        let expected = format!("{expected}, or another folder");
+        return Err(Refusal::new(&path, "inputs", found, expected).into());
     }
     write_whole(&path, own)
 }

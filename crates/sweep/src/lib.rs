@@ -2,47 +2,31 @@
 
 mod arguments;
 mod cell;
-mod claims;
-mod compare;
+mod console;
 mod dry_run;
-mod files;
 mod fit_metrics;
 mod fit_stage;
 mod folder;
 mod gradient_test;
-mod grid;
-mod heat_map;
-mod html;
 mod inputs;
-mod metrics;
-mod pairs;
-mod plots;
 mod pool;
 mod prepared;
 mod process;
 mod program_check;
-mod recommendation;
-mod refusal;
-mod report;
-mod result_table;
-mod results;
-mod results_csv;
-mod schema;
+mod runner;
 mod slurm;
-mod statistics;
-mod sweep;
-mod sweep_check;
 
 use std::path::{Path, PathBuf};
 
 pub use arguments::Ablate;
-pub use refusal::Refusal;
+pub use sweep_report::Refusal;
 
-use files::write_whole;
+use console::print;
 use folder::SweepFolder;
 use prepared::PreparedSweep;
 use slurm::Shard;
-use sweep::Sweep;
+use sweep_report::Sweep;
+use sweep_report::files::write_whole;
 
 /// Runs `cargo xtask ablate`: compares two sweeps, merges shards, lists the cells, writes a Slurm
 /// script, or runs the cells and writes a report.
@@ -74,7 +58,7 @@ pub fn run(arguments: &Ablate) -> anyhow::Result<()> {
 
 /// Prints the comparison of two sweeps, and keeps it in the output folder if there is one.
 fn compare(a: &Path, b: &Path, arguments: &Ablate) -> anyhow::Result<()> {
-    let page = compare::compare(a, b)?;
+    let page = sweep_report::compare(a, b)?;
     if arguments.output.is_some() {
         write_whole(&arguments.output_folder()?.join("compare.md"), &page)?;
     }
@@ -88,9 +72,4 @@ fn merge((sweep, base): (Sweep, PathBuf), arguments: &Ablate) -> anyhow::Result<
     let _lock = folder.lock()?;
     folder.merge(&arguments.merge)?;
     folder.write_report()
-}
-
-/// Writes to standard output. A reader that closed the pipe is no error.
-fn print(text: &str) {
-    let _ = std::io::Write::write_all(&mut std::io::stdout(), text.as_bytes());
 }

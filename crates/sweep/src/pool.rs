@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use sweep_report::Cell;
+use sweep_report::metrics::metric;
+use sweep_report::results::{CellResult, finished};
 
-use crate::cell::CellRunner;
-use crate::metrics::metric;
-use crate::results::{CellResult, finished};
-use crate::sweep::Cell;
+use crate::runner::CellRunner;
 
 /// Steps of the progress bar for one cell.
 const STEPS: u64 = 1000;

@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use sweep_report::files::write_whole;
+use sweep_report::results::finished;
+use sweep_report::{Cell, Refusal, Sweep, absolute};
+
 use crate::arguments::{Ablate, make_folder};
-use crate::cell::CellRunner;
-use crate::files::write_whole;
+use crate::console::print;
 use crate::folder::SweepFolder;
 use crate::program_check::{check_data, check_options};
-use crate::refusal::Refusal;
-use crate::results::finished;
+use crate::runner::CellRunner;
 use crate::slurm::{self, JobArray, Shard, shard_folder};
-use crate::sweep::{Cell, Sweep, absolute};
-use crate::{dry_run, inputs, pool, print};
+use crate::{dry_run, inputs, pool};
 
 /// A checked sweep with its program and the cells to run.
 pub(crate) struct PreparedSweep<'a> {

@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde_json::Value;
-
-use crate::schema::Limits;
+use sweep_report::schema::Limits;
 
 /// A failure of the program itself, which becomes the cell's result.
 #[derive(Clone, Debug, thiserror::Error)]

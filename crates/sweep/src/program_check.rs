@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use crate::refusal::Refusal;
-use crate::schema::DataSet;
-use crate::sweep::{Sweep, flag, text};
+use sweep_report::options::{flag, text};
+use sweep_report::schema::DataSet;
+use sweep_report::{Refusal, Sweep};
 
 /// Options of `dsdf fit` that a sweep may not set, with the key or option to use instead.
 const RESERVED: [(&str, &str); 13] = [
@@ -19,7 +19,7 @@ const RESERVED: [(&str, &str); 13] = [
     ("time", "time = \"...\" beside title"),
     ("threads", "--jobs"),
     ("output", "-o"),
-    ("resume", "nothing: sweeps go on by themselves"),
+    ("resume", "sweeps without it: the same command continues a sweep"),
     ("json", "sweeps without it: it is set"),
     ("quiet", "sweeps without it: it is set"),
 ];
@@ -54,7 +54,7 @@ pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow
 fn check_binary(binary: &Path) -> anyhow::Result<()> {
     let found = match rejection(binary, &["--no-such-option".to_owned()]) {
         Ok(Some(message)) if message.contains("--no-such-option") => return Ok(()),
-        Ok(None) => "a program that takes anything".to_owned(),
+        Ok(None) => "a program that accepts an unknown option".to_owned(),
         Ok(Some(message)) if message.is_empty() => "a program that says nothing".to_owned(),
         Ok(Some(message)) => message,
         Err(error) => error.to_string(),
@@ -86,8 +86,24 @@ fn check_option(
     if message.contains("unexpected argument") {
         return Err(Refusal::new(file, field, key, "an option of `dsdf fit`").into());
     }
-    let expected = message.rsplit_once("expected ").map_or(&*message, |(_, expected)| expected);
-    Err(Refusal::new(file, field, value, expected).into())
+    let (found, expected) = found_and_expected(value, &message);
+    Err(Refusal::new(file, field, found, expected).into())
+}
+
+/// The found and the expected value, from the program's message about an option's value.
+///
+/// Some messages end with the expected value, and some list the possible values. Of any other
+/// message the reason follows the found value.
+fn found_and_expected(value: String, message: &str) -> (String, String) {
+    if let Some((_, expected)) = message.rsplit_once(" expected ") {
+        return (value, expected.to_owned());
+    }
+    if let Some((_, list)) = message.split_once("[possible values: ") {
+        let list = list.split(']').next().unwrap_or(list);
+        return (value, format!("one of {list}"));
+    }
+    let reason = message.rsplit_once("': ").map_or(message, |(_, reason)| reason);
+    (format!("{value} ({reason})"), "a value that `dsdf fit` accepts".to_owned())
 }
 
 /// Refuses values that the program takes alone but not together. Cells that differ in the seed only
@@ -191,4 +207,31 @@ fn rejection(binary: &Path, flags: &[String]) -> anyhow::Result<Option<String>> 
 /// The message of a program that failed.
 fn message(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).trim().trim_start_matches("error: ").to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refused_values_have_a_found_and_an_expected_part() {
+        for (message, found, expected) in [
+            ("arguments: N: found 0, expected 1 to 65536", "0", "1 to 65536"),
+            ("invalid value '0' for '--a <A>': expected 1 or 2", "0", "1 or 2"),
+            ("invalid value '0' for '--a <A>' [possible values: b, c]", "0", "one of b, c"),
+            (
+                "unexpected value '0' for '--a' found; no more were expected",
+                "0 (unexpected value '0' for '--a' found; no more were expected)",
+                "a value that `dsdf fit` accepts",
+            ),
+            (
+                "invalid value '0' for '--a <A>': not a word",
+                "0 (not a word)",
+                "a value that `dsdf fit` accepts",
+            ),
+        ] {
+            let parts = found_and_expected("0".to_owned(), message);
+            assert_eq!(parts, (found.to_owned(), expected.to_owned()), "{message}");
+        }
+    }
 }

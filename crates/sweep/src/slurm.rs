@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::refusal::Refusal;
-use crate::sweep::Sweep;
+use sweep_report::{Refusal, Sweep};
 
 /// A part of a sweep's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::claims::{Judgement, judge};
 use crate::files::write_whole;
 use crate::html::html;
-use crate::inputs;
 use crate::metrics::{METRICS, Metric};
+use crate::options::text;
 use crate::pairs::percent;
 use crate::plots::save_pictures;
 use crate::recommendation::recommendation;
@@ -15,7 +15,7 @@ use crate::result_table::{ResultTable, mean_with_interval};
 use crate::results::{CellResult, describe};
 use crate::results_csv::to_csv;
 use crate::schema::{Claim, ClaimKind};
-use crate::sweep::{Sweep, text};
+use crate::sweep::Sweep;
 
 /// The plots at the end of the report: headings and files.
 const PLOTS: [(&str, &str); 3] = [
@@ -26,16 +26,21 @@ const PLOTS: [(&str, &str); 3] = [
 
 /// Writes `results.csv`, the pictures, `report.html` and `report.md` into the folder `output`.
 ///
-/// `picture` gives the file of a result's picture.
-pub(crate) fn write_report(
+/// `machines` are lines of text about the machines that ran the cells. `picture` gives the file of
+/// a result's picture; the file need not exist.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_report(
     sweep: &Sweep,
     results: &[CellResult],
+    machines: &[String],
     output: &Path,
     picture: &dyn Fn(&CellResult) -> PathBuf,
 ) -> anyhow::Result<()> {
     write_whole(&output.join("results.csv"), to_csv(results)?)?;
     save_pictures(sweep, results, output, picture)?;
-    let text = markdown(sweep, results, &inputs::machines(output)?);
+    let text = markdown(sweep, results, machines);
     write_whole(&output.join("report.html"), html(&sweep.title, &text, output)?)?;
     write_whole(&output.join("report.md"), text)
 }
@@ -167,7 +172,7 @@ fn claims(out: &mut String, sweep: &Sweep, results: &[CellResult]) {
 /// The criterion of a claim in words.
 fn criterion(claim: &Claim) -> String {
     let margin = percent(claim.margin);
-    let text = match claim.kind {
+    let words = match claim.kind {
         ClaimKind::Best => "reproduced if the whole interval of every other value is above \
                             100 %; not reproduced if the whole interval of one value is below \
                             100 %"
@@ -186,8 +191,8 @@ fn criterion(claim: &Claim) -> String {
                                      below a quarter"
             .to_owned(),
     };
-    let only = claim.only.iter().map(|(k, v)| format!("; only {k} = {}", super::sweep::text(v)));
-    text + &only.collect::<String>()
+    let only = claim.only.iter().map(|(k, v)| format!("; only {k} = {}", text(v)));
+    words + &only.collect::<String>()
 }
 
 /// The section "Reconstructions", whose picture is `grid.png`.

@@ -1,9 +1,10 @@
 //! Results arranged in rows and columns, for tables and pictures.
 
 use crate::metrics::Metric;
+use crate::options::Settings;
 use crate::results::{CellResult, known_numbers};
 use crate::statistics::mean_interval;
-use crate::sweep::{Settings, Sweep};
+use crate::sweep::Sweep;
 
 /// A parameter with its values, along one side of a table.
 #[derive(Clone)]

@@ -2,24 +2,24 @@
 
 /// A number of a cell's result.
 #[derive(Debug)]
-pub(crate) struct Metric {
+pub struct Metric {
     /// The column in `results.csv`.
-    pub(crate) name: &'static str,
+    pub name: &'static str,
     /// The name in reports.
-    pub(crate) label: &'static str,
+    pub label: &'static str,
     /// Whether a small or a large number is good.
-    pub(crate) better: Better,
+    pub better: Better,
     /// The number that counts for a fit without a result; NaN excludes such fits from comparisons.
-    pub(crate) worst: f64,
+    pub worst: f64,
     /// Errors below this number are taken as equal to it.
-    pub(crate) least: f64,
+    pub least: f64,
     /// Factor and unit in reports.
-    pub(crate) shown: (f64, &'static str),
+    pub shown: (f64, &'static str),
 }
 
 /// Which numbers of a metric are good.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Better {
+pub enum Better {
     /// Small ones: an error.
     Less,
     /// Large ones: a score.
@@ -68,7 +68,7 @@ const fn cost(name: &'static str, label: &'static str, shown: (f64, &'static str
 const MILLIONS: (f64, &str) = (1e-6, " M");
 
 /// All metrics, in the order of the columns of `results.csv`.
-pub(crate) const METRICS: [Metric; 17] = [
+pub const METRICS: [Metric; 17] = [
     metric_of(
         "chamfer",
         "Chamfer distance, of the bounding radius",
@@ -95,7 +95,7 @@ pub(crate) const METRICS: [Metric; 17] = [
 ];
 
 /// The metric of a name.
-pub(crate) fn metric(name: &str) -> Option<&'static Metric> {
+pub fn metric(name: &str) -> Option<&'static Metric> {
     METRICS.iter().find(|m| m.name == name)
 }
 

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use crate::metrics::{Metric, metric};
+use crate::options::Settings;
 use crate::pairs::{error, error_name, error_ratio, percent};
 use crate::results::{CellResult, describe};
 use crate::statistics::Interval;
-use crate::sweep::Settings;
 
 /// Two tolerances as ratios: the largest error of a recommended setting in units of the best one's
 /// error, and the largest time in units of the least time among those settings.

@@ -16,18 +16,13 @@ pub struct Refusal {
 impl Refusal {
     /// A refusal from another program's message. If the message names an expected value, that one
     /// is taken in place of `expected`.
-    pub(crate) fn from_message(
-        file: &Path,
-        field: impl Display,
-        message: &str,
-        expected: &str,
-    ) -> Self {
+    pub fn from_message(file: &Path, field: impl Display, message: &str, expected: &str) -> Self {
         let (found, expected) = message.rsplit_once(", expected ").unwrap_or((message, expected));
         Self::new(file, field, found, expected)
     }
 
     /// A refusal in one line: line breaks in the texts become spaces.
-    pub(crate) fn new(
+    pub fn new(
         file: &Path,
         field: impl Display,
         found: impl Display,

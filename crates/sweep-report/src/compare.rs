@@ -8,6 +8,7 @@ use crate::pairs::{error_name, error_ratio, p_value, percent};
 use crate::refusal::Refusal;
 use crate::results::{CellResult, describe};
 use crate::results_csv::from_csv;
+use crate::statistics::Interval;
 
 /// The parameter that is added to the settings of common cells, with the values `A` and `B`.
 const SIDE: &str = "sweep";
@@ -24,9 +25,12 @@ struct Comparison {
 
 /// Compares the results of two sweeps, given as folders or as files `results.csv`.
 ///
+/// Returns a page in Markdown: ratios of the errors of `b` to those of `a`, and a table of the
+/// common cells.
+///
 /// # Errors
 /// A [`Refusal`] if a file cannot be read, or if the sweeps have no cell in common.
-pub(crate) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
+pub fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     let read = |path: &Path| {
         from_csv(&if path.is_dir() { path.join("results.csv") } else { path.to_owned() })
     };
@@ -40,6 +44,18 @@ pub(crate) fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
     comparison.metrics(&mut out);
     comparison.cells(&mut out);
     Ok(out)
+}
+
+/// The text in place of an interval that does not exist.
+const NO_INTERVAL: &str = "needs two pairs or more, of different data sets or seeds";
+
+/// The interval and the p value of a ratio, as two fields of a table. Both need two pairs, since
+/// they come from the scatter among pairs.
+fn certainty(ratio: Interval) -> String {
+    if ratio.count < 2 {
+        return format!("{NO_INTERVAL} | -");
+    }
+    format!("{} to {} | {}", percent(ratio.low), percent(ratio.high), p_value(ratio.p))
 }
 
 /// The results of `own` whose cells `other` has too, marked as of one side.
@@ -93,14 +109,7 @@ impl Comparison {
             }
             let cost = metric.better == Better::Cost;
             let name = if cost { metric.label.to_owned() } else { error_name(metric) };
-            let _ = writeln!(
-                out,
-                "| {name} | {} | {} to {} | {} |",
-                percent(ratio.mean),
-                percent(ratio.low),
-                percent(ratio.high),
-                p_value(ratio.p)
-            );
+            let _ = writeln!(out, "| {name} | {} | {} |", percent(ratio.mean), certainty(ratio));
         }
     }
 
@@ -127,5 +136,35 @@ impl Comparison {
                 number(b, "psnr", 1.0)
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Results of one setting and the seeds 1, 2, …, with these Chamfer distances.
+    fn results(chamfer: &[f64]) -> Vec<CellResult> {
+        let result = |(seed, chamfer): (u64, &f64)| CellResult {
+            data: "knot".to_owned(),
+            seed,
+            numbers: [("chamfer".to_owned(), *chamfer)].into(),
+            ..CellResult::default()
+        };
+        (1..).zip(chamfer).map(result).collect()
+    }
+
+    #[test]
+    fn an_interval_needs_two_pairs() {
+        let table = |a: &[f64], b: &[f64]| {
+            let mut out = String::new();
+            Comparison::new(results(a), results(b)).metrics(&mut out);
+            out
+        };
+        let one = table(&[0.01], &[0.02]);
+        assert!(one.contains("| 200 % | needs two pairs or more, of different data"), "{one}");
+        assert!(one.ends_with(" | - |\n") && !one.contains('?'), "{one}");
+        let two = table(&[0.01, 0.03], &[0.02, 0.06]);
+        assert!(two.ends_with("| 200 % | 200 % to 200 % | < 0.001 |\n"), "{two}");
     }
 }

@@ -1,4 +1,7 @@
-use super::*;
+//! Sweep files: their cells, and the refusals of wrong ones.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use sweep_report::{Refusal, SHIPPED, Sweep};
 
 fn sweep(text: &str) -> Result<Sweep, Refusal> {
     let folder = tempfile::tempdir().unwrap();
@@ -56,6 +59,8 @@ fn wrong_sweep_files_are_refused_in_one_line() {
             "columns",
             "another one",
         ),
+        ("[fixed]", "[gradient]\nruns = 1\n[fixed]", "gradient.runs: found 1", "2 or more"),
+        ("[fixed]", "[gradient]\nspp = 0\n[fixed]", "gradient.spp: found 0", "1 or more"),
         ("iterations = 5", "", "iterations", "one of them"),
         ("iterations = 5", "iterations = 5\ntime = \"3s\"", "iterations", "one of them"),
         ("iterations = 5", "iterations = 5\nrows = \"k\"", "rows", "a key of parameters"),

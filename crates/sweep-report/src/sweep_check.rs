@@ -5,9 +5,10 @@ use std::path::Path;
 use toml::Value;
 
 use crate::metrics::{metric, metric_names};
+use crate::options::text;
 use crate::refusal::Refusal;
 use crate::schema::{Claim, ClaimKind};
-use crate::sweep::{Sweep, text};
+use crate::sweep::Sweep;
 
 /// Longest name of a cell, in bytes. Systems allow 255 for the name of a folder.
 const NAME: usize = 240;
@@ -165,13 +166,16 @@ impl Sweep {
         }
     }
 
+    /// The variance of a gradient needs two runs.
     fn check_gradient_test(&self) -> Result<(), Wrong> {
         let test = &self.gradient;
-        if test.size == 0 || test.spp == 0 || test.runs < 2 {
-            let expected = "size and spp of 1 or more, 2 runs or more";
-            return wrong("gradient", format!("{test:?}"), expected);
+        let least = [("size", test.size, 1), ("spp", test.spp, 1), ("runs", test.runs, 2)];
+        match least.into_iter().find(|(_, found, least)| found < least) {
+            Some((key, found, least)) => {
+                wrong(format!("gradient.{key}"), found.to_string(), format!("{least} or more"))
+            }
+            None => Ok(()),
         }
-        Ok(())
     }
 
     /// The cells' names are short enough for folders.

@@ -6,32 +6,34 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::Metric;
-use crate::sweep::{Cell, Settings, Sweep, long_name};
+use crate::options::{Settings, long_name};
+use crate::schema::Convergence;
+use crate::sweep::{Cell, Sweep};
 
 /// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
-pub(crate) struct CellResult {
+pub struct CellResult {
     /// The data set's name.
-    pub(crate) data: String,
+    pub data: String,
     /// The parameters with their values, in the sweep's order.
-    pub(crate) values: Settings,
+    pub values: Settings,
     /// The seed of the fit.
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// `done`, `failed`, `time` or `memory`.
-    pub(crate) status: String,
+    pub status: String,
     /// Why the cell is not done; empty if it is.
-    pub(crate) reason: String,
+    pub reason: String,
     /// Whether the fit converged, by the sweep's criterion.
-    pub(crate) converged: bool,
+    pub converged: bool,
     /// The known metrics, by name.
-    pub(crate) numbers: BTreeMap<String, f64>,
+    pub numbers: BTreeMap<String, f64>,
     /// The loss curve: an iteration, and the mean loss of the part of the fit that starts there.
     #[serde(default)]
-    pub(crate) curve: Vec<(f64, f64)>,
+    pub curve: Vec<(f64, f64)>,
 }
 
 /// The identity of a result: data set, seed, and settings by their long names, sorted.
-pub(crate) type ResultKey = (String, u64, Settings);
+pub type ResultKey = (String, u64, Settings);
 
 /// Cost of a gradient, a Hessian–vector product and a parameter gradient in values of f.
 const COSTS: [(&str, f64); 4] =
@@ -39,7 +41,10 @@ const COSTS: [(&str, f64); 4] =
 
 impl CellResult {
     /// A result without numbers, of status `done`.
-    pub(crate) fn new(sweep: &Sweep, cell: &Cell) -> Self {
+    ///
+    /// # Panics
+    /// If the cell is of a sweep with more data sets.
+    pub fn new(sweep: &Sweep, cell: &Cell) -> Self {
         CellResult {
             data: sweep.data[cell.data].name.clone(),
             values: cell.values.clone(),
@@ -49,9 +54,19 @@ impl CellResult {
         }
     }
 
+    /// Whether the result meets the criterion of convergence. Without a true surface only the loss
+    /// decides.
+    pub fn meets(&self, criterion: &Convergence, has_truth: bool) -> bool {
+        let number = |name: &str| self.numbers.get(name).copied();
+        let close = number("chamfer").map_or(!has_truth, |chamfer| chamfer <= criterion.chamfer);
+        let low = |(end, best): (f64, f64)| end <= criterion.rise * best;
+        let loss = number("loss").zip(number("best_loss"));
+        number("psnr").is_some() && close && loss.is_none_or(low)
+    }
+
     /// The identity of this result. Two sweeps may list the same parameters in different orders and
     /// under short or long names.
-    pub(crate) fn key(&self) -> ResultKey {
+    pub fn key(&self) -> ResultKey {
         let mut values: Settings = self
             .values
             .iter()
@@ -62,23 +77,23 @@ impl CellResult {
     }
 
     /// The value of a parameter; empty if there is no such parameter.
-    pub(crate) fn value(&self, parameter: &str) -> &str {
+    pub fn value(&self, parameter: &str) -> &str {
         self.values.iter().find(|(k, _)| k == parameter).map_or("", |(_, v)| v)
     }
 
     /// Whether a metric is known.
-    pub(crate) fn has(&self, metric: &Metric) -> bool {
+    pub fn has(&self, metric: &Metric) -> bool {
         self.numbers.contains_key(metric.name)
     }
 
     /// Field evaluations of the fit in units of one value. This cost does not depend on the speed
     /// of the machine. Single and double precision are counted alike.
-    pub(crate) fn passes(&self) -> Option<f64> {
+    pub fn passes(&self) -> Option<f64> {
         COSTS.iter().map(|(name, cost)| Some(cost * self.numbers.get(*name)?)).sum()
     }
 
     /// A metric; its worst number if it is unknown.
-    pub(crate) fn number(&self, metric: &Metric) -> f64 {
+    pub fn number(&self, metric: &Metric) -> f64 {
         self.numbers.get(metric.name).copied().unwrap_or(metric.worst)
     }
 }
@@ -94,6 +109,6 @@ pub(crate) fn describe(settings: &[(String, String)]) -> String {
 }
 
 /// The result in a cell's folder, or `None` if the cell is not finished.
-pub(crate) fn finished(folder: &Path) -> Option<CellResult> {
+pub fn finished(folder: &Path) -> Option<CellResult> {
     serde_json::from_str(&std::fs::read_to_string(folder.join("result.json")).ok()?).ok()
 }

@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{Metric, metric};
+use crate::options::text;
 use crate::pairs::{error_name, error_ratio, p_value, percent};
 use crate::results::CellResult;
 use crate::schema::{Claim, ClaimKind};
 use crate::statistics::{Interval, proportion_interval};
-use crate::sweep::{Sweep, text};
+use crate::sweep::Sweep;
 
 /// The verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

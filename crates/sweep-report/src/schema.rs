@@ -5,12 +5,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
-use crate::results::CellResult;
-
 /// How the program is built. The profiles give the same results in different times.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Profile {
+pub enum Profile {
     /// For measurements of time.
     #[default]
     Release,
@@ -20,7 +18,7 @@ pub(crate) enum Profile {
 
 impl Profile {
     /// The profile's name in the workspace.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Profile::Release => "release",
             Profile::Quick => "quick",
@@ -31,11 +29,11 @@ impl Profile {
 /// The limits of each process of a cell. A process that exceeds one is ended.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct Limits {
+pub struct Limits {
     /// Wall time, in seconds.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Resident memory, in MiB.
-    pub(crate) mebibytes: f64,
+    pub mebibytes: f64,
 }
 
 impl Default for Limits {
@@ -48,21 +46,11 @@ impl Default for Limits {
 /// and the loss at the end is at most `rise` times the lowest loss.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct Convergence {
+pub struct Convergence {
     /// Largest Chamfer distance, in bounding radii.
-    pub(crate) chamfer: f64,
+    pub chamfer: f64,
     /// Largest ratio of the loss at the end to the lowest loss.
-    pub(crate) rise: f64,
-}
-
-impl Convergence {
-    /// Whether a result meets the criterion. Without a true surface only the loss decides.
-    pub(crate) fn holds(&self, result: &CellResult, has_truth: bool) -> bool {
-        let number = |name: &str| result.numbers.get(name).copied();
-        let close = number("chamfer").map_or(!has_truth, |chamfer| chamfer <= self.chamfer);
-        let loss = number("loss").zip(number("best_loss"));
-        number("psnr").is_some() && close && loss.is_none_or(|(end, best)| end <= self.rise * best)
-    }
+    pub rise: f64,
 }
 
 impl Default for Convergence {
@@ -76,13 +64,13 @@ impl Default for Convergence {
 /// derivative is along a random direction of the weights.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct GradientTest {
+pub struct GradientTest {
     /// Width and height of the image, in pixels.
-    pub(crate) size: u32,
+    pub size: u32,
     /// Samples per pixel.
-    pub(crate) spp: u32,
+    pub spp: u32,
     /// Runs, each with its own seed.
-    pub(crate) runs: u32,
+    pub runs: u32,
 }
 
 impl Default for GradientTest {
@@ -94,29 +82,29 @@ impl Default for GradientTest {
 /// A data set: a scene of which views are rendered, or a folder of photographs.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct DataSet {
+pub struct DataSet {
     /// Its name in folders and reports.
-    pub(crate) name: String,
+    pub name: String,
     /// A scene file, relative to the sweep's folder.
     #[serde(default)]
-    pub(crate) scene: Option<String>,
+    pub scene: Option<String>,
     /// Number of views of the scene.
     #[serde(default = "views")]
-    pub(crate) views: u32,
+    pub views: u32,
     /// Width and height of a view, in pixels.
     #[serde(default = "size")]
-    pub(crate) size: u32,
+    pub size: u32,
     /// A folder of photographs in place of a scene, relative to the sweep's folder.
     #[serde(default)]
-    pub(crate) dataset: Option<String>,
+    pub dataset: Option<String>,
     /// The true surface as a mesh, relative to the sweep's folder. A scene has its own without it.
     #[serde(default)]
-    pub(crate) mesh: Option<String>,
+    pub mesh: Option<String>,
 }
 
 impl DataSet {
     /// Whether the true surface is known.
-    pub(crate) fn has_truth(&self) -> bool {
+    pub fn has_truth(&self) -> bool {
         self.scene.is_some() || self.mesh.is_some()
     }
 }
@@ -132,27 +120,27 @@ fn size() -> u32 {
 /// A statement about a parameter, to be judged by the results.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Claim {
+pub struct Claim {
     /// The statement in words.
-    pub(crate) text: String,
+    pub text: String,
     /// The statement as a criterion.
-    pub(crate) kind: ClaimKind,
+    pub kind: ClaimKind,
     /// The parameter.
-    pub(crate) parameter: String,
+    pub parameter: String,
     /// The values that the statement is about.
-    pub(crate) values: Vec<Value>,
+    pub values: Vec<Value>,
     /// The value that they are compared with; `best` compares with every other value.
     #[serde(default)]
-    pub(crate) than: Option<Value>,
+    pub than: Option<Value>,
     /// Values of other parameters: only cells with these values count.
     #[serde(default, rename = "where")]
-    pub(crate) only: BTreeMap<String, Value>,
+    pub only: BTreeMap<String, Value>,
     /// The metric of the comparison.
     #[serde(default = "chamfer")]
-    pub(crate) metric: String,
+    pub metric: String,
     /// The relative difference that matters.
     #[serde(default = "margin")]
-    pub(crate) margin: f64,
+    pub margin: f64,
 }
 
 fn chamfer() -> String {
@@ -166,7 +154,7 @@ fn margin() -> f64 {
 /// The criterion of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum ClaimKind {
+pub enum ClaimKind {
     /// The value is better than every other value.
     Best,
     /// The values are worse by the margin.
