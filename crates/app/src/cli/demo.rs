@@ -30,7 +30,7 @@ const MESH_CELLS: usize = 192;
 /// Arguments of `dsdf demo`.
 #[derive(Args, Debug)]
 pub(crate) struct Demo {
-    /// Folder to write; a run of an earlier demo in it is replaced
+    /// Folder to write; its subfolder `run` is replaced
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
     /// Wall time of the fit, for example 90s or 10m

@@ -9,11 +9,11 @@ use clap::{ArgMatches, ValueEnum};
 /// results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Preset {
-    /// Derivative images of 16 samples per pixel; fits of 2000 iterations
+    /// Derivative images: 16 samples per pixel; fits: 2000 iterations
     Fast,
     /// The defaults of all options
     Balanced,
-    /// 1024 samples per pixel; 20000 iterations, and hidden layers of width 96
+    /// Derivative images: 1024 samples per pixel; fits: 20000 iterations, layers of width 96
     Accurate,
 }
 

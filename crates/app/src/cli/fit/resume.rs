@@ -39,7 +39,7 @@ impl Fit {
             let differs = default.get(&key) != Some(&value) && kept.get(&key) != Some(&value);
             if differs && !BUDGET.contains(&key.as_str()) {
                 let kept = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
-                let expected = format!("{kept}, the value of the run to resume");
+                let expected = format!("{kept}, the value of this run");
                 return Err(InputError::new(source, key, value, expected).into());
             }
         }
