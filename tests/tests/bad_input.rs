@@ -141,7 +141,10 @@ fn wrong_options_of_gradient_are_refused() {
         &["--filter", "gaussian", "box", "refined"],
     );
     gradient(&["--filter", "box", "--estimator", "was"], &["--filter", "box", "gaussian", "was"]);
-    gradient(&["--estimator", "paper", "--top-k", "1"], &["--top-k", "1", "leaves one point none"]);
+    gradient(
+        &["--estimator", "paper", "--top-k", "1"],
+        &["--top-k", "1", "one point alone keeps none"],
+    );
     gradient(&["--gamma", "-2"], &["--gamma", "found -2", "above 0"]);
     gradient(&["--seed", "-1"], &["--seed", "-1"]);
     gradient(&["--threads", "-1"], &["--threads", "-1"]);

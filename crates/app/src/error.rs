@@ -1,13 +1,14 @@
-//! How a run ends: the exit status of an error.
+//! Exit statuses of errors.
 
 use io::InputError;
 
-/// A run that Ctrl-C ended; what it had is saved. Exit status 130.
+/// The error of a fit that Ctrl-C stopped. Its checkpoint is saved; the exit status is 130.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("interrupted")]
 pub struct Interrupted;
 
-/// The exit status for an error: 2 for wrong input, 130 after Ctrl-C, 1 for anything else.
+/// The exit status of an error: 2 for wrong input ([`InputError`]), 130 for [`Interrupted`], 1 for
+/// any other error.
 pub fn exit_status(error: &anyhow::Error) -> u8 {
     if error.downcast_ref::<InputError>().is_some() {
         2

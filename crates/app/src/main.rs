@@ -1,9 +1,9 @@
-//! The `dsdf` command.
+//! The program `dsdf`.
 
 use std::process::ExitCode;
 
-/// Batches of changing sizes come and go with every step of the tracer: what is freed is kept for
-/// the next.
+/// Every step of the tracer allocates and frees batches of another size. Mimalloc keeps freed
+/// memory for the next batch.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

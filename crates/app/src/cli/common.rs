@@ -1,4 +1,4 @@
-//! Flags and output shared by the commands.
+//! Flags, output and errors that the commands share.
 
 use std::io::Write;
 use std::path::Path;
@@ -14,26 +14,27 @@ use io::InputError;
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Options of every command")]
 pub(crate) struct Global {
     /// Print the result as one JSON object
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// Threads to use [default: all]
+    /// Number of threads [default: all]
     #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// No progress on standard error
+    /// Show no progress on standard error
     #[arg(long, global = true)]
     pub(crate) quiet: bool,
-    /// End when the process of this number ends, which started this one (Linux)
+    /// End when the parent process, which has this number, ends (Linux)
     #[arg(long, global = true, hide = true, value_name = "PID")]
     pub(crate) end_with: Option<u32>,
-    /// The estimators.
+    /// The estimators that `--estimator` can name.
     #[arg(skip)]
     pub(crate) registry: Registry,
 }
 
 impl Global {
-    /// Prints a result: as JSON, or as the lines of `text`.
+    /// Prints a result to standard output: `json` as one line with `--json`, else `text`.
     pub(crate) fn report(
         &self,
         json: &impl Serialize,
@@ -41,15 +42,15 @@ impl Global {
     ) -> anyhow::Result<()> {
         let line = if self.json { serde_json::to_string(json)? } else { text() };
         match writeln!(std::io::stdout(), "{line}") {
-            // A reader that closes the pipe is no error.
+            // A reader may close the pipe early, for example `head`. That is no error.
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                Err(error).context("standard output")
+                Err(error).context("cannot write to standard output")
             }
             _ => Ok(()),
         }
     }
 
-    /// A progress bar over fractions, on standard error.
+    /// A progress bar on standard error, hidden with `--quiet`. [`bar_mover`] moves it.
     pub(crate) fn progress(&self, name: &str) -> ProgressBar {
         if self.quiet {
             return ProgressBar::hidden();
@@ -63,8 +64,8 @@ impl Global {
     }
 }
 
-/// A callback that moves `bar` to a fraction.
-pub(crate) fn mover(bar: &ProgressBar) -> impl Fn(f64) + Sync + '_ {
+/// A callback that moves `bar` to a fraction between 0 and 1.
+pub(crate) fn bar_mover(bar: &ProgressBar) -> impl Fn(f64) + Sync + '_ {
     |fraction| bar.set_position((fraction.min(1.0) * 1000.0) as u64)
 }
 
@@ -77,12 +78,16 @@ pub(crate) enum PrecisionArg {
     F64,
 }
 
-/// A colour of a scene in the precision of the computation.
+/// A colour of a scene file in the precision of the computation.
 pub(crate) fn color<R: Real>(rgb: [f64; 3]) -> R::Vec3 {
     R::Vec3::of(rgb.into())
 }
 
-/// Refuses an output whose extension is not among `extensions`.
+/// Checks that the extension of an output file is one of `extensions` (lower case, without the
+/// dot).
+///
+/// # Errors
+/// If it is not.
 pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
     let found = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     if extensions.contains(&found.as_str()) {
@@ -92,10 +97,10 @@ pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), In
     Err(InputError::new(path, "output", format!("extension \"{found}\""), expected.join(", ")))
 }
 
-/// An error of options on the command line, whose names are the flags'.
+/// The error of an option. The option `top_k` of a library has the flag `--top-k`.
 pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputError {
     InputError::new(ARGUMENTS, format!("--{}", name.replace('_', "-")), found, expected)
 }
 
-/// The file that messages about flags name.
+/// The file name in messages about the command line.
 pub(super) const ARGUMENTS: &str = "arguments";

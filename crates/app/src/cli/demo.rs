@@ -1,4 +1,4 @@
-//! `dsdf demo`: the main job on an embedded example.
+//! `dsdf demo`: synthesis, fit and evaluation of an embedded example.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -6,111 +6,136 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, mover};
-use super::eval;
-use super::fit::{When, fit, start};
-use ::fit::{FitOptions, Model, RunFile, scene, write_preview};
+use super::common::{Global, bar_mover};
+use super::eval::{EvalReport, compare_views};
+use super::fit::{Segment, fit, new_run};
+use ::fit::{FitOptions, Model, RunFile, parse_duration, scene, write_preview};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
+use dataset::{Dataset, LoadOptions};
 use mesh::{extract, read_mesh, write_mesh};
 
-/// The embedded scene: a rounded solid with a hole through it and a bite out of it.
+/// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.
 const SCENE: &str = include_str!("demo_scene.json");
 
-/// Reconstruct an embedded example: no files needed.
+/// Samples per pixel of the training images.
+const TRAINING_SPP: u32 = 16;
+
+/// Samples per pixel of the rendered held-out views.
+const EVALUATION_SPP: u32 = 4;
+
+/// Grid cells of the mesh along the diameter of the bounding sphere.
+const MESH_CELLS: usize = 192;
+
+/// Arguments of `dsdf demo`.
 #[derive(Args, Debug)]
 pub(crate) struct Demo {
-    /// The folder to write
+    /// Folder to write; its subfolder `run` is replaced
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
-    /// Wall time of the fit
-    #[arg(long, default_value = "160s", value_parser = super::fit::parse_duration)]
+    /// Wall time of the fit, for example 90s or 10m
+    #[arg(long, default_value = "160s", value_parser = parse_duration)]
     time: Duration,
-    /// Views to fit
+    /// Number of training views
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(3..=1000))]
     views: u32,
-    /// Width and height of the images
+    /// Width and height of the images in pixels
     #[arg(long, default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=2048))]
     size: u32,
 }
 
+/// The result of `dsdf demo`.
 #[derive(Serialize)]
-struct Report {
+struct DemoReport {
+    /// The errors of the fit, as in `dsdf eval`.
     #[serde(flatten)]
-    metrics: eval::Report,
+    metrics: EvalReport,
+    /// Iterations of the fit.
     iterations: u64,
+    /// Wall time of the whole command, in seconds.
     seconds: f64,
+    /// The preview picture.
     picture: PathBuf,
+    /// The mesh file.
     mesh: PathBuf,
+}
+
+impl DemoReport {
+    fn text(&self) -> String {
+        format!(
+            "{}\n{} iterations, {:.0} s in all\npicture {}\nmesh    {}",
+            self.metrics.table(),
+            self.iterations,
+            self.seconds,
+            self.picture.display(),
+            self.mesh.display()
+        )
+    }
 }
 
 impl Demo {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        let begin = Instant::now();
+        let start = Instant::now();
         let (data, run) = (self.output.join("dataset"), self.output.join("run"));
-        // A demo shows the same thing again and again: what an earlier one left is in the way.
+        // A new fit refuses a folder with a checkpoint.
         if run.exists() {
             std::fs::remove_dir_all(&run)?;
         }
         eprintln!("rendering {} views of the embedded scene", self.views);
-        self.photograph(&data, global)?;
+        self.synthesise(&data, global)?;
         eprintln!("reconstructing it from those images alone, {} s", self.time.as_secs());
         let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
-        let (dataset, file) = start(&data, &options)?;
-        let fitted = fit(dataset, file, &run, When::default(), global)?;
-        let report = self.evaluate(&data, &run, fitted.iterations(), begin, global)?;
-        global.report(&report, || {
-            let files =
-                format!("picture {}\nmesh    {}", report.picture.display(), report.mesh.display());
-            format!(
-                "{}\n{} iterations, {:.0} s in all\n{files}",
-                report.metrics.table(),
-                report.iterations,
-                report.seconds
-            )
-        })
+        let (dataset, file) = new_run(&data, &options)?;
+        let fitted = fit(dataset, file, &run, Segment::default(), global)?;
+        let (mesh, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));
+        let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
+        let iterations = fitted.iterations;
+        let seconds = start.elapsed().as_secs_f64();
+        let report = DemoReport { metrics, iterations, seconds, picture, mesh };
+        global.report(&report, || report.text())
     }
 
-    /// Renders the views; the scene file is left beside them.
-    fn photograph(&self, data: &Path, global: &Global) -> anyhow::Result<()> {
+    /// Renders the data set into `data` and writes the scene file next to it.
+    fn synthesise(&self, data: &Path, global: &Global) -> anyhow::Result<()> {
         let value: serde_json::Value = serde_json::from_str(SCENE)?;
         let source = data.join("scene.json");
         let scene = SceneFile::from_value(&source, &value)?;
-        let options =
-            Options { views: self.views as usize, size: [self.size; 2], spp: 16, seed: 0 };
+        let (views, size) = (self.views as usize, [self.size; 2]);
+        let options = Options { views, size, spp: TRAINING_SPP, seed: 0 };
         let bar = global.progress("views");
-        synthesise(&scene, &source, data, &options, &mover(&bar))?;
+        synthesise(&scene, &source, data, &options, &bar_mover(&bar))?;
         bar.finish_and_clear();
         io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
     }
+}
 
-    fn evaluate(
-        &self,
-        data: &Path,
-        run: &Path,
-        iterations: u64,
-        begin: Instant,
-        global: &Global,
-    ) -> anyhow::Result<Report> {
-        let (file, model) = (RunFile::load(run)?, Model::load(run)?);
-        let dataset = dataset::load(data, &dataset::LoadOptions::default())?;
-        let bar = global.progress("evaluate");
-        let mut metrics = eval::views(&model, &file, &dataset.test, 4, &mover(&bar))?;
-        let mesh = extract(&model.field, &file.sphere(), 192, &mover(&bar));
-        let (mesh_path, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));
-        write_mesh(&mesh_path, &mesh)?;
-        metrics.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
-        if let Some(view) = dataset.test.first() {
-            let cameras = [view.camera];
-            write_preview(&picture, &scene(&model, &file, &cameras), 0, &view.image)?;
-        }
-        bar.finish_and_clear();
-        Ok(Report {
-            metrics,
-            iterations,
-            seconds: begin.elapsed().as_secs_f64(),
-            picture,
-            mesh: mesh_path,
-        })
+/// Compares a run with its data set: held-out views, the true surface, and a preview picture.
+/// Writes the mesh of the run to `mesh_path` and the picture to `picture`.
+fn evaluate(
+    data: &Path,
+    run: &Path,
+    mesh_path: &Path,
+    picture: &Path,
+    global: &Global,
+) -> anyhow::Result<EvalReport> {
+    let (file, model) = (RunFile::load(run)?, Model::load(run)?);
+    let dataset = dataset::load(data, &LoadOptions::default())?;
+    let bar = global.progress("evaluate");
+    let progress = bar_mover(&bar);
+    let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &progress)?;
+    let mesh = extract(&model.field, &file.sphere(), MESH_CELLS, &progress);
+    write_mesh(mesh_path, &mesh)?;
+    report.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
+    preview(&dataset, &model, &file, picture)?;
+    bar.finish_and_clear();
+    Ok(report)
+}
+
+/// Writes the picture of the first held-out view: target, render, normals, error.
+fn preview(dataset: &Dataset, model: &Model, file: &RunFile, picture: &Path) -> anyhow::Result<()> {
+    if let Some(view) = dataset.test.first() {
+        let cameras = [view.camera];
+        write_preview(picture, &scene(model, file, &cameras), 0, &view.image)?;
     }
+    Ok(())
 }

@@ -5,43 +5,52 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, mover};
+use super::common::{Global, bar_mover};
 use dataset::{LoadOptions, View};
 use fit::{Model, RunFile, scene};
 use mesh::{extract, read_mesh};
 use metrics::{compare, mask_iou, psnr, ssim};
 use render::render;
 
-/// Measure a run on held-out views, and against a mesh.
+/// Arguments of `dsdf eval`.
 #[derive(Args, Debug)]
 pub(crate) struct Eval {
-    /// The run folder
+    /// Run folder
     run: PathBuf,
-    /// The data set [default: the one of the run]
+    /// Data set folder [default: the data set of the run]
     #[arg(long)]
     dataset: Option<PathBuf>,
-    /// The true surface, .ply or .obj, in the data set's units
+    /// True surface (.ply or .obj), in the units of the data set
     #[arg(long)]
     mesh: Option<PathBuf>,
-    /// Samples a pixel
+    /// Samples per pixel
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
-    /// Grid cells along the diameter for the run's own mesh
+    /// Grid cells along the diameter of the bounding sphere, for the mesh of the run
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
 }
 
-/// What was measured; `null` where there is nothing to compare with.
+/// The errors of a run. A metric is `None` if the data set or the command line has no reference for
+/// it.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(super) struct Report {
-    pub(super) psnr: Option<f64>,
-    pub(super) ssim: Option<f64>,
-    pub(super) mask_iou: Option<f64>,
-    pub(super) chamfer: Option<f64>,
-    pub(super) chamfer_relative: Option<f64>,
-    pub(super) f_score: Option<f64>,
-    pub(super) normal_consistency: Option<f64>,
-    pub(super) views: usize,
+pub(super) struct EvalReport {
+    /// PSNR in dB, mean over the held-out views.
+    psnr: Option<f64>,
+    /// Structural similarity, mean over the held-out views.
+    ssim: Option<f64>,
+    /// Intersection over union of the masks, mean over the held-out views that have one.
+    mask_iou: Option<f64>,
+    /// Chamfer distance to the true surface: the mean of both directions, in data set units.
+    chamfer: Option<f64>,
+    /// Chamfer distance as a fraction of the bounding radius.
+    chamfer_relative: Option<f64>,
+    /// F-score at [`F_THRESHOLD`].
+    f_score: Option<f64>,
+    /// Mean |n·n′| of the normals of nearest points.
+    normal_consistency: Option<f64>,
+    /// Number of held-out views.
+    views: usize,
 }
 
 impl Eval {
@@ -52,10 +61,10 @@ impl Eval {
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
         let dataset = dataset::load(path, &LoadOptions { downscale: file.options.downscale })?;
         let bar = global.progress("eval");
-        let mut report = views(&model, &file, &dataset.test, self.spp, &mover(&bar))?;
+        let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar_mover(&bar))?;
         if let Some(truth) = truth {
-            let mesh =
-                extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
+            let cells = self.resolution as usize;
+            let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();
@@ -63,14 +72,17 @@ impl Eval {
     }
 }
 
-/// Image metrics, each the mean over the views.
-pub(super) fn views(
+/// Renders the views with `spp` samples per pixel and compares them with their photographs.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity.
+pub(super) fn compare_views(
     model: &Model,
     file: &RunFile,
     views: &[View],
     spp: u32,
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<EvalReport> {
     let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
     let scene = scene(model, file, &cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
@@ -82,12 +94,12 @@ pub(super) fn views(
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.mask.as_ref().map(|mask| mask_iou(&image.coverage, mask)));
     }
-    Ok(Report {
+    Ok(EvalReport {
         psnr: mean(&psnrs),
         ssim: mean(&ssims),
         mask_iou: mean(&ious),
         views: views.len(),
-        ..Report::default()
+        ..EvalReport::default()
     })
 }
 
@@ -95,14 +107,15 @@ fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// Points sampled on each surface.
+/// Number of points sampled on each surface.
 const SURFACE_SAMPLES: usize = 100_000;
 
-/// The F-score's threshold, as a fraction of the bounding radius.
+/// The threshold of the F-score, in bounding radii.
 const F_THRESHOLD: f64 = 0.01;
 
-impl Report {
-    /// Adds the comparison with the true surface; an empty mesh compares with nothing.
+impl EvalReport {
+    /// Adds the comparison of a run's mesh with the true surface. `radius` is the bounding radius,
+    /// in data set units. A mesh without faces leaves the metrics `None`.
     pub(super) fn add_mesh(&mut self, mesh: &mesh::Mesh, truth: &mesh::Mesh, radius: f64) {
         if mesh.faces.is_empty() {
             return;
@@ -114,7 +127,7 @@ impl Report {
         self.normal_consistency = Some(c.normal_consistency);
     }
 
-    /// The report as lines.
+    /// The report as a table, one metric per line.
     pub(super) fn table(&self) -> String {
         let rows = [
             ("PSNR", self.psnr, "dB"),

@@ -3,26 +3,27 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use field::Sphere;
+use glam::DVec3;
 
 use super::common::{Global, check_extension};
-use super::fit::parse_bounds;
 use dataset::LoadOptions;
 use dataset::inspect::{inspect, overlay};
+use fit::parse_bounds;
 use io::write_image;
 
-/// Show what was understood of a data set: cameras, units, bounding sphere, coverage, and an
-/// overlay picture.
+/// Arguments of `dsdf inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
-    /// The data set
+    /// Data set folder
     dataset: PathBuf,
-    /// The overlay picture to write: the sphere's outline and axes on every view
+    /// Overlay image to write: every view with the axes and the outline of the bounding sphere
     #[arg(short, long, default_value = "inspect.png")]
     output: PathBuf,
-    /// Bounding sphere x,y,z,radius in world units, instead of the one found
+    /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Read images at 1/N of their size
+    /// Read images at 1/N of their width and height
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
 }
@@ -31,17 +32,16 @@ impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         check_extension(&self.output, &["png", "exr", "npy"])?;
         let dataset = dataset::load(&self.dataset, &LoadOptions { downscale: self.downscale })?;
-        let asked = self
-            .bounds
-            .map(|[x, y, z, radius]| field::Sphere { center: glam::DVec3::new(x, y, z), radius });
-        let from = match (asked.is_some(), dataset.bounds.is_some()) {
+        let given =
+            self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
+        let source = match (given.is_some(), dataset.bounds.is_some()) {
             (true, _) => "as asked",
             (false, true) => "from the data set",
             (false, false) => "estimated from cameras and background",
         };
-        let (bounds, background) = dataset::surroundings(&dataset, asked);
+        let (bounds, background) = dataset::surroundings(&dataset, given);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
-        let report = inspect(&dataset, &bounds, &background, from);
+        let report = inspect(&dataset, &bounds, &background, source);
         global.report(&report, || format!("{report}\npicture      {}", self.output.display()))
     }
 }

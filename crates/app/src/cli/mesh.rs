@@ -5,31 +5,38 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, check_extension, mover};
+use super::common::{Global, bar_mover, check_extension};
 use fit::{Model, RunFile};
 use io::InputError;
 use mesh::{extract, write_mesh};
 
-/// Extract a run's surface as a mesh.
+/// Arguments of `dsdf mesh`.
 #[derive(Args, Debug)]
 pub(crate) struct Mesh {
-    /// The run folder
+    /// Run folder
     run: PathBuf,
-    /// The mesh to write: .ply, .obj or .glb
+    /// Mesh to write: .ply, .obj or .glb
     #[arg(short, long)]
     output: PathBuf,
-    /// Grid cells along the bounding sphere's diameter
+    /// Grid cells along the diameter of the bounding sphere
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
 }
 
+/// The size and the topology of an extracted mesh.
 #[derive(Serialize)]
-struct Report {
+struct MeshReport {
+    /// Number of vertices.
     vertices: usize,
+    /// Number of triangles.
     faces: usize,
+    /// Whether the mesh has no border.
     closed: bool,
+    /// Number of handles; `None` unless the mesh is closed and of one piece.
     genus: Option<i64>,
+    /// Surface area, in squared data set units.
     area: f64,
+    /// Enclosed volume, in cubed data set units; without meaning if the mesh is open.
     volume: f64,
 }
 
@@ -39,35 +46,34 @@ impl Mesh {
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run)?;
         let bar = global.progress("mesh");
-        let mesh = extract(&model.field, &file.sphere(), self.resolution as usize, &mover(&bar));
+        let cells = self.resolution as usize;
+        let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
             let path = self.run.join("model.safetensors");
-            return Err(InputError::new(
-                path,
-                "model",
-                "no surface inside the bounding sphere",
-                "a solid",
-            )
-            .into());
+            let found = "no surface inside the bounding sphere";
+            return Err(InputError::new(path, "model", found, "a solid").into());
         }
         write_mesh(&self.output, &mesh)?;
-        let report = Report {
+        let report = MeshReport::new(&mesh);
+        global.report(&report, || format!("{}: {}", report.text(), self.output.display()))
+    }
+}
+
+impl MeshReport {
+    fn new(mesh: &mesh::Mesh) -> Self {
+        MeshReport {
             vertices: mesh.vertices.len(),
             faces: mesh.faces.len(),
             closed: mesh.is_closed(),
             genus: mesh.genus(),
             area: mesh.area(),
             volume: mesh.volume(),
-        };
-        global.report(&report, || {
-            let closed = if report.closed { "closed" } else { "open" };
-            format!(
-                "{} vertices, {} faces, {closed}: {}",
-                report.vertices,
-                report.faces,
-                self.output.display()
-            )
-        })
+        }
+    }
+
+    fn text(&self) -> String {
+        let closed = if self.closed { "closed" } else { "open" };
+        format!("{} vertices, {} faces, {closed}", self.vertices, self.faces)
     }
 }

@@ -1,4 +1,4 @@
-//! The command line: arguments in, exit status out.
+//! The command line: parses the arguments, runs one command, returns the exit status.
 
 mod common;
 mod demo;
@@ -21,9 +21,10 @@ use estimate::Registry;
 
 use crate::error::exit_status;
 
-/// Differentiable rendering of neural signed distance fields: posed photographs in, a shape out.
+/// Reconstruct shapes from posed photographs by differentiable rendering of neural signed distance
+/// fields
 #[derive(Parser)]
-#[command(name = "dsdf", version, about)]
+#[command(name = "dsdf", version)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -33,34 +34,46 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a scene to an image (.png, .exr or .npy)
+    /// Render a scene, or the object of a run from all sides, to an image
     Render(render::Render),
-    /// Differentiate a scene's image by one of its numbers, or a loss by a network's weights
+    /// Compute the derivative of a scene's image, or the gradient of an image loss
+    ///
+    /// With --wrt, the result is the derivative image d(pixel)/d(number), height × width × 3.
+    /// With --target, it is the gradient of the loss ½ Σ (I − target)² over all pixels and channels
+    /// by all weights of a neural scene.
     Gradient(gradient::Gradient),
     /// Reconstruct a shape from posed photographs
+    ///
+    /// The run folder gets model.safetensors, fit.toml (all options), metrics.jsonl (one line per
+    /// iteration), checkpoint/ and preview/. Ctrl-C writes a checkpoint and stops; --resume
+    /// continues the run.
     Fit(fit::Fit),
-    /// Make a data set of posed images of a scene, with exact ground truth
+    /// Render a data set of posed images of a scene, and write its true mesh
     Synth(synth::Synth),
-    /// Show the cameras, units and bounds that were read from a data set
+    /// Show the cameras, units and bounding sphere of a data set
     Inspect(inspect::Inspect),
     /// Reconstruct an embedded example; needs no files
     Demo(demo::Demo),
-    /// Extract a run's surface as a mesh
+    /// Extract the surface of a run as a mesh
     Mesh(mesh::Mesh),
-    /// Measure a run on held-out views, and against a mesh
+    /// Measure the errors of a run on held-out views, and against a true mesh
     Eval(eval::Eval),
-    /// Evaluate a model file at points
+    /// Evaluate the signed distance of a model file at points
     Query(query::Query),
 }
 
-/// Runs the program on its arguments and returns the exit status: 0 done, 2 for wrong arguments or
-/// input, 130 after Ctrl-C, 1 for anything else.
+/// Runs `dsdf` and returns its exit status: 0 for success, 2 for wrong arguments or wrong input,
+/// 130 after Ctrl-C, 1 for any other error.
+///
+/// `arguments` starts with the name of the program. Results go to standard output; progress and
+/// errors, one line each, go to standard error.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     run_with(arguments, Registry::default())
 }
 
-/// Runs the program with the estimators of a registry: a program that adds an estimator of its own
-/// calls this.
+/// Like [`run`], with the estimators of `registry`.
+///
+/// A program that adds an estimator to `dsdf` calls this function.
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let cli = match parse(arguments, registry) {
         Ok(cli) => cli,
@@ -71,7 +84,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
             return 2;
         }
         Err(help) => {
-            // A reader that closes the pipe is no error.
+            // A reader may close the pipe early. That is no error.
             let _ = help.print();
             return 0;
         }
@@ -87,7 +100,8 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
     }
 }
 
-/// The command line, with presets resolved: options that are not given take the preset's values.
+/// Parses the arguments and resolves presets: an option that is not given takes the value of the
+/// preset.
 fn parse(
     arguments: impl IntoIterator<Item = OsString>,
     registry: Registry,
@@ -103,39 +117,52 @@ fn parse(
     Ok(cli)
 }
 
-/// The command line's definition: estimators are those of the registry, and `fit` has its own
-/// defaults of the warp.
+/// The definition of the command line.
+///
+/// The help of `--estimator` lists the registry, and `fit` has its own defaults of the warp.
 fn command(registry: &Registry) -> clap::Command {
-    let estimators: Vec<String> = registry
-        .entries()
-        .iter()
-        .map(|entry| format!("- {}: {}", entry.name, entry.summary))
-        .collect();
-    let estimators = estimators.join("\n");
-    let with_estimators = |command: clap::Command, more: &str| {
-        let help = format!("{estimators}{more}");
-        command.mut_arg("estimator", |arg| {
-            let short = arg.get_help().map(ToString::to_string).unwrap_or_default();
-            arg.long_help(format!("{short}:\n{help}"))
-        })
-    };
+    let estimators = estimator_list(registry);
+    let for_gradient = format!("{estimators}{}", gradient::FD_HELP);
     with_negative_numbers(Cli::command())
         .mut_subcommands(with_negative_numbers)
-        .mut_subcommand("gradient", |command| with_estimators(command, gradient::FD_HELP))
+        .mut_subcommand("gradient", |command| with_estimator_help(command, &for_gradient))
         .mut_subcommand("fit", |command| {
-            FitOptions::with_fit_defaults(with_estimators(command, ""))
+            FitOptions::with_fit_defaults(with_estimator_help(command, &estimators))
         })
 }
 
-/// Ends this process when its parent ends, so that a sweep that is killed leaves no fit behind.
+/// The name and the summary of each estimator, one line each.
+fn estimator_list(registry: &Registry) -> String {
+    let line = |entry: &estimate::Entry| format!("- {}: {}", entry.name, entry.summary);
+    registry.entries().iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Appends a list of estimators to the help of `--estimator`.
+fn with_estimator_help(command: clap::Command, list: &str) -> clap::Command {
+    command.mut_arg("estimator", |arg| {
+        let short = arg.get_help().map(ToString::to_string).unwrap_or_default();
+        arg.long_help(format!("{short}:\n{list}"))
+    })
+}
+
+/// Accepts "-1" as the value of an option, so that the error message is about the value and not
+/// about an unknown flag.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command.mut_args(|arg| {
+        let valued = arg.get_action().takes_values();
+        arg.allow_negative_numbers(valued)
+    })
+}
+
+/// Ends this process when its parent ends, so that a killed sweep leaves no fit behind.
 #[cfg(target_os = "linux")]
 fn end_with(parent: Option<u32>) -> anyhow::Result<()> {
     use rustix::process::{Signal, getppid, set_parent_process_death_signal};
     let Some(parent) = parent else { return Ok(()) };
     set_parent_process_death_signal(Some(Signal::KILL))?;
-    // The parent may have ended before.
+    // The signal is not sent if the parent ended before this call.
     if getppid().is_none_or(|pid| pid.as_raw_nonzero().get() as u32 != parent) {
-        anyhow::bail!("process {parent} has ended");
+        anyhow::bail!("the parent process {parent} has ended");
     }
     Ok(())
 }
@@ -145,14 +172,7 @@ fn end_with(_parent: Option<u32>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Accepts "-1" as a value, so that the message is about the value and not about an unknown flag.
-fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    command.mut_args(|arg| {
-        let valued = arg.get_action().takes_values();
-        arg.allow_negative_numbers(valued)
-    })
-}
-
+/// Runs a command on a pool of `--threads` threads.
 fn execute(cli: Cli) -> anyhow::Result<()> {
     let global = cli.global;
     end_with(global.end_with)?;

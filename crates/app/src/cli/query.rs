@@ -5,30 +5,32 @@ use std::path::PathBuf;
 use clap::Args;
 use field::Field;
 use glam::Vec3;
+use sdf_nn::Network;
 use serde::Serialize;
 
 use super::common::{Global, check_extension};
-use io::InputError;
-use io::{read_npy, write_npy};
+use io::{InputError, read_npy, write_npy};
 use scene::network;
 
-/// Evaluate a model file at points.
+/// Arguments of `dsdf query`.
 #[derive(Args, Debug)]
 pub(crate) struct Query {
-    /// The model, a .safetensors file
+    /// Model file (.safetensors)
     model: PathBuf,
-    /// The points, N x 3, a .npy file
+    /// Points in world units, an N × 3 array (.npy)
     points: PathBuf,
-    /// Where to write the values (N), or values and gradients (N x 4)
+    /// File to write: N values, or N × 4 values and gradients (.npy, float32)
     #[arg(short, long)]
     output: PathBuf,
-    /// Write gradients beside the values
+    /// Write values and gradients
     #[arg(long)]
     gradient: bool,
 }
 
+/// The result of `dsdf query`.
 #[derive(Serialize)]
-struct Report {
+struct QueryReport {
+    /// Number of points.
     points: usize,
 }
 
@@ -37,40 +39,58 @@ impl Query {
         check_extension(&self.output, &["npy"])?;
         let bytes = std::fs::read(&self.model)
             .map_err(|e| InputError::new(&self.model, "model", e, "a model file"))?;
-        let field = network::<f32>(&self.model, &bytes)?;
+        let network = network::<f32>(&self.model, &bytes)?;
+        let points = self.read_points()?;
+        let n = points.len();
+        let (values, gradients) = self.evaluate(&network, &points)?;
+        if self.gradient {
+            let rows = values.iter().zip(&gradients);
+            let rows: Vec<f32> = rows.flat_map(|(f, g)| [*f, g.x, g.y, g.z]).collect();
+            write_npy(&self.output, &[n, 4], &rows)?;
+        } else {
+            write_npy(&self.output, &[n], &values)?;
+        }
+        let report = QueryReport { points: n };
+        global.report(&report, || format!("{n} points: {}", self.output.display()))
+    }
+
+    /// Reads the points.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has another shape, or has a number that is not finite.
+    fn read_points(&self) -> anyhow::Result<Vec<Vec3>> {
         let (shape, data) = read_npy(&self.points)?;
-        let &[n, 3] = shape.as_slice() else {
-            return Err(
-                InputError::new(&self.points, "shape", format!("{shape:?}"), "[N, 3]").into()
-            );
+        let &[_, 3] = shape.as_slice() else {
+            let found = format!("{shape:?}");
+            return Err(InputError::new(&self.points, "shape", found, "[N, 3]").into());
         };
         if let Some(bad) = data.iter().position(|v| !v.is_finite()) {
             let field = format!("point {}", bad / 3);
             return Err(InputError::new(&self.points, field, data[bad], "a finite number").into());
         }
-        let points: Vec<Vec3> = data.chunks_exact(3).map(Vec3::from_slice).collect();
-        let (mut f, mut g) = (vec![0.0; n], vec![Vec3::ZERO; n]);
+        Ok(data.chunks_exact(3).map(Vec3::from_slice).collect())
+    }
+
+    /// The values at the points, and with `--gradient` the gradients; zeros without it.
+    ///
+    /// # Errors
+    /// If a result is not finite.
+    fn evaluate(
+        &self,
+        network: &Network<f32>,
+        points: &[Vec3],
+    ) -> Result<(Vec<f32>, Vec<Vec3>), InputError> {
+        let n = points.len();
+        let (mut values, mut gradients) = (vec![0.0; n], vec![Vec3::ZERO; n]);
         if self.gradient {
-            field.value_gradient(&points, &mut f, &mut g);
+            network.value_gradient(points, &mut values, &mut gradients);
         } else {
-            field.value(&points, &mut f);
+            network.value(points, &mut values);
         }
-        if let Some(bad) = (0..n).find(|&i| !f[i].is_finite() || !g[i].is_finite()) {
-            let expected = "a point where the network is finite";
-            return Err(InputError::new(
-                &self.points,
-                format!("point {bad}"),
-                points[bad],
-                expected,
-            )
-            .into());
+        if let Some(bad) = (0..n).find(|&i| !values[i].is_finite() || !gradients[i].is_finite()) {
+            let (field, expected) = (format!("point {bad}"), "a point where the network is finite");
+            return Err(InputError::new(&self.points, field, points[bad], expected));
         }
-        if self.gradient {
-            let rows: Vec<f32> = f.iter().zip(&g).flat_map(|(f, g)| [*f, g.x, g.y, g.z]).collect();
-            write_npy(&self.output, &[n, 4], &rows)?;
-        } else {
-            write_npy(&self.output, &[n], &f)?;
-        }
-        global.report(&Report { points: n }, || format!("{n} points: {}", self.output.display()))
+        Ok((values, gradients))
     }
 }

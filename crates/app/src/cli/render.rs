@@ -7,54 +7,63 @@ use clap::Args;
 use field::{Counted, Evaluations};
 use serde::Serialize;
 
-use super::common::{Global, PrecisionArg, check_extension, color, mover};
+use super::common::{Global, PrecisionArg, bar_mover, check_extension, color};
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
 use io::{InputError, write_image};
 use render::{Precision, Scene, render};
 use scene::SceneFile;
 
-/// Render a scene to an image, or the object of a run from all around: as it looks, and its
-/// normals.
+/// Arguments of `dsdf render`.
 #[derive(Args, Debug)]
 pub(crate) struct Render {
-    /// The scene file, or the folder of a run
+    /// Scene file (JSON), or folder of a run
     scene: PathBuf,
-    /// The image to write: .png (sRGB), .exr or .npy (linear)
+    /// Image to write: .png (sRGB), .exr or .npy (linear)
     #[arg(short, long)]
     output: PathBuf,
-    /// Samples a pixel
+    /// Samples per pixel
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
-    /// Seed of the samples
+    /// Seed of the samples, for scene files
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Precision of the computation
+    /// Floating-point precision, for scene files
     #[arg(long, value_enum, default_value = "f32")]
     precision: PrecisionArg,
-    /// Of a run: views around the object
+    /// Number of views around the object, for runs
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=360))]
     views: u32,
-    /// Of a run: width and height of each view
+    /// Width and height of each view in pixels, for runs
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=4096))]
     size: u32,
 }
 
+/// The result of rendering a scene file.
 #[derive(Serialize)]
-struct Report {
+struct RenderReport {
+    /// Width of the image, pixels.
     width: u32,
+    /// Height of the image, pixels.
     height: u32,
+    /// Samples per pixel.
     spp: u32,
+    /// Wall time of rendering without file access, in seconds.
     seconds: f64,
+    /// Evaluations of the field.
     evaluations: Evaluations,
 }
 
+/// The result of rendering a run.
 #[derive(Serialize)]
 struct TurntableReport {
+    /// Width of the image of all views, pixels.
     width: u32,
+    /// Height of the image of all views, pixels.
     height: u32,
+    /// Number of views.
     views: usize,
-    /// The direction that was taken for upwards, world space.
+    /// The upward direction: a unit vector in world space.
     up: [f64; 3],
 }
 
@@ -62,23 +71,24 @@ impl Render {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         check_extension(&self.output, &["png", "exr", "npy"])?;
         if self.scene.is_dir() {
-            return self.turntable(global);
+            return self.render_run(global);
         }
         match self.precision {
-            PrecisionArg::F32 => self.run_in::<f32>(global),
-            PrecisionArg::F64 => self.run_in::<f64>(global),
+            PrecisionArg::F32 => self.render_scene::<f32>(global),
+            PrecisionArg::F64 => self.render_scene::<f64>(global),
         }
     }
 
-    fn turntable(&self, global: &Global) -> anyhow::Result<()> {
+    /// Renders a run: views from around the object in the upper row, their normals below.
+    fn render_run(&self, global: &Global) -> anyhow::Result<()> {
         let (file, model) = (RunFile::load(&self.scene)?, Model::load(&self.scene)?);
         let dataset = dataset::load(&file.dataset, &LoadOptions::default())?;
-        let (bounds, taken) =
-            (file.sphere(), dataset.train.iter().map(|v| v.camera).collect::<Vec<_>>());
-        let up = upwards(&taken, bounds.center);
-        let cameras = around(&bounds, &taken, up, self.views as usize, self.size);
+        let bounds = file.sphere();
+        let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
+        let up = upwards(&training, bounds.center);
+        let cameras = around(&bounds, &training, up, self.views as usize, self.size);
         let bar = global.progress("turntable");
-        let sheet = turntable(&model, &file, &cameras, self.spp, &mover(&bar))?;
+        let sheet = turntable(&model, &file, &cameras, self.spp, &bar_mover(&bar))?;
         bar.finish_and_clear();
         write_image(&self.output, &sheet)?;
         let (width, height) = (sheet.width, sheet.height);
@@ -86,7 +96,8 @@ impl Render {
         global.report(&report, || format!("{} views, {width} x {height} pixels", cameras.len()))
     }
 
-    fn run_in<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
+    /// Renders a scene file.
+    fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let file = SceneFile::load(&self.scene)?;
         let field = Counted::new(file.sdf.build::<R>()?);
         let shader = file.shader::<R>(&field)?;
@@ -95,14 +106,14 @@ impl Render {
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
         let bar = global.progress("render");
         let start = Instant::now();
-        let image = render(&scene, 0, self.spp, self.seed, &mover(&bar))
+        let image = render(&scene, 0, self.spp, self.seed, &bar_mover(&bar))
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();
         write_image(&self.output, &image.film)?;
         let (width, height) = (image.film.width, image.film.height);
         let evaluations = field.evaluations();
-        let report = Report { width, height, spp: self.spp, seconds, evaluations };
+        let report = RenderReport { width, height, spp: self.spp, seconds, evaluations };
         global.report(&report, || {
             format!("{width} x {height} pixels, {} samples each, {seconds:.3} s", self.spp)
         })

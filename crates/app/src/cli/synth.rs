@@ -5,25 +5,25 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, mover};
+use super::common::{Global, bar_mover};
 use dataset::synth::{Options, synthesise};
 use scene::SceneFile;
 
-/// Make a data set of posed images of a scene around its object, with exact ground truth.
+/// Arguments of `dsdf synth`.
 #[derive(Args, Debug)]
 pub(crate) struct Synth {
-    /// The scene file; its camera is not used
+    /// Scene file (JSON); its camera is ignored
     scene: PathBuf,
-    /// The data set's folder to write
+    /// Data set folder to write
     #[arg(short, long)]
     output: PathBuf,
-    /// Views to fit; an eighth as many are held out beside them
+    /// Number of training views; an eighth as many are held out in addition
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=10000))]
     views: u32,
-    /// Size of the images, WIDTHxHEIGHT
+    /// Width and height of the images in pixels, WIDTHxHEIGHT
     #[arg(long, default_value = "256x256", value_parser = parse_size)]
     size: [u32; 2],
-    /// Samples a pixel
+    /// Samples per pixel
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Seed of the samples
@@ -31,17 +31,21 @@ pub(crate) struct Synth {
     seed: u64,
 }
 
+/// The result of `dsdf synth`.
 #[derive(Serialize)]
-struct Report {
+struct SynthReport {
+    /// The data set folder.
     dataset: PathBuf,
+    /// Number of training views.
     views: u32,
 }
 
+/// Width and height of an image, in pixels, from text of the form `256x128`.
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let parts: Option<Vec<u32>> = text.split('x').map(|n| n.parse().ok()).collect();
     match parts.as_deref() {
         Some([w, h]) if (1..=65535).contains(w) && (1..=65535).contains(h) => Ok([*w, *h]),
-        _ => Err("expected WIDTHxHEIGHT in pixels".to_owned()),
+        _ => Err("expected WIDTHxHEIGHT, each 1 to 65535 pixels".to_owned()),
     }
 }
 
@@ -51,9 +55,9 @@ impl Synth {
         let bar = global.progress("synth");
         let options =
             Options { views: self.views as usize, size: self.size, spp: self.spp, seed: self.seed };
-        synthesise(&scene, &self.scene, &self.output, &options, &mover(&bar))?;
+        synthesise(&scene, &self.scene, &self.output, &options, &bar_mover(&bar))?;
         bar.finish_and_clear();
-        let report = Report { dataset: self.output.clone(), views: self.views };
+        let report = SynthReport { dataset: self.output.clone(), views: self.views };
         global.report(&report, || format!("{} views: {}", self.views, self.output.display()))
     }
 }

@@ -1,10 +1,10 @@
-//! `dsdf` with one more estimator: `--estimator crofton`.
+//! The program `dsdf` with one more estimator: `--estimator crofton`.
 
 use std::process::ExitCode;
 
 use estimate::{Entry, Registry};
 
-/// The allocator of `dsdf`, so that seconds compare.
+/// The allocator of `dsdf`, so that the times of both programs compare.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

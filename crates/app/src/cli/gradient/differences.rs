@@ -1,4 +1,4 @@
-//! Derivative images by finite differences of rendered images.
+//! Derivative images by central differences of rendered images.
 
 use std::cell::RefCell;
 use std::time::Instant;
@@ -12,27 +12,32 @@ use render::{Scene, render};
 use scene::SceneFile;
 use serde_json::Value;
 
-use super::{Gradient, Report};
+use super::{Gradient, GradientReport};
 use crate::cli::common::color;
 
-/// How far a number of the field moves the surface, in pixels.
-const STEP_PIXELS: f64 = 0.05;
+/// Step of a number under /sdf, in widths of a pixel at the distance of the surface.
+const FIELD_STEP_PIXELS: f64 = 0.05;
 
-/// The step of any other number.
-const STEP: f64 = 1e-2;
+/// Step of a number of the appearance or of the background, in its own unit.
+const APPEARANCE_STEP: f64 = 1e-2;
 
-/// A number that needs a step smaller than 2^-STEP_HALVINGS of the usual one has no room for one.
-const STEP_HALVINGS: i32 = 20;
+/// Number of steps that are tried, each half of the one before, until the scene is valid on both
+/// sides.
+const STEPS_TRIED: i32 = 20;
 
 impl Gradient {
-    /// Central differences of the image of the scene file with one number changed.
+    /// Computes central differences (I(+h) − I(−h))/2h of the image and writes them: a number of
+    /// the scene file is changed by ±h, and both images have the same random samples.
+    ///
+    /// The error is of second order in h; see `estimate::finite_difference` for the noise. The
+    /// report has the evaluations of the changed scenes.
     pub(super) fn differences<R: EstimatorPrecision>(
         &self,
         file: &SceneFile,
         tracing: trace::Options<R>,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> anyhow::Result<Report> {
-        // The pointers are checked as for any estimator.
+    ) -> anyhow::Result<GradientReport> {
+        // Refuse a pointer that names no parameter, as with any other estimator.
         self.directions(file)?;
         let start = Instant::now();
         let text = std::fs::read_to_string(&self.scene)
@@ -43,22 +48,28 @@ impl Gradient {
         let mut derivatives = Vec::new();
         for (done, wrt) in self.wrt.iter().enumerate() {
             let share = |fraction: f64| progress((done as f64 + fraction) / self.wrt.len() as f64);
-            let step = if wrt.starts_with("/sdf/") { STEP_PIXELS * pixel } else { STEP };
-            let step = self.step_with_room(&value, wrt, step)?;
+            let step =
+                if wrt.starts_with("/sdf/") { FIELD_STEP_PIXELS * pixel } else { APPEARANCE_STEP };
+            let step = self.valid_step(&value, wrt, step)?;
             derivatives.push(finite_difference(self.sampling(), step, &share, |offset, part| {
-                let moved = self.moved(&value, wrt, offset)?;
-                let (film, used) = image::<R>(&moved, tracing, part.counts.spp, part.seed)
-                    .map_err(|e| self.not_finite(e))?;
+                let changed = self.changed_scene(&value, wrt, offset)?;
+                let (film, used) = image::<R>(&changed, tracing, part.counts.spp, part.seed)
+                    .map_err(|e| self.field_error(e))?;
                 *evaluations.borrow_mut() += used;
                 anyhow::Ok(film)
             })?);
         }
         let report = self.write_images(&derivatives, start.elapsed().as_secs_f64())?;
-        Ok(Report { evaluations: evaluations.into_inner(), ..report })
+        Ok(GradientReport { evaluations: evaluations.into_inner(), ..report })
     }
 
-    /// The scene with `offset` added to the number at `wrt`.
-    fn moved(&self, value: &Value, wrt: &str, offset: f64) -> Result<SceneFile, InputError> {
+    /// The scene with `offset` added to the number at the JSON pointer `wrt`.
+    fn changed_scene(
+        &self,
+        value: &Value,
+        wrt: &str,
+        offset: f64,
+    ) -> Result<SceneFile, InputError> {
         let mut value = value.clone();
         if let Some(number) = value.pointer_mut(wrt) {
             *number = (number.as_f64().unwrap_or_default() + offset).into();
@@ -66,21 +77,23 @@ impl Gradient {
         SceneFile::from_value(&self.scene, &value)
     }
 
-    /// `step`, halved until the scene is valid on both sides: a small radius has room for a small
-    /// step only.
-    fn step_with_room(&self, value: &Value, wrt: &str, step: f64) -> Result<f64, InputError> {
-        let mut steps = (0..STEP_HALVINGS).map(|i| step * 0.5f64.powi(i));
+    /// `step`, halved until the scene is valid with the number changed by ±`step`. For example, a
+    /// radius stays above 0 only if the step is smaller than the radius.
+    fn valid_step(&self, value: &Value, wrt: &str, step: f64) -> Result<f64, InputError> {
+        let mut steps = (0..STEPS_TRIED).map(|i| step * 0.5f64.powi(i));
         let valid = |step: f64| {
-            self.moved(value, wrt, step).is_ok() && self.moved(value, wrt, -step).is_ok()
+            self.changed_scene(value, wrt, step).is_ok()
+                && self.changed_scene(value, wrt, -step).is_ok()
         };
         steps.find(|step| valid(*step)).ok_or_else(|| {
             let found = value.pointer(wrt).map_or_else(String::new, ToString::to_string);
-            let expected = "a number with room on both sides, for finite differences";
+            let expected = "a number that finite differences can both increase and decrease";
             InputError::new(&self.scene, wrt, found, expected)
         })
     }
 
-    fn not_finite(&self, error: anyhow::Error) -> anyhow::Error {
+    /// Makes an [`InputError`] of the error of a field that is not finite.
+    fn field_error(&self, error: anyhow::Error) -> anyhow::Error {
         match error.downcast::<render::InvalidField>() {
             Ok(e) => InputError::new(&self.scene, "/sdf", e, "a finite field").into(),
             Err(error) => error,
@@ -88,8 +101,11 @@ impl Gradient {
     }
 }
 
-/// The distance from the eye to the nearest surface. The bounding sphere would not do: it may reach
-/// far behind the visible surface.
+/// The distance from the eye to the nearest surface, in world units.
+///
+/// The distance to the bounding sphere cannot replace it: the sphere may reach far behind the
+/// visible surface. If the eye is inside the solid, the result is the distance to the centre of the
+/// bounds.
 fn surface_distance(file: &SceneFile) -> Result<f64, InputError> {
     let eye = file.camera.eye;
     let mut nearest = [0.0];
@@ -97,7 +113,7 @@ fn surface_distance(file: &SceneFile) -> Result<f64, InputError> {
     Ok(if nearest[0] > 0.0 { nearest[0] } else { (eye - file.bounds.center).length() })
 }
 
-/// The image of a scene, in its own bounds, with the field evaluations that it took.
+/// Renders a scene in its own bounds. Returns the image and the number of field evaluations.
 fn image<R: EstimatorPrecision>(
     file: &SceneFile,
     tracing: trace::Options<R>,

@@ -1,4 +1,4 @@
-//! The gradient of ½ Σ (I − target)² by all weights of a neural scene.
+//! The gradient of the loss ½ Σ (I − target)² by all weights of a neural scene.
 
 use std::path::Path;
 use std::time::Instant;
@@ -10,9 +10,13 @@ use io::{InputError, atomic_write, read_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};
 
-use super::{Gradient, Report};
+use super::{Gradient, GradientReport};
 
 impl Gradient {
+    /// Computes the gradient of the loss against the image `target`, and writes it as a model file:
+    /// each weight is replaced by the derivative of the loss by it.
+    ///
+    /// The report has no field evaluations: the caller counts them.
     pub(super) fn target_gradient<R: EstimatorPrecision>(
         &self,
         file: &SceneFile,
@@ -20,7 +24,7 @@ impl Gradient {
         target: &Path,
         entry: &Entry,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> anyhow::Result<Report> {
+    ) -> anyhow::Result<GradientReport> {
         let Sdf::Neural { path: model, bytes } = &file.sdf else {
             let (found, expected) = ("an analytic shape", "neural, for --target");
             return Err(InputError::new(&self.scene, "/sdf/type", found, expected).into());
@@ -35,7 +39,7 @@ impl Gradient {
         network.set_parameters(&gradient.parameters);
         let bytes = network.to_safetensors()?;
         atomic_write(&self.output, |out| Ok(out.write_all(&bytes)?))?;
-        Ok(Report {
+        Ok(GradientReport {
             seconds,
             evaluations: Evaluations::default(),
             standard_error: gradient.standard_error,
@@ -45,7 +49,10 @@ impl Gradient {
     }
 }
 
-/// The target image: finite, and of the camera's size.
+/// Reads the target image.
+///
+/// # Errors
+/// If the file cannot be read, a pixel is not finite, or the size is not that of the camera.
 fn read_target(path: &Path, file: &SceneFile) -> anyhow::Result<Film> {
     let (target, _) = read_image(path)?;
     if let Some((x, y)) = target.first_non_finite() {
@@ -55,7 +62,7 @@ fn read_target(path: &Path, file: &SceneFile) -> anyhow::Result<Film> {
     let (width, height) = (file.camera.width, file.camera.height);
     if (target.width, target.height) != (width, height) {
         let found = format!("{} x {} pixels", target.width, target.height);
-        let expected = format!("{width} x {height}, as the camera");
+        let expected = format!("{width} x {height}, the size of the camera's image");
         return Err(InputError::new(path, "size", found, expected).into());
     }
     Ok(target)

@@ -1,0 +1,162 @@
+//! `dsdf fit`.
+
+mod metrics_file;
+mod options;
+mod progress;
+mod resume;
+mod run_folder;
+mod start;
+
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::Serialize;
+
+use super::common::Global;
+use crate::error::Interrupted;
+use dataset::Dataset;
+use fit::{Fit as Fitting, Metrics, RunFile};
+use metrics_file::MetricsFile;
+
+pub(crate) use options::Fit;
+pub(super) use start::new_run;
+
+/// The result of `dsdf fit`.
+#[derive(Serialize)]
+pub(super) struct FitReport {
+    /// The run folder.
+    run: PathBuf,
+    /// Iterations since the start of the run.
+    pub(super) iterations: u64,
+    /// Wall time of these iterations, in seconds.
+    seconds: f64,
+    /// Mean photometric loss per pixel of the last iteration; `None` without an iteration.
+    loss: Option<f64>,
+    /// PSNR of the first held-out view, in dB; `None` without held-out views.
+    psnr: Option<f64>,
+}
+
+impl FitReport {
+    fn text(&self) -> String {
+        let psnr = self.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
+        let run = self.run.display();
+        format!("{} iterations, {:.0} s{psnr}: {run}", self.iterations, self.seconds)
+    }
+}
+
+/// The part of a run that this process does.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Segment {
+    /// Whether to start from the checkpoint in the run folder.
+    resume: bool,
+    /// The iteration, counted from the start of the run, at which to stop although the budget is
+    /// not spent.
+    stop_after: Option<u64>,
+}
+
+impl Fit {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        if self.check {
+            return self.validate(global);
+        }
+        let (dataset, file) =
+            if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
+        let segment = Segment { resume: self.resume, stop_after: self.stop_after };
+        let report = fit(dataset, file, &self.output, segment, global)?;
+        global.report(&report, || report.text())
+    }
+}
+
+/// Fits a data set in the run folder `run`, with progress, metrics, previews and checkpoints.
+///
+/// # Errors
+/// With [`Interrupted`] after Ctrl-C, when the checkpoint is saved; if an input is wrong, another
+/// fit is writing the folder, a file cannot be written, or a number is not finite.
+pub(super) fn fit(
+    dataset: Dataset,
+    file: RunFile,
+    run: &Path,
+    segment: Segment,
+    global: &Global,
+) -> anyhow::Result<FitReport> {
+    let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
+    run_folder::write_run_file(run, &fitting.file)?;
+    let interrupted = interrupt_flag()?;
+    let last = iterate(&mut fitting, run, segment, &interrupted, global)?;
+    if interrupted.load(Ordering::Relaxed) {
+        eprintln!("stopped after {} iterations; --resume continues", fitting.iteration);
+        return Err(Interrupted.into());
+    }
+    fitting.preview()?;
+    drop(lock);
+    Ok(FitReport {
+        run: run.to_owned(),
+        iterations: fitting.iteration,
+        seconds: fitting.seconds(),
+        loss: last.map(|m| m.loss),
+        psnr: fitting.held_out_psnr(),
+    })
+}
+
+/// The fit and the lock of its run folder.
+///
+/// All input is checked before the first file is written: a refused fit leaves no folder behind.
+fn locked_fit(
+    dataset: Dataset,
+    file: RunFile,
+    run: &Path,
+    segment: Segment,
+    global: &Global,
+) -> anyhow::Result<(Fitting, std::fs::File)> {
+    let new = |dataset, file| Fitting::new(run, dataset, file, &global.registry, segment.resume);
+    if segment.resume {
+        let lock = run_folder::lock(run)?;
+        return Ok((new(dataset, file)?, lock));
+    }
+    run_folder::refuse_checkpoint(run)?;
+    let fitting = new(dataset, file)?;
+    run_folder::create(run)?;
+    Ok((fitting, run_folder::lock(run)?))
+}
+
+/// Iterates until the budget is spent, `segment` ends or `interrupted` is set. Returns the metrics
+/// of the last iteration.
+fn iterate(
+    fitting: &mut Fitting,
+    run: &Path,
+    segment: Segment,
+    interrupted: &AtomicBool,
+    global: &Global,
+) -> anyhow::Result<Option<Metrics>> {
+    let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
+    let bar = progress::bar(global);
+    let mut last: Option<Metrics> = None;
+    let done = Cell::new(fitting.iteration);
+    let stop = || {
+        interrupted.load(Ordering::Relaxed) || segment.stop_after.is_some_and(|n| done.get() >= n)
+    };
+    fitting.run(&stop, &mut |metrics| {
+        done.set(metrics.iteration);
+        metrics_file.write(metrics)?;
+        progress::show(&bar, metrics);
+        last = Some(metrics.clone());
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    Ok(last)
+}
+
+/// A flag that the first Ctrl-C sets. The second one ends the program at once, with exit status
+/// 130.
+fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&flag);
+    ctrlc::set_handler(move || {
+        if set.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(flag)
+}

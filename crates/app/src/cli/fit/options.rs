@@ -1,0 +1,59 @@
+//! The arguments of `dsdf fit`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{ArgMatches, Args};
+
+use crate::cli::common::{ARGUMENTS, Global};
+use crate::cli::preset::{Preset, is_explicit};
+use fit::FitOptions;
+
+/// Arguments of `dsdf fit`.
+#[derive(Args, Debug)]
+pub(crate) struct Fit {
+    /// Data set folder: NeRF/Blender, NeuS/IDR, Middlebury or COLMAP
+    #[arg(required_unless_present_any = ["resume", "check"])]
+    pub(super) dataset: Option<PathBuf>,
+    /// Run folder to write
+    #[arg(short, long)]
+    pub(super) output: PathBuf,
+    /// Continue from the checkpoint in the run folder; only --time and --iterations may change
+    #[arg(long)]
+    pub(super) resume: bool,
+    /// Stop at this iteration, counted from the start of the run; --resume continues
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(super) stop_after: Option<u64>,
+    /// Check the options and exit
+    #[arg(long)]
+    pub(super) check: bool,
+    /// Speed/accuracy preset; explicit options override it
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    #[command(flatten)]
+    pub(super) options: FitOptions,
+}
+
+impl Fit {
+    /// Replaces the defaults of options that are not on the command line by the values of the
+    /// preset. A resumed run keeps its options.
+    pub(in crate::cli) fn resolve_preset(&mut self, matches: &ArgMatches) {
+        let Some(preset) = self.preset.filter(|_| !self.resume) else { return };
+        if let Some(iterations) = preset.iterations()
+            && !is_explicit(matches, "iterations")
+            && !is_explicit(matches, "time")
+        {
+            self.options.iterations = Some(iterations);
+        }
+        if let Some(width) = preset.width().filter(|_| !is_explicit(matches, "width")) {
+            self.options.width = width;
+        }
+    }
+
+    /// Checks the options.
+    ///
+    /// # Errors
+    /// Names the first option that cannot work.
+    pub(super) fn validate(&self, global: &Global) -> anyhow::Result<()> {
+        Ok(self.options.validate(Path::new(ARGUMENTS), &global.registry)?)
+    }
+}

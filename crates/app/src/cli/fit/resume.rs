@@ -1,0 +1,68 @@
+//! The resumption of a run from its checkpoint.
+
+use std::path::Path;
+
+use super::Fit;
+use super::run_folder::absolute;
+use crate::cli::common::Global;
+use dataset::{Dataset, LoadOptions};
+use fit::{FitOptions, RunFile};
+use io::InputError;
+
+/// The options that a resumed run may change.
+const BUDGET: [&str; 2] = ["time", "iterations"];
+
+impl Fit {
+    /// The data set and the `fit.toml` of the run to resume, with the budget of the command line if
+    /// it has one.
+    pub(super) fn resumed_run(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
+        let mut file = RunFile::load(&self.output)?;
+        if self.options.time.is_some() || self.options.iterations.is_some() {
+            (file.options.time, file.options.iterations) =
+                (self.options.time, self.options.iterations);
+        }
+        let toml = self.output.join("fit.toml");
+        file.options.validate(&toml, &global.registry)?;
+        self.refuse_other_options(&file, &toml)?;
+        self.refuse_other_dataset(&file, &toml)?;
+        let options = LoadOptions { downscale: file.options.downscale };
+        Ok((dataset::load(&file.dataset, &options)?, file))
+    }
+
+    /// Refuses an option that differs from its default and from its value in `file`: the resumed
+    /// run would ignore it. The budget may differ.
+    fn refuse_other_options(&self, file: &RunFile, source: &Path) -> anyhow::Result<()> {
+        let [given, default, kept] = [&self.options, &FitOptions::default(), &file.options]
+            .map(|options| toml::Table::try_from(options).map(flat));
+        let (given, default, kept) = (given?, default?, kept?);
+        for (key, value) in given {
+            let differs = default.get(&key) != Some(&value) && kept.get(&key) != Some(&value);
+            if differs && !BUDGET.contains(&key.as_str()) {
+                let kept = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
+                let expected = format!("{kept}, the value of this run");
+                return Err(InputError::new(source, key, value, expected).into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a data set on the command line that is not the one of the run.
+    fn refuse_other_dataset(&self, file: &RunFile, source: &Path) -> Result<(), InputError> {
+        match &self.dataset {
+            Some(path) if absolute(path) != absolute(&file.dataset) => {
+                let expected = format!("{}, the data set of this run", file.dataset.display());
+                Err(InputError::new(source, "dataset", path.display(), expected))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The entries of a table and of its inner tables, each under its own key.
+fn flat(table: toml::Table) -> toml::Table {
+    let entries = table.into_iter().flat_map(|(key, value)| match value {
+        toml::Value::Table(inner) => inner.into_iter().collect::<Vec<_>>(),
+        value => vec![(key, value)],
+    });
+    entries.collect()
+}

@@ -1,0 +1,48 @@
+//! The start of a new run.
+
+use std::path::Path;
+
+use super::Fit;
+use super::run_folder::absolute;
+use crate::cli::common::{ARGUMENTS, Global};
+use dataset::{Dataset, LoadOptions};
+use fit::{FitOptions, RunFile};
+use io::InputError;
+
+impl Fit {
+    /// The data set and the `fit.toml` of a new run.
+    pub(super) fn started_run(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
+        self.validate(global)?;
+        let Some(path) = &self.dataset else {
+            let expected = "a data set folder";
+            return Err(InputError::new(ARGUMENTS, "DATASET", "nothing", expected).into());
+        };
+        new_run(path, &self.options)
+    }
+}
+
+/// Loads a data set and determines the bounding sphere and the background of a run.
+///
+/// The bounding sphere is the one of the options or of the data set. Without these it is estimated
+/// from cameras and background.
+///
+/// # Errors
+/// If the data set cannot be read, or a camera does not suit the bounding sphere.
+pub(in crate::cli) fn new_run(
+    path: &Path,
+    options: &FitOptions,
+) -> anyhow::Result<(Dataset, RunFile)> {
+    let dataset = dataset::load(path, &LoadOptions { downscale: options.downscale })?;
+    let (bounds, background) = dataset::surroundings(&dataset, options.bounds());
+    dataset::check_cameras(&dataset, &bounds)?;
+    let center = bounds.center;
+    let file = RunFile {
+        dataset: absolute(path),
+        bounds: [center.x, center.y, center.z, bounds.radius],
+        background: background.color,
+        background_spread: background.spread,
+        background_confidence: background.confidence,
+        options: options.clone(),
+    };
+    Ok((dataset, file))
+}

@@ -1,0 +1,116 @@
+//! Derivative images: one per `--wrt`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use estimate::{Derivative, Direction, Entry, EstimatorPrecision, differentiate};
+use field::Evaluations;
+use io::{InputError, write_image};
+use render::Scene;
+use scene::{SceneFile, Sdf};
+
+use super::{Gradient, GradientReport};
+
+impl Gradient {
+    /// Computes the derivative images by an estimator and writes them.
+    ///
+    /// The report has no field evaluations: the caller counts them.
+    pub(super) fn derivative_images<R: EstimatorPrecision>(
+        &self,
+        file: &SceneFile,
+        scene: &Scene<'_, R>,
+        entry: &Entry,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> anyhow::Result<GradientReport> {
+        let directions = self.directions(file)?;
+        let estimator = entry.estimator::<R>(&self.estimator_options());
+        let start = Instant::now();
+        let derivatives = differentiate(scene, &directions, &*estimator, self.sampling(), progress)
+            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
+        self.write_images(&derivatives, start.elapsed().as_secs_f64())
+    }
+
+    /// The parameters that the JSON pointers of `--wrt` name.
+    pub(super) fn directions(&self, file: &SceneFile) -> Result<Vec<Direction>, InputError> {
+        let named = |wrt: &String| {
+            direction(file, wrt).ok_or_else(|| {
+                let expected = "a JSON pointer to a number under /sdf, /appearance or /background";
+                InputError::new(&self.scene, wrt, "no such number", expected)
+            })
+        };
+        self.wrt.iter().map(named).collect()
+    }
+
+    /// Writes the derivative image of each `--wrt`.
+    ///
+    /// # Errors
+    /// If a derivative is not finite in single precision, or a file cannot be written.
+    pub(super) fn write_images(
+        &self,
+        derivatives: &[Derivative],
+        seconds: f64,
+    ) -> anyhow::Result<GradientReport> {
+        let mut outputs = Vec::new();
+        for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
+            self.check_finite(derivative, wrt)?;
+            let path =
+                if self.wrt.len() == 1 { self.output.clone() } else { suffixed(&self.output, wrt) };
+            write_image(&path, &derivative.film)?;
+            outputs.push(path);
+        }
+        let standard_error = derivatives
+            .iter()
+            .map(|d| d.standard_error)
+            .try_fold(0.0, |worst, e| e.map(|e| e.max(worst)));
+        let evaluations = Evaluations::default();
+        Ok(GradientReport { seconds, evaluations, standard_error, outputs, loss: None })
+    }
+
+    fn check_finite(&self, derivative: &Derivative, wrt: &str) -> Result<(), InputError> {
+        let Some((x, y)) = derivative.film.first_non_finite() else { return Ok(()) };
+        let value = derivative.film.at(x, y);
+        let found = format!("a derivative of {value:?} in pixel ({x}, {y})");
+        Err(InputError::new(&self.scene, wrt, found, "a number in the range of single precision"))
+    }
+}
+
+/// The parameter that a JSON pointer names; `None` if there is none.
+fn direction(file: &SceneFile, wrt: &str) -> Option<Direction> {
+    let (field, shader) = (file.sdf.pointers(), &file.appearance.pointers);
+    if let Some(index) = field.iter().position(|p| p.as_deref() == Some(wrt)) {
+        return Some(Direction::Field(index));
+    }
+    if let Some(index) = shader.iter().position(|p| p == wrt) {
+        return Some(Direction::Shader(index));
+    }
+    if let (Sdf::Neural { .. }, Some(number)) = (&file.sdf, wrt.strip_prefix("/sdf/weights/"))
+        && let Ok(number) = number.parse()
+    {
+        return Some(Direction::Along(number));
+    }
+    match wrt.strip_prefix("/background/")?.parse() {
+        Ok(channel @ 0..3) => Some(Direction::Background(channel)),
+        _ => None,
+    }
+}
+
+/// The output file of one of several JSON pointers: `g.npy` for `/sdf/center/0` becomes
+/// `g.sdf_center_0.npy`.
+fn suffixed(output: &Path, pointer: &str) -> PathBuf {
+    let suffix = pointer.trim_start_matches('/').replace('/', "_");
+    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    output.with_extension(format!("{suffix}.{extension}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pointer_becomes_a_suffix_of_the_output() {
+        assert_eq!(
+            suffixed(Path::new("a/g.npy"), "/sdf/center/0"),
+            PathBuf::from("a/g.sdf_center_0.npy")
+        );
+    }
+}
