@@ -172,8 +172,7 @@ fn check(estimator: &SuiteEstimator, case: &Case) -> Result<(), String> {
     let (program, name) = (estimator.program(), &estimator.name);
     let allowed = estimator.error.unwrap_or(case.error);
     let (references, _) = images(&program, case, "contour", case.reference, 0);
-    let runs: Vec<_> =
-        (0..SEEDS).map(|seed| images(&program, case, name, SPP, seed)).collect();
+    let runs: Vec<_> = (0..SEEDS).map(|seed| images(&program, case, name, SPP, seed)).collect();
     let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
     let mut failures = Vec::new();
     for (i, (wrt, reference)) in case.wrt.iter().zip(&references).enumerate() {

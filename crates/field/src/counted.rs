@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::{Field, Real, Sphere};
+use crate::field::Field;
+use crate::real::Real;
+use crate::sphere::Sphere;
 
 /// The number of evaluated points, by kind of evaluation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,7 +4,10 @@
 //! graphics”, The Computer Journal 16(2), 1973. Smooth union: the quadratic polynomial minimum of
 //! Inigo Quilez, “Smooth minimum”, 2013.
 
-use crate::{Dual, Field, Real, Scalar, Sphere, Vector3};
+use crate::dual::{Dual, Scalar};
+use crate::field::Field;
+use crate::real::{Real, Vector3};
+use crate::sphere::Sphere;
 
 /// The operation that combines children f_1, …, f_n into one solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use num_traits::Float;
 
-use crate::Real;
+use crate::real::Real;
 
 /// A number type for formulas: a real number, or a [`Dual`] number with derivatives.
 ///

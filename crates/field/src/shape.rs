@@ -3,7 +3,10 @@
 //! Formulas: J. C. Hart, “Sphere tracing: a geometric method for the antialiased ray tracing of
 //! implicit surfaces”, The Visual Computer 12, 1996, appendix.
 
-use crate::{Dual, Field, Real, Scalar, Sphere, Vector3};
+use crate::dual::{Dual, Scalar};
+use crate::field::Field;
+use crate::real::{Real, Vector3};
+use crate::sphere::Sphere;
 
 /// The kind of an analytic shape.
 ///

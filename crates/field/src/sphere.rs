@@ -1,6 +1,6 @@
 //! Balls that bound fields.
 
-use crate::{Real, Vector3};
+use crate::real::{Real, Vector3};
 
 /// A ball of world space, used as the bound of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]

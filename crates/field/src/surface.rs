@@ -1,6 +1,6 @@
 //! Batches of surface points, the input of shaders, and their adjoints.
 
-use crate::{Real, Vector3};
+use crate::real::{Real, Vector3};
 
 /// Surface points with their normals and view directions: all inputs of a shader.
 ///

@@ -1,6 +1,6 @@
 //! Contact sheets: several images on one.
 
-use crate::Film;
+use crate::film::Film;
 
 /// The space between images, in pixels.
 const GAP: u32 = 4;

@@ -11,7 +11,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use crate::Mesh;
-use crate::write::{has_normals, little_endian};
+use crate::bytes::little_endian;
 
 /// Numbers of the glTF 2.0 specification.
 const MAGIC: u32 = 0x4654_6c67;
@@ -31,7 +31,7 @@ const TRIPLE_BYTES: usize = 12;
 
 /// Writes the mesh as a .glb file.
 pub(crate) fn write_glb(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
-    let normals = if has_normals(mesh) { &mesh.normals[..] } else { &[] };
+    let normals = if mesh.has_normals() { &mesh.normals[..] } else { &[] };
     let mut text = serde_json::to_vec(&document(mesh, normals))?;
     text.resize(text.len().next_multiple_of(4), b' ');
     let binary_bytes = TRIPLE_BYTES * (mesh.vertices.len() + normals.len() + mesh.faces.len());

@@ -18,6 +18,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether every vertex has a normal.
+    pub(crate) fn has_normals(&self) -> bool {
+        !self.normals.is_empty() && self.normals.len() == self.vertices.len()
+    }
+
     /// The corners of face `i`, world units, in double precision.
     pub fn corners(&self, i: usize) -> [DVec3; 3] {
         self.faces[i].map(|v| self.vertices[v as usize].as_dvec3())

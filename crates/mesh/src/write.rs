@@ -5,6 +5,7 @@ use std::path::Path;
 
 use io::{InputError, atomic_write};
 
+use crate::bytes::little_endian;
 use crate::glb::write_glb;
 use crate::{Mesh, extension};
 
@@ -27,13 +28,8 @@ pub fn write_mesh(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
     atomic_write(path, |out| write(mesh, out))
 }
 
-/// Whether each vertex has a normal.
-pub(crate) fn has_normals(mesh: &Mesh) -> bool {
-    !mesh.normals.is_empty() && mesh.normals.len() == mesh.vertices.len()
-}
-
 fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
-    let normals = has_normals(mesh);
+    let normals = mesh.has_normals();
     write_ply_header(mesh, normals, out)?;
     for (i, v) in mesh.vertices.iter().enumerate() {
         out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
@@ -58,16 +54,9 @@ fn write_ply_header(mesh: &Mesh, normals: bool, out: &mut dyn Write) -> anyhow::
     Ok(())
 }
 
-/// The bytes of three words.
-pub(crate) fn little_endian(words: [u32; 3]) -> [u8; 12] {
-    let mut bytes = [0; 12];
-    bytes.chunks_exact_mut(4).zip(words).for_each(|(b, w)| b.copy_from_slice(&w.to_le_bytes()));
-    bytes
-}
-
 fn write_obj(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
     writeln!(out, "# dsdf")?;
-    let normals = has_normals(mesh);
+    let normals = mesh.has_normals();
     for v in &mesh.vertices {
         writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
     }

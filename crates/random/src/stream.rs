@@ -2,7 +2,7 @@
 
 use sobol_burley::parts::{owen_scramble_int4_rev, sobol_int4_rev};
 
-use crate::Purpose;
+use crate::purpose::Purpose;
 
 /// A stream of random numbers: a pure function of a seed, a purpose and indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

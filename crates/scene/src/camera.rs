@@ -3,9 +3,10 @@
 use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 
-use crate::Result;
 use io::json::{Object, numbers};
 use render::Camera;
+
+type Result<T> = std::result::Result<T, InputError>;
 
 /// Film size, focal lengths and principal point in pixels.
 struct Intrinsics {

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use field::{Csg, Field, Kind, Operation, Shape};
 use sdf_nn::Network;
 
-use crate::Result;
 use io::InputError;
 use io::json::Object;
 use render::Precision;
+
+type Result<T> = std::result::Result<T, InputError>;
 
 /// The description of a field in a scene file.
 #[derive(Clone, Debug, PartialEq)]

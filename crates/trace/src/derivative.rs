@@ -2,7 +2,7 @@
 
 use field::{Real, Sphere, Vector3};
 
-use crate::Ray;
+use crate::ray::Ray;
 
 /// JVP of direction ↦ `near`, the distance of the ray's entry into the ball `bounds`.
 ///

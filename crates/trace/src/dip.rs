@@ -2,7 +2,7 @@
 
 use field::Real;
 
-use crate::march::Point;
+use crate::point::Point;
 
 /// The vertex of the parabola through three points, if the parabola opens upwards and the vertex
 /// lies between `a` and `c`.

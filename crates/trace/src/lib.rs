@@ -3,8 +3,10 @@
 mod derivative;
 mod dip;
 mod intersect;
+mod intersection;
 mod march;
 mod options;
+mod point;
 mod ray;
 mod root;
 mod silhouette;
@@ -12,7 +14,8 @@ mod visit;
 
 pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_derivative, hit_vjp};
 pub use field;
-pub use intersect::{Intersection, Outcome, intersect};
+pub use intersect::intersect;
+pub use intersection::{Intersection, Outcome};
 pub use options::{InvalidOptions, Options};
 pub use ray::Ray;
 pub use silhouette::{RayFamily, Start, Tangency, tangencies};

@@ -6,16 +6,11 @@
 use field::Real;
 
 use crate::dip::{DipSearch, DipStep, line_bound, vertex};
+use crate::intersection::{Intersection, Outcome};
+use crate::options::Options;
+use crate::point::Point;
+use crate::ray::Ray;
 use crate::root::Bracket;
-use crate::{Intersection, Options, Outcome, Ray};
-
-/// A value of f along a ray.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Point<R> {
-    /// The distance along the ray.
-    pub(crate) t: R,
-    pub(crate) f: R,
-}
 
 /// The purpose of a ray's next evaluation.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use field::Real;
 
-use crate::march::Point;
+use crate::point::Point;
 
 /// A root between f > 0 at `outside` and f ≤ 0 at `inside`.
 ///

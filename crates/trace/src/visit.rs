@@ -2,7 +2,7 @@
 
 use field::{Field, Real, Vector3};
 
-use crate::Ray;
+use crate::ray::Ray;
 
 /// The visited points of a batch of rays: at most N points per ray.
 #[derive(Clone, Debug, Default)]

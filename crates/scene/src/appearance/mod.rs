@@ -11,7 +11,7 @@ use io::json::Object;
 use render::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
 use sdf_nn::RadianceHead;
 
-use crate::Result;
+type Result<T> = std::result::Result<T, InputError>;
 
 /// The kind of an appearance in a scene file.
 #[derive(Clone, Debug, PartialEq)]

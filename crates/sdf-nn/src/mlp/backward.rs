@@ -5,7 +5,8 @@
 
 use field::Real;
 
-use super::{Mlp, Scratch};
+use super::perceptron::Mlp;
+use super::scratch::Scratch;
 use crate::math::Lane;
 use crate::simd::{Isa, LANES, Row, TILE, fma, padded};
 
@@ -116,6 +117,24 @@ impl<R: Lane> Mlp<R> {
                     s.z_adjoint[0][row].0[i] =
                         fma::<R, I>(tangent * curvature[i], z_tangent[i], s.z_adjoint[0][row].0[i]);
                 }
+            }
+        }
+    }
+
+    /// Adds the parameter gradient that the backward sweeps collected to the flat `adjoint`.
+    pub(crate) fn collect_gradient(&self, s: &Scratch<R>, adjoint: &mut [R]) {
+        for (l, layer) in self.layers.iter().enumerate() {
+            let stride = padded(layer.inputs);
+            let factors: Vec<R> = (0..layer.inputs).map(|c| self.column_factor(l, c)).collect();
+            for r in 0..layer.outputs {
+                let start = layer.start + r * layer.inputs;
+                let row = &s.weight_gradient[l][r * stride..];
+                for ((out, g), factor) in
+                    adjoint[start..start + layer.inputs].iter_mut().zip(row).zip(&factors)
+                {
+                    *out += *g * *factor;
+                }
+                adjoint[layer.bias() + r] += s.bias_gradient[l][r];
             }
         }
     }

@@ -1,8 +1,9 @@
 //! The forward sweep: features to outputs, layer by layer.
 
 use super::activate::activate;
+use super::perceptron::Mlp;
 use super::scratch::LayerScratch;
-use super::{Mlp, Scratch};
+use super::scratch::Scratch;
 use crate::math::Lane;
 use crate::simd::{Isa, Row, TILE};
 

@@ -1,5 +1,6 @@
 //! A multilayer perceptron on blocks of points: its layers, its parameters and their packing.
 //!
+//! - [`perceptron`]: layers, parameters and packed weights.
 //! - [`scratch`]: the working memory of the sweeps.
 //! - [`forward`] and [`backward`]: the two sweeps through all layers.
 //! - [`activate`]: the nonlinearity σ(z) and its derivatives.
@@ -7,141 +8,8 @@
 mod activate;
 mod backward;
 mod forward;
+mod perceptron;
 mod scratch;
 
-use crate::architecture::Activation;
-use crate::math::Lane;
-use crate::simd::{TILE, pack, padded};
-
+pub(crate) use perceptron::{LayerShape, Mlp};
 pub(crate) use scratch::Scratch;
-
-/// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct LayerShape {
-    /// Rows of the weight matrix.
-    pub(crate) outputs: usize,
-    /// Columns of the weight matrix, including those of the features after a skip connection.
-    pub(crate) inputs: usize,
-    /// Whether the input is [h, features]/√2, with h the outputs of the layer below.
-    pub(crate) skip: bool,
-    /// Index of the first weight in the flat vector. The bias follows the weights.
-    pub(crate) start: usize,
-}
-
-impl LayerShape {
-    /// Index of the first element of the bias in the flat vector.
-    pub(crate) fn bias(&self) -> usize {
-        self.start + self.outputs * self.inputs
-    }
-}
-
-/// A layer's weights, packed for the kernels.
-#[derive(Clone, Debug, Default)]
-struct Packed<R> {
-    /// W, for the forward sweep.
-    forward: Vec<[R; TILE]>,
-    /// Wᵀ, for the backward sweep.
-    backward: Vec<[R; TILE]>,
-}
-
-/// A perceptron: hidden layers with activation, then a linear layer.
-#[derive(Clone, Debug)]
-pub(crate) struct Mlp<R> {
-    /// The number of inputs.
-    pub(crate) features: usize,
-    pub(crate) layers: Vec<LayerShape>,
-    pub(crate) activation: Activation,
-    /// θ: layer after layer the weights (row-major), then the bias.
-    pub(crate) parameters: Vec<R>,
-    /// A factor for every feature, folded into the packed weights of its columns.
-    window: Vec<R>,
-    /// Up to date with `parameters` only after [`Mlp::repack`].
-    packed: Vec<Packed<R>>,
-}
-
-impl<R: Lane> Mlp<R> {
-    /// A perceptron with all parameters zero; layers with indices in `skip` have the features as
-    /// additional inputs.
-    pub(crate) fn new(
-        features: usize,
-        hidden: &[usize],
-        outputs: usize,
-        skip: &[usize],
-        activation: Activation,
-    ) -> Self {
-        let (mut layers, mut width, mut start) = (Vec::new(), features, 0);
-        for (i, &out) in hidden.iter().chain([&outputs]).enumerate() {
-            let skip = i > 0 && skip.contains(&i);
-            let inputs = width + if skip { features } else { 0 };
-            let layer = LayerShape { outputs: out, inputs, skip, start };
-            start = layer.bias() + out;
-            width = out;
-            layers.push(layer);
-        }
-        let packed = layers.iter().map(|_| Packed::default()).collect();
-        let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
-        Mlp { features, layers, activation, parameters, window, packed }
-    }
-
-    /// The window's factor for a column of the weights of layer `l`.
-    pub(crate) fn window_factor(&self, l: usize, column: usize) -> R {
-        let hidden = self.hidden_columns(l);
-        if column >= hidden { self.window[column - hidden] } else { R::one() }
-    }
-
-    /// The number of columns of layer `l` before those of the features.
-    pub(crate) fn hidden_columns(&self, l: usize) -> usize {
-        match &self.layers[l] {
-            layer if layer.skip => layer.inputs - self.features,
-            _ if l == 0 => 0,
-            layer => layer.inputs,
-        }
-    }
-
-    /// The factor of a column of the packed weights of layer `l`: the window's, times 1/√2 in a
-    /// layer with a skip connection.
-    fn column_factor(&self, l: usize, column: usize) -> R {
-        let window = self.window_factor(l, column);
-        if self.layers[l].skip { window * R::of(std::f64::consts::FRAC_1_SQRT_2) } else { window }
-    }
-
-    /// Sets the factors of the features.
-    pub(crate) fn set_window(&mut self, window: Vec<R>) {
-        if window != self.window {
-            self.window = window;
-            self.repack();
-        }
-    }
-
-    /// Packs the weights again. Call this after every change of the parameters.
-    pub(crate) fn repack(&mut self) {
-        let mut packed = std::mem::take(&mut self.packed);
-        for (l, (layer, packed)) in self.layers.iter().zip(&mut packed).enumerate() {
-            let factors: Vec<R> = (0..layer.inputs).map(|c| self.column_factor(l, c)).collect();
-            let weight = |r: usize, c: usize| {
-                self.parameters[layer.start + r * layer.inputs + c] * factors[c]
-            };
-            pack(layer.outputs, layer.inputs, weight, &mut packed.forward);
-            pack(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.backward);
-        }
-        self.packed = packed;
-    }
-
-    /// Adds the parameter gradient that the backward sweeps collected to the flat `adjoint`.
-    pub(crate) fn collect_gradient(&self, s: &Scratch<R>, adjoint: &mut [R]) {
-        for (l, layer) in self.layers.iter().enumerate() {
-            let stride = padded(layer.inputs);
-            let factors: Vec<R> = (0..layer.inputs).map(|c| self.column_factor(l, c)).collect();
-            for r in 0..layer.outputs {
-                let start = layer.start + r * layer.inputs;
-                let row = &s.weight_gradient[l][r * stride..];
-                for ((out, g), factor) in
-                    adjoint[start..start + layer.inputs].iter_mut().zip(row).zip(&factors)
-                {
-                    *out += *g * *factor;
-                }
-                adjoint[layer.bias() + r] += s.bias_gradient[l][r];
-            }
-        }
-    }
-}

@@ -2,7 +2,7 @@
 
 use field::Real;
 
-use super::{LayerShape, Mlp};
+use super::perceptron::{LayerShape, Mlp};
 use crate::math::Lane;
 use crate::simd::{LANES, Row, TILE, padded};
 

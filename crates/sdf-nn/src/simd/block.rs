@@ -2,8 +2,6 @@
 
 use field::Real;
 
-use super::Isa;
-
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
 pub(crate) const LANES: usize = 32;
 
@@ -26,12 +24,6 @@ impl<R: Real> Row<R> {
     pub(crate) fn zero() -> Self {
         Row([R::zero(); LANES])
     }
-}
-
-/// a b + c, rounded once where the instruction set has a fused multiply–add.
-#[inline(always)]
-pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
-    if I::FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
 /// Packs a matrix for [`multiply_rows`](super::multiply_rows): tile by tile of `TILE` rows, column

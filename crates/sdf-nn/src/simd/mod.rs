@@ -14,40 +14,15 @@
 )]
 
 mod block;
+mod isa;
 mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(crate) use block::{HALF, LANES, Row, TILE, fma, pack, padded};
+pub(crate) use block::{HALF, LANES, Row, TILE, pack, padded};
+pub use isa::Isa;
+pub(crate) use isa::{Pass, fma};
 pub(crate) use portable::{Portable, multiply_rows, outer_rows, transpose_lanes};
-
-/// An instruction set that kernels are compiled for.
-pub trait Isa: Copy {
-    /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
-    const FMA: bool;
-
-    /// The matrix product of [`multiply_rows`].
-    fn multiply<const N: usize>(
-        packed: &[[f32; TILE]],
-        start: &[f32],
-        rows: usize,
-        input: &[Row<f32>],
-        output: &mut [Row<f32>],
-    );
-    /// The sum of outer products of [`outer_rows`].
-    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
-    /// The transposition of [`transpose_lanes`].
-    fn transpose(rows: &[Row<f32>], out: &mut [f32]);
-}
-
-/// A computation over a batch, generic over the instruction set.
-///
-/// Implementations mark `run` with `#[inline(always)]`: all of it is then compiled for the
-/// instruction set.
-pub(crate) trait Pass {
-    /// Runs the computation with the instructions of `I`.
-    fn run<I: Isa>(self);
-}
 
 /// Runs a pass with the widest vectors of this machine.
 pub(crate) fn dispatch<P: Pass>(pass: P) {

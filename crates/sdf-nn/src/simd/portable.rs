@@ -2,7 +2,8 @@
 
 use field::Real;
 
-use super::{Isa, LANES, Row, TILE, fma, padded};
+use super::block::{LANES, Row, TILE, padded};
+use super::isa::{Isa, fma};
 
 /// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]

@@ -9,7 +9,8 @@ use io::{InputError, write_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};
 
-use super::{Gradient, GradientReport};
+use crate::cli::gradient::GradientReport;
+use crate::cli::gradient::options::Gradient;
 
 impl Gradient {
     /// Computes the derivative images by an estimator and writes them.

@@ -10,7 +10,8 @@ use io::{InputError, atomic_write, read_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};
 
-use super::{Gradient, GradientReport};
+use crate::cli::gradient::GradientReport;
+use crate::cli::gradient::options::Gradient;
 
 impl Gradient {
     /// Computes the gradient of the loss against the image `target`, and writes it as a model file:

@@ -2,7 +2,7 @@
 //! sums.
 
 use super::vector::Vector;
-use crate::simd::{LANES, Row, TILE, padded};
+use crate::simd::block::{LANES, Row, TILE, padded};
 
 /// [`multiply_rows`](crate::simd::multiply_rows) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]

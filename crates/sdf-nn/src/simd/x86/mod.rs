@@ -9,7 +9,8 @@ mod vector;
 use std::arch::x86_64::{__m256, __m512};
 
 use self::kernels::{multiply, outer, transpose};
-use super::{HALF, Isa, Pass, Row, TILE};
+use super::block::{HALF, Row, TILE};
+use super::isa::{Isa, Pass};
 
 /// Whether this machine has the instructions of [`with_avx512`].
 pub(super) fn has_avx512() -> bool {

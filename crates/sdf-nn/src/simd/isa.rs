@@ -1,0 +1,39 @@
+//! Instruction sets, and computations that are compiled for each.
+
+use field::Real;
+
+use super::block::{Row, TILE};
+
+/// An instruction set that kernels are compiled for.
+pub trait Isa: Copy {
+    /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
+    const FMA: bool;
+
+    /// The matrix product of [`super::multiply_rows`].
+    fn multiply<const N: usize>(
+        packed: &[[f32; TILE]],
+        start: &[f32],
+        rows: usize,
+        input: &[Row<f32>],
+        output: &mut [Row<f32>],
+    );
+    /// The sum of outer products of [`super::outer_rows`].
+    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
+    /// The transposition of [`super::transpose_lanes`].
+    fn transpose(rows: &[Row<f32>], out: &mut [f32]);
+}
+
+/// A computation over a batch, generic over the instruction set.
+///
+/// Implementations mark `run` with `#[inline(always)]`: all of it is then compiled for the
+/// instruction set.
+pub(crate) trait Pass {
+    /// Runs the computation with the instructions of `I`.
+    fn run<I: Isa>(self);
+}
+
+/// a b + c, rounded once where the instruction set has a fused multiply–add.
+#[inline(always)]
+pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
+    if I::FMA { a.mul_add(b, c) } else { a * b + c }
+}
