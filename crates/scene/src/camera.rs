@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 
+use io::InputError;
 use io::json::{Object, numbers};
 use render::Camera;
 

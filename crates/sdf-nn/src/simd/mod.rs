@@ -20,8 +20,7 @@ mod portable;
 mod x86;
 
 pub(crate) use block::{HALF, LANES, Row, TILE, pack, padded};
-pub use isa::Isa;
-pub(crate) use isa::{Pass, fma};
+pub(crate) use isa::{Isa, Pass, fma};
 pub(crate) use portable::{Portable, multiply_rows, outer_rows, transpose_lanes};
 
 /// Runs a pass with the widest vectors of this machine.
