@@ -8,8 +8,7 @@ use serde::Serialize;
 
 use super::common::{Global, bar_mover};
 use super::eval::{EvalReport, compare_views};
-use crate::cli::fit::start::new_run;
-use crate::cli::fit::{Segment, fit};
+use super::fit::{Segment, fit, new_run};
 use ::fit::{FitOptions, Model, RunFile, parse_duration, scene, write_preview};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::Global;
-use crate::cli::fit::options::Fit;
 use dataset::{Dataset, LoadOptions};
 use fit::{FitOptions, RunFile};
 use io::InputError;

@@ -12,9 +12,9 @@ use render::{Scene, render};
 use scene::SceneFile;
 use serde_json::Value;
 
+use super::options::Gradient;
+use super::report::GradientReport;
 use crate::cli::common::color;
-use crate::cli::gradient::GradientReport;
-use crate::cli::gradient::options::Gradient;
 
 /// Step of a number under /sdf, in widths of a pixel at the distance of the surface.
 const FIELD_STEP_PIXELS: f64 = 0.05;

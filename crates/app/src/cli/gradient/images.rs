@@ -9,8 +9,8 @@ use io::{InputError, write_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};
 
-use crate::cli::gradient::GradientReport;
-use crate::cli::gradient::options::Gradient;
+use super::options::Gradient;
+use super::report::GradientReport;
 
 impl Gradient {
     /// Computes the derivative images by an estimator and writes them.

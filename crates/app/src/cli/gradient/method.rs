@@ -3,8 +3,8 @@
 use estimate::{Entry, Filter, Registry};
 use io::InputError;
 
+use super::options::Gradient;
 use crate::cli::common::ARGUMENTS;
-use crate::cli::gradient::options::Gradient;
 
 /// The name of finite differences on the command line. They are not in the registry: an estimator
 /// differentiates one scene, and finite differences render changed scenes.

@@ -4,39 +4,21 @@ mod differences;
 mod images;
 mod method;
 mod options;
+mod report;
 mod target;
 
-use std::path::PathBuf;
-
 use estimate::EstimatorPrecision;
-use field::{Counted, Evaluations};
+use field::Counted;
 use io::InputError;
 use render::Scene;
 use scene::{Appearance, SceneFile};
-use serde::Serialize;
 
 use super::common::{Global, PrecisionArg, bar_mover, check_extension, color};
 use method::Method;
+use report::GradientReport;
 
 pub(super) use method::FD_HELP;
 pub(crate) use options::Gradient;
-
-/// The result of `dsdf gradient`.
-#[derive(Serialize)]
-struct GradientReport {
-    /// Wall time of the computation without start-up and file access, in seconds.
-    seconds: f64,
-    /// Evaluations of the field.
-    evaluations: Evaluations,
-    /// Relative L2 standard error, estimated from independent replicates: the largest of all
-    /// derivatives. `None` if there was one replicate only.
-    standard_error: Option<f64>,
-    /// The files written.
-    outputs: Vec<PathBuf>,
-    /// The loss, with `--target`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    loss: Option<f64>,
-}
 
 impl GradientReport {
     fn text(&self) -> String {

@@ -10,8 +10,8 @@ use io::{InputError, atomic_write, read_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};
 
-use crate::cli::gradient::GradientReport;
-use crate::cli::gradient::options::Gradient;
+use super::options::Gradient;
+use super::report::GradientReport;
 
 impl Gradient {
     /// Computes the gradient of the loss against the image `target`, and writes it as a model file:
