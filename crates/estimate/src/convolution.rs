@@ -31,8 +31,8 @@ const LEAST_BOUNDARY: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Weights {
     /// 1/(exp(D/2) − 1 + B)^γ. D is the squared distance on the film from the sample to the ray, in
-    /// variances of the cloud. B is cos² of the angle between ray and normal at a hit, which falls to
-    /// zero at a silhouette, and 1 for a ray without a hit.
+    /// variances of the cloud. B is cos² of the angle between ray and normal at a hit, which falls
+    /// to zero at a silhouette, and 1 for a ray without a hit.
     ///
     /// Bangaru, Li and Durand, "Unbiased Warped-Area Sampling for Differentiable
     /// Rendering", SIGGRAPH Asia 2020, section 5.
@@ -61,7 +61,8 @@ struct AuxiliaryHit<R: Real> {
     boundary: R,
 }
 
-/// The weight of an auxiliary ray, and its derivative by the film position of the sample, per pixel.
+/// The weight of an auxiliary ray, and its derivative by the film position of the sample, per
+/// pixel.
 type Term<R> = (R, [R; 2]);
 
 impl Convolution {
@@ -140,8 +141,8 @@ impl Convolution {
                 let shift = self.shift(sample, seed);
                 let log_density_du = (shift / (DEVIATION * DEVIATION)).to_array();
                 let count = R::of(hits.iter().flatten().count().max(1) as f64);
-                // The weights are constant. The density of the cloud's centre moves with the sample;
-                // the gradient of its logarithm takes the place of their derivatives.
+                // The weights are constant. The density of the cloud's centre moves with the
+                // sample; the gradient of its logarithm takes the place of their derivatives.
                 let term = (R::one() / count, log_density_du.map(|v| R::of(v) / count));
                 vec![term; hits.len()]
             }
@@ -149,8 +150,8 @@ impl Convolution {
     }
 }
 
-/// A harmonic weight divided by the density of the cloud, and its derivative by the film position of
-/// the sample. `off` is the vector from the ray to the sample, in pixels.
+/// A harmonic weight divided by the density of the cloud, and its derivative by the film position
+/// of the sample. `off` is the vector from the ray to the sample, in pixels.
 fn harmonic<R: Real>(hit: &Option<AuxiliaryHit<R>>, off: DVec2) -> Term<R> {
     let inverse_density = R::of((off.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp());
     let boundary = hit.as_ref().map_or(R::one(), |s| s.boundary.max(R::of(LEAST_BOUNDARY)));

@@ -9,8 +9,8 @@ use crate::replicates::{Image, Mean, Sampling};
 ///
 /// `render` makes the image of the scene whose parameter is changed by ±h, with the given samples.
 /// The error is of second order in h = `step`, and of first order in pixels of which a silhouette
-/// passes a corner within h. The noise grows as 1/√(h · samples) if silhouettes move by less than the
-/// distance between samples. `progress` gets the fraction that is done.
+/// passes a corner within h. The noise grows as 1/√(h · samples) if silhouettes move by less than
+/// the distance between samples. `progress` gets the fraction that is done.
 ///
 /// # Errors
 /// The errors of `render`.

@@ -16,8 +16,8 @@ pub(crate) fn pixel_means<R: Real>(primary: &Primary<R>, spp: u32) -> Vec<R::Vec
     primary.samples.chunks(spp as usize).map(sum).collect()
 }
 
-/// `spp` samples per pixel, distributed as the Gaussian filter k of the pixel, and ∇_u ln k at each,
-/// per pixel.
+/// `spp` samples per pixel, distributed as the Gaussian filter k of the pixel, and ∇_u ln k at
+/// each, per pixel.
 pub(crate) fn gaussian_samples<R: Real>(
     pixels: &[Pixel],
     spp: u32,

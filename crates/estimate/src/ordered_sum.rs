@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-/// The number of partial sums: enough to balance many threads, few enough to keep their memory small.
+/// The number of partial sums: enough to balance many threads, few enough to keep their memory
+/// small.
 const LANES: usize = 16;
 
 /// The sum of vectors of `length` numbers, to which `work` adds the part of each chunk 0..chunks.

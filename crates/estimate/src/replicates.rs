@@ -32,8 +32,8 @@ const LONGEST_REPLICATE: u32 = 1024;
 pub(crate) type Image = Vec<[f64; 3]>;
 
 impl Sampling {
-    /// Independent parts that have the same total number of samples, each with its own seed; one part
-    /// if the estimator does not depend on the seed.
+    /// Independent parts that have the same total number of samples, each with its own seed; one
+    /// part if the estimator does not depend on the seed.
     pub(crate) fn replicates(self, depends_on_seed: bool) -> Vec<Sampling> {
         let SampleCounts { spp, edge_samples } = self.counts;
         let enough = REPLICATES.max(spp.max(edge_samples).div_ceil(LONGEST_REPLICATE));

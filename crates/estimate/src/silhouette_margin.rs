@@ -17,7 +17,8 @@ pub(crate) const GRAZING: f64 = 0.65;
 /// The margin for errors of the first-order position of a silhouette.
 #[derive(Clone, Copy, Debug)]
 pub struct SilhouetteMargin {
-    /// The least and the largest distance of a silhouette, as multiples of its first-order distance.
+    /// The least and the largest distance of a silhouette, as multiples of its first-order
+    /// distance.
     range: [f64; 2],
     /// A silhouette up to this far outside a pixel, in pixels, counts as inside.
     outside: f64,
@@ -31,8 +32,8 @@ impl SilhouetteMargin {
     pub const SMALL: SilhouetteMargin =
         SilhouetteMargin { range: [0.75, 1.35], outside: 0.1, gaps: false };
 
-    /// For a single ray per pixel. Fits of `spot` reach a Chamfer distance of 0.14 % of the bounding
-    /// radius with it, and of 0.16 % with the small margin.
+    /// For a single ray per pixel. Fits of `spot` reach a Chamfer distance of 0.14 % of the
+    /// bounding radius with it, and of 0.16 % with the small margin.
     pub const LARGE: SilhouetteMargin =
         SilhouetteMargin { range: [0.5, 2.0], outside: 0.25, gaps: true };
 }
@@ -193,8 +194,9 @@ fn cosine_fall<R: Real>(
     }))
 }
 
-/// Whether a line perpendicular to `towards` may meet the pixel whose upper left corner is `corner`.
-/// The distance of the line from `u` is between the two of `away`, times the range of the margin.
+/// Whether a line perpendicular to `towards` may meet the pixel whose upper left corner is
+/// `corner`. The distance of the line from `u` is between the two of `away`, times the range of the
+/// margin.
 fn line_meets(
     u: DVec2,
     corner: DVec2,

@@ -26,9 +26,9 @@ struct SegmentSamples<R> {
 
 /// Adds stratified samples of the segments of lines between silhouettes to the record.
 ///
-/// At the distance s inside a silhouette the derivative of the hit point grows as 1/√s, and the mean
-/// of its square is infinite. The density of the samples also grows as 1/√s, so the product of weight
-/// and derivative is bounded.
+/// At the distance s inside a silhouette the derivative of the hit point grows as 1/√s, and the
+/// mean of its square is infinite. The density of the samples also grows as 1/√s, so the product of
+/// weight and derivative is bounded.
 ///
 /// The weight of a sample has the factor n_axis²: the squared component, along its line, of the
 /// projected unit normal. Lines along a silhouette do not cross it, and have little weight there.

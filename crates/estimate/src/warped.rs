@@ -13,8 +13,8 @@ use crate::record::{
 };
 use crate::registry::EstimatorOptions;
 
-/// The baseline c: a constant per pixel that is subtracted from the radiance in the terms of a warp.
-/// It is a control variate.
+/// The baseline c: a constant per pixel that is subtracted from the radiance in the terms of a
+/// warp. It is a control variate.
 ///
 /// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel. The published
 /// estimator has c = 0.
@@ -60,8 +60,8 @@ impl WarpedArea {
         WarpedArea { options: WarpOptions { top_k: usize::MAX, ..published.options }, ..published }
     }
 
-    /// Like [`published`](Self::published), under an unbounded Gaussian filter: the derivative of the
-    /// filter takes the place of the border flux (`gaussian`).
+    /// Like [`published`](Self::published), under an unbounded Gaussian filter: the derivative of
+    /// the filter takes the place of the border flux (`gaussian`).
     pub fn gaussian(options: &EstimatorOptions) -> Self {
         WarpedArea { filter: Filter::Gaussian, ..Self::published(options) }
     }

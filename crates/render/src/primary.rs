@@ -136,7 +136,8 @@ pub fn normals<R: Real>(gradient: &[R::Vec3]) -> Vec<R::Vec3> {
     gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect()
 }
 
-/// The value of f at the eye, at least 0: the distance to the nearest surface, for a distance field.
+/// The value of f at the eye, at least 0: the distance to the nearest surface, for a distance
+/// field.
 fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
     field.value(&[eye], &mut f);

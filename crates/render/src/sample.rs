@@ -38,8 +38,8 @@ pub struct Sample {
     pub u: DVec2,
 }
 
-/// Samples of every pixel, in the order of the pixels: the points number `range` of a Sobol sequence
-/// in the pixel's unit square, scrambled by `seed` and the pixel.
+/// Samples of every pixel, in the order of the pixels: the points number `range` of a Sobol
+/// sequence in the pixel's unit square, scrambled by `seed` and the pixel.
 ///
 /// The points are those of Burley, "Practical Hash-based Owen Scrambling", Journal of Computer
 /// Graphics Techniques 9(4), 2020.

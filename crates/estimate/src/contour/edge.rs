@@ -132,8 +132,8 @@ pub(super) fn locate<R: Real>(
     describe(scene, edges, &open)
 }
 
-/// Sets the events of the intervals that are left after all halvings: contrast, silhouette point and
-/// gradient.
+/// Sets the events of the intervals that are left after all halvings: contrast, silhouette point
+/// and gradient.
 fn describe<R: Real>(
     scene: &Scene<'_, R>,
     edges: &mut [GridEdge<R>],

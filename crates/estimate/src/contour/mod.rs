@@ -17,10 +17,11 @@ use edge::{GridEdge, SilhouetteEvent, locate};
 /// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
 /// the grid.
 ///
-/// If the rays at the two ends of an edge of a cell hit different surfaces, the edge is halved until
-/// it is 1e-9 pixels long. The rays at its ends then give the contrast and the silhouette point.
-/// These points are the corners of the polygons. The error of their length is of second order in
-/// the size of a cell. The grid has √spp cells along the side of a pixel, at least 4 and at most 256.
+/// If the rays at the two ends of an edge of a cell hit different surfaces, the edge is halved
+/// until it is 1e-9 pixels long. The rays at its ends then give the contrast and the silhouette
+/// point. These points are the corners of the polygons. The error of their length is of second
+/// order in the size of a cell. The grid has √spp cells along the side of a pixel, at least 4 and
+/// at most 256.
 ///
 /// This estimator shares no search and no random number with the others. It is slow, and it misses
 /// parts thinner than a cell.

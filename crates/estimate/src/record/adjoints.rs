@@ -1,4 +1,5 @@
-//! The result of reverse mode: coefficients of f and ∇f at points, for one pass over the parameters.
+//! The result of reverse mode: coefficients of f and ∇f at points, for one pass over the
+//! parameters.
 
 use field::{Field, Real, Vector3};
 

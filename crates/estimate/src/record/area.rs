@@ -110,7 +110,8 @@ impl<R: Real> Area<R> {
         SampleAdjoints { divergence, film, total }
     }
 
-    /// For every sample, the factor on its coefficients that enforces the limit of [`Pass::Limited`].
+    /// For every sample, the factor on its coefficients that enforces the limit of
+    /// [`Pass::Limited`].
     fn scale(
         &self,
         scene: &Scene<'_, R>,

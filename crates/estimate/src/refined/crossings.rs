@@ -19,16 +19,16 @@ pub(super) struct Crossings<R: Real> {
 /// surfaces.
 const HALVINGS: u32 = 12;
 
-/// Finds the crossings of lines with visible silhouettes. Each line has probes at its ends and at the
-/// s in `inner`.
+/// Finds the crossings of lines with visible silhouettes. Each line has probes at its ends and at
+/// the s in `inner`.
 ///
-/// A search starts at each probe ray that passes a surface. It uses Newton's method, from the closest
-/// approach that the tracer recorded. A crossing starts searches on the lines beside its own, so that
-/// all lines find a thin part once one ray has met it. If two neighbouring probes hit different
-/// surfaces and no crossing lies between them, a probe is added halfway.
+/// A search starts at each probe ray that passes a surface. It uses Newton's method, from the
+/// closest approach that the tracer recorded. A crossing starts searches on the lines beside its
+/// own, so that all lines find a thin part once one ray has met it. If two neighbouring probes hit
+/// different surfaces and no crossing lies between them, a probe is added halfway.
 ///
-/// It can miss a part that lies between all probes of a pixel and shows in none of them; more probes
-/// find it.
+/// It can miss a part that lies between all probes of a pixel and shows in none of them; more
+/// probes find it.
 pub(super) fn crossings<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],

@@ -27,15 +27,15 @@ use survey::{mark_corners, sample_unmarked};
 /// theorem.
 ///
 /// Let n = ∇_u m/|∇_u m|. Because 1 = n_x² + n_y², the integral is a sum of two integrals over
-/// crossings with lines along the axes: ∫ dy Σ ΔL v |n_x| + ∫ dx Σ ΔL v |n_y|. No factor grows where
-/// a silhouette runs along a line, and there is no quadrature of N points along rays. The lines are
-/// stratified, so the error falls as 1/lines.
+/// crossings with lines along the axes: ∫ dy Σ ΔL v |n_x| + ∫ dx Σ ΔL v |n_y|. No factor grows
+/// where a silhouette runs along a line, and there is no quadrature of N points along rays. The
+/// lines are stratified, so the error falls as 1/lines.
 ///
 /// It is the limit of warps whose V falls off ever faster away from silhouettes.
 ///
-/// It can miss a part that covers less of a pixel than one sample stands for, if no ray of the pixel
-/// comes near it; more samples find it. It does not cover creases and edges of shadows, where the
-/// radiance jumps without a silhouette.
+/// It can miss a part that covers less of a pixel than one sample stands for, if no ray of the
+/// pixel comes near it; more samples find it. It does not cover creases and edges of shadows, where
+/// the radiance jumps without a silhouette.
 #[derive(Clone, Copy, Debug)]
 pub struct Refined;
 

@@ -19,8 +19,8 @@ pub(super) struct Neighbours {
     groups: FxHashMap<(u32, usize), Range<usize>>,
 }
 
-/// A silhouette this close to the expected position, as a fraction of the distance over which it was
-/// followed, is the expected one.
+/// A silhouette this close to the expected position, as a fraction of the distance over which it
+/// was followed, is the expected one.
 const MATCH: f64 = 0.5;
 
 /// The coordinate of a line across its axis, in pixels.

@@ -17,8 +17,8 @@ struct Probe<R> {
     depth: R,
     /// The distance of the closest approach along the ray, in world units.
     nearest: R,
-    /// The tangent of the angle by which the ray clears the surface there; infinite without a closest
-    /// approach.
+    /// The tangent of the angle by which the ray clears the surface there; infinite without a
+    /// closest approach.
     clearance: R,
     kind: ProbeKind,
 }
@@ -74,7 +74,8 @@ impl<R: Real> Probes<R> {
         Ok(())
     }
 
-    /// Searches that start at the closest approaches and at the grazing hits of the rays at `places`.
+    /// Searches that start at the closest approaches and at the grazing hits of the rays at
+    /// `places`.
     pub(super) fn searches(
         &self,
         scene: &Scene<'_, R>,
@@ -156,9 +157,9 @@ impl<R: Real> Probes<R> {
     }
 }
 
-/// Whether two depths at a distance of `width` pixels belong to different surfaces: only one of them
-/// is finite, or they differ by more than those of a ball as large as the tracing scale, over this
-/// distance inwards from its silhouette.
+/// Whether two depths at a distance of `width` pixels belong to different surfaces: only one of
+/// them is finite, or they differ by more than those of a ball as large as the tracing scale, over
+/// this distance inwards from its silhouette.
 fn jumps<R: Real>(scene: &Scene<'_, R>, camera: usize, [a, b]: [R; 2], width: f64) -> bool {
     if a.is_infinite() || b.is_infinite() {
         return a != b;

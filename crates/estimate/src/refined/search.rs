@@ -127,8 +127,8 @@ impl<R: Real> KnownTangencies<R> {
         }
     }
 
-    /// Adds a silhouette unless it is known: one of the same line, at the same s, with a depth within
-    /// `same` of its own.
+    /// Adds a silhouette unless it is known: one of the same line, at the same s, with a depth
+    /// within `same` of its own.
     fn add(&mut self, found: LineTangency<R>, same: R) {
         let near = |other: &Tangency<R>| {
             (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()

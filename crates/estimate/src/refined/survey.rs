@@ -11,8 +11,8 @@ use crate::estimator::{Batch, SilhouetteMask};
 use crate::record::{Area, Record, Share};
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
 
-/// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels at
-/// the corner: every point of a pixel is within √½ pixels of a corner.
+/// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels
+/// at the corner: every point of a pixel is within √½ pixels of a corner.
 const CORNER_REACH: f64 = 0.75;
 
 /// If a ray clears all surfaces by more than this, in pixels, no silhouette crosses its pixel.
@@ -93,8 +93,8 @@ impl Corners {
 /// Marks the pixels among `which` of whose corner rays some hit and some miss, or one passes a
 /// surface closely.
 ///
-/// A straight silhouette (an edge of a solid) that cuts off a corner may show in no other ray of the
-/// pixel.
+/// A straight silhouette (an edge of a solid) that cuts off a corner may show in no other ray of
+/// the pixel.
 pub(super) fn mark_corners<R: Real>(
     scene: &Scene<'_, R>,
     batch: &Batch<'_>,

@@ -25,8 +25,8 @@ const BOUNDS_SLACK: f64 = 1e-3;
 /// 2 √2, rounded up.
 const CHORD: f64 = 3.0;
 
-/// The distance on the film between a silhouette and the rays beside it, in tolerances: 1e-3 pixels,
-/// or 1e-2 pixels in single precision.
+/// The distance on the film between a silhouette and the rays beside it, in tolerances: 1e-3
+/// pixels, or 1e-2 pixels in single precision.
 const ASIDE: f64 = 10.0;
 
 /// The visible ones among silhouettes, with their contrast.
@@ -89,8 +89,8 @@ fn beside<R: Real>(lines: &[FilmLine], f: &LineTangency<R>, away: f64) -> Sample
     lines[f.line].at(f.tangency.s.to_double() + away)
 }
 
-/// Depth and radiance just inside the silhouettes that are edges of a solid, by their numbers. One of
-/// two faces is visible there, and a ray finds it.
+/// Depth and radiance just inside the silhouettes that are edges of a solid, by their numbers. One
+/// of two faces is visible there, and a ray finds it.
 fn inside_edges<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
