@@ -24,7 +24,8 @@ const MEAN_RAYS: u32 = 4;
 /// The exponent γ of the harmonic weights.
 const EXPONENT: f64 = 3.0;
 
-/// The least cos² in a harmonic weight: the weight of a hit seen edge-on would be infinite.
+/// The least cos² in a harmonic weight: the weight of a hit seen edge-on at the sample would be
+/// infinite.
 const LEAST_BOUNDARY: f64 = 1e-6;
 
 /// The weights of auxiliary rays.
