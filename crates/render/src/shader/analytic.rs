@@ -150,9 +150,9 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         parameters: &mut [R],
     ) {
         bars.direction.fill(R::Vec3::zero());
-        for p in 0..points.len() {
+        for (p, adjoint) in adjoint.iter().enumerate().take(points.len()) {
             [bars.x[p], bars.normal[p]] =
-                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, adjoint[p], parameters);
+                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, *adjoint, parameters);
         }
     }
 }
