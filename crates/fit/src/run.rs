@@ -125,8 +125,7 @@ impl Fit {
     fn restore(&mut self) -> anyhow::Result<()> {
         let state = State::load(&self.checkpoint_path(), self.parameters.len())?;
         if let Some(budget) = self.file.options.iterations.filter(|n| *n < state.iteration) {
-            let expected =
-                format!("at least {}, the number of finished iterations", state.iteration);
+            let expected = format!("at least the {} finished iterations", state.iteration);
             return Err(InputError::new(
                 self.folder.join("fit.toml"),
                 "iterations",
