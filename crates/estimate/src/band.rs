@@ -1,4 +1,4 @@
-//! The boundary integral widened to a band.
+//! The estimator `band`: the boundary integral widened to a band.
 
 use field::{Real, SurfaceBatch, Vector3};
 use render::{InvalidField, Primary, Scene, TracedRay, normals, pixel_samples};
@@ -8,17 +8,19 @@ use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::means::pixel_means;
 use crate::record::{Area, Record, Silhouettes, chart};
 
-/// The width of the band, in pixels. Silhouettes count up to half of this further out, which is a
-/// bias; a wider band has less variance.
+/// The width of the band, in pixels. The bias grows with it: on average, a silhouette counts half
+/// of it further out. The variance falls with it.
 const WIDTH: f64 = 0.2;
 
-/// Area samples, of which those whose ray passes the surface within a band carry the silhouette.
+/// Area samples; those whose rays pass a surface within a band carry its silhouette.
 ///
 /// A ray whose closest approach has m < w clears the silhouette by m/|∇_u m| pixels. The silhouette
-/// moves by −∂_θ f/|∇_u m|, so its integral along the curve becomes an integral over the area of the
-/// band, of ΔL (−∂_θ f)/w, without a Jacobian. w is the world size of a fixed fraction of a pixel,
-/// times |∇f|. Source: Wang, Deng, Zhang, Jakob and Marschner, "A Simple Approach to Differentiable
-/// Rendering of SDFs", SIGGRAPH Asia 2024, section 4.
+/// moves by −∂_θ f/|∇_u m|, so its integral along the curve becomes an integral over the area of
+/// the band, of ΔL (−∂_θ f)/w, without a Jacobian. w is 0.2 pixels in world units at the closest
+/// approach, times |∇f|. The width is fixed, so the bias does not fall with the number of samples.
+///
+/// Wang, Deng, Zhang, Jakob and Marschner, "A Simple Approach to Differentiable Rendering of SDFs",
+/// SIGGRAPH Asia 2024, section 4.
 #[derive(Clone, Copy, Debug)]
 pub struct Band;
 
@@ -27,7 +29,7 @@ struct Approach<R: Real> {
     sample: usize,
     x: R::Vec3,
     direction: R::Vec3,
-    /// 1/w.
+    /// 1/w for |∇f| = 1, per world unit.
     inverse_width: R,
 }
 
@@ -66,7 +68,7 @@ fn silhouettes<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, spp: u32) ->
     let weight = R::one() / R::of(f64::from(spp));
     let mut silhouettes = Silhouettes::default();
     for (i, (approach, front)) in near.iter().zip(front).enumerate() {
-        // w in units of f.
+        // 1/w, with w in units of f.
         let inverse_width =
             approach.inverse_width / gradient[i].length().max(R::min_positive_value());
         if f[i] * inverse_width >= R::one() {

@@ -1,5 +1,5 @@
-//! Warps by convolution: V at a film position is a weighted mean of the velocities of the surface
-//! points that auxiliary rays around it hit.
+//! The estimators `was` and `loubet`: warps by convolution. V at a film position is a weighted mean
+//! of the velocities of surface points hit by auxiliary rays around it.
 
 use field::{Real, Vector3};
 use glam::DVec2;
@@ -14,30 +14,34 @@ use crate::record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
 /// The standard deviation of the cloud of auxiliary rays, in pixels.
 const DEVIATION: f64 = 0.2;
 
-/// Auxiliary rays of the harmonic mean. The quotient of two sums of n terms has a bias of about 1/n.
+/// Auxiliary rays of the harmonic mean. The quotient of two sums of n terms has a bias of about
+/// 1/n.
 const HARMONIC_RAYS: u32 = 16;
 
 /// Auxiliary rays of the plain mean, as published.
 const MEAN_RAYS: u32 = 4;
 
-/// The exponent γ of harmonic weights.
+/// The exponent γ of the harmonic weights.
 const EXPONENT: f64 = 3.0;
 
-/// The least cos² in a weight: for a hit seen edge-on the boundary test would be zero.
+/// The least cos² in a harmonic weight: the weight of a hit seen edge-on at the sample would be
+/// infinite.
 const LEAST_BOUNDARY: f64 = 1e-6;
 
+/// The weights of auxiliary rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Weights {
-    /// 1/(exp(D) − 1 + B)^γ. D is the squared distance on the film in variances of the cloud; B is
-    /// cos² at a hit, which falls to zero at a silhouette, and 1 for a ray that misses.
+    /// 1/(exp(D/2) − 1 + B)^γ. D is the squared distance on the film from the sample to the ray, in
+    /// variances of the cloud. B is cos² of the angle between ray and normal at a hit, which falls
+    /// to zero at a silhouette, and 1 for a ray without a hit.
     ///
-    /// Source: Bangaru, Li and Durand, "Unbiased Warped-Area Sampling for Differentiable
+    /// Bangaru, Li and Durand, "Unbiased Warped-Area Sampling for Differentiable
     /// Rendering", SIGGRAPH Asia 2020, section 5.
     Harmonic,
-    /// Equal weights for all hits. V belongs to a cloud about a point near the sample, and moves
-    /// the whole cloud. Silhouettes inside the cloud move with the mean of its hits: a bias.
+    /// Equal weights for all hits of a cloud around a point near the sample. Silhouettes inside the
+    /// cloud move with the mean of its hits, which is a bias.
     ///
-    /// Source: Loubet, Holzschuch and Jakob, "Reparameterizing Discontinuous Integrands for
+    /// Loubet, Holzschuch and Jakob, "Reparameterizing Discontinuous Integrands for
     /// Differentiable Rendering", SIGGRAPH Asia 2019, section 4.
     Mean,
 }
@@ -52,39 +56,40 @@ pub struct Convolution {
 /// A surface point that an auxiliary ray hits.
 struct AuxiliaryHit<R: Real> {
     x: R::Vec3,
-    /// J ∇f/|∇f|²: the film velocity per unit of −∂f.
+    /// J ∇f/|∇f|²: the film velocity per unit of −∂_θ f, in pixels per world unit.
     motion: [R; 2],
     /// cos² of the angle between ray and normal.
     boundary: R,
 }
 
-/// The weight of an auxiliary ray and its derivative as the sample moves on the film.
+/// The weight of an auxiliary ray, and its derivative by the film position of the sample, per
+/// pixel.
 type Term<R> = (R, [R; 2]);
 
 impl Convolution {
-    /// Harmonic weights (`was`).
+    /// Harmonic weights with 16 auxiliary rays per sample (`was`).
     pub fn harmonic() -> Self {
         Convolution { rays: HARMONIC_RAYS, weights: Weights::Harmonic }
     }
 
-    /// The plain mean (`loubet`).
+    /// The plain mean over 4 auxiliary rays per sample (`loubet`).
     pub fn mean() -> Self {
         Convolution { rays: MEAN_RAYS, weights: Weights::Mean }
     }
 
-    /// The offset of auxiliary ray `index` on the film.
+    /// The offset of auxiliary ray `index` from the centre of the cloud, in pixels.
     fn offset(index: u32, stream: Stream) -> DVec2 {
         DVec2::from(gaussian(stream.sobol(index))) * DEVIATION
     }
 
-    /// The random stream of a sample: by its film position, so that samples of different tiles have
-    /// different offsets.
+    /// The random stream of a sample. Its index is the film position, so that samples of different
+    /// tiles have different offsets.
     fn stream(sample: &Sample, seed: u64, purpose: Purpose) -> Stream {
         let [x, y] = sample.u.to_array().map(f64::to_bits);
         Stream::new(seed, purpose).at(sample.camera as u64).at(x).at(y)
     }
 
-    /// The offset of a sample's cloud from the sample.
+    /// The offset of the centre of a sample's cloud from the sample, in pixels.
     fn shift(&self, sample: &Sample, seed: u64) -> DVec2 {
         match self.weights {
             Weights::Harmonic => DVec2::ZERO,
@@ -92,6 +97,7 @@ impl Convolution {
         }
     }
 
+    /// V and ∇_u·V at film samples.
     fn warp<R: Real>(
         &self,
         scene: &Scene<'_, R>,
@@ -120,7 +126,7 @@ impl Convolution {
         Ok(FilmWarpWithDivergence::new(out, (0..samples.len()).collect()))
     }
 
-    /// The weight of every auxiliary ray of a sample.
+    /// The weights of the auxiliary rays of a sample.
     fn terms<R: Real>(
         &self,
         sample: &Sample,
@@ -134,29 +140,30 @@ impl Convolution {
             }
             Weights::Mean => {
                 let shift = self.shift(sample, seed);
-                let turn = (shift / (DEVIATION * DEVIATION)).to_array();
+                let log_density_du = (shift / (DEVIATION * DEVIATION)).to_array();
                 let count = R::of(hits.iter().flatten().count().max(1) as f64);
-                // ∇ ln of the cloud's density at the sample takes the place of the derivatives of
-                // the weights.
-                let term = (R::one() / count, turn.map(|v| R::of(v) / count));
+                // The weights are constant. The density of the cloud's centre moves with the
+                // sample; the gradient of its logarithm takes the place of their derivatives.
+                let term = (R::one() / count, log_density_du.map(|v| R::of(v) / count));
                 vec![term; hits.len()]
             }
         }
     }
 }
 
-/// A harmonic weight over the cloud's density, and its derivative as the sample moves; `off` leads
-/// from the ray to the sample.
+/// A harmonic weight divided by the density of the cloud, and its derivative by the film position
+/// of the sample. `off` is the vector from the ray to the sample, in pixels.
 fn harmonic<R: Real>(hit: &Option<AuxiliaryHit<R>>, off: DVec2) -> Term<R> {
-    let grown = R::of((off.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp());
+    let inverse_density = R::of((off.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp());
     let boundary = hit.as_ref().map_or(R::one(), |s| s.boundary.max(R::of(LEAST_BOUNDARY)));
-    let base = grown - R::one() + boundary;
-    let weight = grown * base.powf(-R::of(EXPONENT));
-    let rate = -R::of(EXPONENT) * weight * grown / base;
+    let base = inverse_density - R::one() + boundary;
+    let weight = inverse_density * base.powf(-R::of(EXPONENT));
+    let rate = -R::of(EXPONENT) * weight * inverse_density / base;
     (weight, (off / (DEVIATION * DEVIATION)).to_array().map(|v| R::of(v) * rate))
 }
 
-/// Adds the points of one sample.
+/// Adds the points of one sample to the warp. With `normalise`, its weights are divided by their
+/// sum.
 fn push<R: Real>(
     out: &mut WarpWithDivergence<R>,
     ray: usize,
@@ -180,7 +187,7 @@ fn push<R: Real>(
     }
 }
 
-/// The surface points that rays hit.
+/// The surface points at the first hits of rays; `None` for a ray without a hit.
 fn auxiliary_hits<R: Real>(
     scene: &Scene<'_, R>,
     samples: &[Sample],
@@ -241,7 +248,7 @@ mod tests {
     use approx::assert_relative_eq;
     use glam::DVec3;
 
-    /// Three hits and a miss with the film positions of their rays.
+    /// Three hits and a miss, and the film positions of their rays.
     fn cloud() -> (Vec<Option<AuxiliaryHit<f64>>>, Vec<DVec2>) {
         let hit =
             |x: f64, motion, boundary| Some(AuxiliaryHit { x: DVec3::splat(x), motion, boundary });
@@ -255,8 +262,7 @@ mod tests {
         (hits, places.map(DVec2::from).to_vec())
     }
 
-    /// The warp of a sample at u. The auxiliary rays and the densities that they were drawn from
-    /// stay the same for every u.
+    /// The warp of a sample at u. The auxiliary rays and their densities are the same for every u.
     fn warp_at(u: DVec2) -> WarpWithDivergence<f64> {
         let (hits, places) = cloud();
         let density = |at: &DVec2| (-at.length_squared() / (2.0 * DEVIATION * DEVIATION)).exp();
@@ -264,7 +270,8 @@ mod tests {
             .iter()
             .zip(&places)
             .map(|(hit, at)| {
-                // `harmonic` divides by the density at the sample; here it is that at the origin.
+                // `harmonic` divides by the density around u; this is the density around the
+                // origin.
                 let (weight, du) = harmonic(hit, u - *at);
                 let here = density(&(u - *at)) / density(at);
                 (weight * here, du.map(|v| v * here))
@@ -279,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn the_divergence_of_harmonic_weights_matches_differences() {
+    fn divergence_with_harmonic_weights_matches_differences() {
         let f_dot = [0.7, -1.3, 0.4];
         let (h, here) = (1e-6, warp_at(DVec2::ZERO));
         let velocity = |u: DVec2| warp_at(u).warp.velocity(&f_dot)[0];

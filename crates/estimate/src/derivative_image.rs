@@ -1,4 +1,4 @@
-//! Derivative images: d(pixel)/d(number).
+//! Derivative images: the derivative of every pixel by one number of the scene.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -15,13 +15,13 @@ use crate::replicates::{Image, Mean, Sampling, tiles};
 /// The number that an image is differentiated by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// A parameter of the field.
+    /// A parameter of the field, by its index.
     Field(usize),
-    /// All parameters of the field at once, along the random unit vector of this number.
+    /// All parameters of the field at once, along the vector [`random_unit`] of this number.
     Along(u64),
-    /// A parameter of the shader.
+    /// A parameter of the shader, by its index.
     Shader(usize),
-    /// A channel of the background.
+    /// A channel of the background: 0 for red, 1 for green, 2 for blue.
     Background(usize),
 }
 
@@ -30,15 +30,23 @@ pub enum Direction {
 pub struct Derivative {
     /// d(pixel)/d(number), linear RGB per unit of the number.
     pub film: Film,
-    /// The estimated standard error: relative L2 over the image, from independent replicates;
-    /// `None` for one replicate.
+    /// The estimated standard error: its L2 norm over the image, relative to that of the
+    /// derivative, from independent replicates; `None` for one replicate.
     pub standard_error: Option<f64>,
 }
 
 /// Differentiates the image of the scene's first camera in each direction.
 ///
+/// The result has one derivative image per direction, all from the same samples.
+/// The same seed gives the same bits on any number of threads.
+/// `progress` gets the fraction that is done; several threads call it.
+///
 /// # Errors
-/// If the field gives a NaN or an infinity.
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If the number of samples per pixel is 0, the scene has no camera, or the index of a parameter or
+/// of a channel is too large.
 pub fn differentiate<R: Real>(
     scene: &Scene<'_, R>,
     directions: &[Direction],
@@ -76,7 +84,7 @@ pub fn differentiate<R: Real>(
     Ok((0..directions.len()).map(assemble).collect())
 }
 
-/// A uniform radiance changes with the field at silhouettes only.
+/// Terms that can differ from zero: a uniform radiance changes with the field at silhouettes only.
 fn wanted_terms<R: Real>(scene: &Scene<'_, R>, directions: &[Direction]) -> Terms {
     let of_field = |d: &Direction| matches!(d, Direction::Field(_) | Direction::Along(_));
     if scene.shader.is_uniform() && directions.iter().all(of_field) {
@@ -86,7 +94,7 @@ fn wanted_terms<R: Real>(scene: &Scene<'_, R>, directions: &[Direction]) -> Term
     }
 }
 
-/// The film of the first camera from the pixels of its tiles.
+/// The film of the first camera, from the pixels of its tiles.
 fn assemble<'a, R: Real>(
     scene: &Scene<'_, R>,
     tiles: &[Vec<Pixel>],
@@ -102,9 +110,11 @@ fn assemble<'a, R: Real>(
     film
 }
 
-/// The Jacobian of pixel values: for each channel, the coefficients at the same points.
+/// The Jacobian of pixel values: for each channel, coefficients at the same points.
 type Jacobian<R> = [Vec<PointAdjoint<R>>; 3];
 
+/// The Jacobian of a record, by one reverse pass per channel, without the points whose coefficients
+/// are all zero.
 fn jacobian<R: Real>(scene: &Scene<'_, R>, record: &Record<R>, pixels: usize) -> Jacobian<R> {
     let rows: Jacobian<R> = std::array::from_fn(|c| {
         let mut row = Adjoints::default();
@@ -121,7 +131,7 @@ fn jacobian<R: Real>(scene: &Scene<'_, R>, record: &Record<R>, pixels: usize) ->
     })
 }
 
-/// The derivatives of the record's pixels in every direction.
+/// The derivatives of a record's pixels in every direction.
 fn forward<R: Real>(
     scene: &Scene<'_, R>,
     record: &Record<R>,
@@ -152,7 +162,7 @@ fn forward<R: Real>(
     directions.iter().map(derivative).collect()
 }
 
-/// The random unit vector of a number.
+/// A random unit vector of `length` numbers, uniform in its direction; a function of `number`.
 pub fn random_unit<R: Real>(length: usize, number: u64) -> Vec<R> {
     let entry = |i: usize| {
         let stream = Stream::new(number, Purpose::WeightDirection).at(i as u64);
@@ -163,7 +173,7 @@ pub fn random_unit<R: Real>(length: usize, number: u64) -> Vec<R> {
     vector.into_iter().map(|v| R::of(v / norm)).collect()
 }
 
-/// Adds the change of every pixel with the field's parameter `index`.
+/// Adds the derivative of every pixel by the field's parameter `index`, in forward mode.
 fn add_field_parameter<R: Real>(
     scene: &Scene<'_, R>,
     rows: &Jacobian<R>,
@@ -183,10 +193,10 @@ fn add_field_parameter<R: Real>(
     }
 }
 
-/// Adds the change of one channel of every pixel along a tangent.
+/// Adds the derivative of one channel of every pixel along a tangent.
 ///
-/// By reverse mode, pixel by pixel: one pass over the parameters a point, where a forward mode
-/// without an implementation of its own takes four.
+/// It uses reverse mode pixel by pixel: one pass over the parameters per point. The default
+/// implementation of forward mode takes four.
 fn add_tangent<R: Real>(
     scene: &Scene<'_, R>,
     row: &[PointAdjoint<R>],
@@ -209,7 +219,7 @@ fn channel<R: Real>(channel: usize) -> R::Vec3 {
     R::Vec3::from_array(std::array::from_fn(|c| if c == channel { R::one() } else { R::zero() }))
 }
 
-/// Adds the change of area samples with a channel of the background.
+/// Adds the derivative of area samples by a channel of the background.
 fn add_background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
     for (share, hit) in area.shares.iter().zip(area.primary.hit_mask()) {
         if !hit {
@@ -218,7 +228,7 @@ fn add_background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
     }
 }
 
-/// Adds the change of area samples with the shader's parameter `index`.
+/// Adds the derivative of area samples by the shader's parameter `index`.
 fn add_shader_parameter<R: Real>(
     scene: &Scene<'_, R>,
     area: &Area<R>,

@@ -1,18 +1,22 @@
-//! Ground truth by finite differences with common random numbers.
+//! The reference `fd`: finite differences with common random numbers.
 
 use film::Film;
 
 use crate::derivative_image::Derivative;
 use crate::replicates::{Image, Mean, Sampling};
 
-/// The central difference (I(+h) − I(−h))/2h of images rendered with the same samples.
+/// The central difference (I(+h) − I(−h))/2h of two images rendered with the same samples.
 ///
-/// `render` gets the offset ±h and the samples. The error is of second order in h = `step`, and of
-/// first order in pixels whose corner a silhouette passes within h. The noise grows as
-/// 1/√(h · samples) where a silhouette moves by less than the distance between samples.
+/// `render` makes the image of the scene whose parameter is changed by ±h, with the given samples.
+/// The error is of second order in h = `step`, and of first order in pixels of which a silhouette
+/// passes a corner within h. The noise grows as 1/√(h · samples) if silhouettes move by less than
+/// the distance between samples. `progress` gets the fraction that is done.
 ///
 /// # Errors
-/// Those of `render`.
+/// The errors of `render`.
+///
+/// # Panics
+/// If the number of samples per pixel is 0.
 pub fn finite_difference<E>(
     sampling: Sampling,
     step: f64,

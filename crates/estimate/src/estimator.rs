@@ -5,12 +5,12 @@ use render::{InvalidField, Pixel, Scene};
 
 use crate::record::Record;
 
-/// The filter over which a pixel's value is the mean of radiance.
+/// The pixel filter: the value of a pixel is the mean of the radiance, weighted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
-    /// The pixel's unit square.
+    /// A constant over the pixel's unit square.
     Box,
-    /// A Gaussian about the pixel's centre, with a standard deviation of [`FILTER_DEVIATION`].
+    /// A Gaussian around the pixel's centre, with a standard deviation of [`FILTER_DEVIATION`].
     Gaussian,
 }
 
@@ -20,9 +20,9 @@ pub const FILTER_DEVIATION: f64 = 0.5;
 /// Numbers of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleCounts {
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub spp: u32,
-    /// Samples on each edge between pixels; for `refined`, lines along each axis of a pixel.
+    /// Samples on each edge between pixels; for `refined`, lines per pixel along each film axis.
     pub edge_samples: u32,
 }
 
@@ -31,17 +31,17 @@ pub struct SampleCounts {
 pub enum Terms {
     /// All terms, and the pixels' values.
     All,
-    /// Silhouettes at least. The caller knows that all other terms are zero, as for a radiance that
-    /// is the same everywhere; an estimator may leave out the pixels' values too.
+    /// The silhouette terms. The caller knows that all other terms are zero, for example because
+    /// the radiance is the same everywhere. An estimator may also leave out the pixels' values.
     Silhouettes,
 }
 
-/// Pixels to sample.
+/// A batch of pixels to sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
     /// The pixels.
     pub pixels: &'a [Pixel],
-    /// How many samples they get.
+    /// Their numbers of samples.
     pub counts: SampleCounts,
     /// The seed of the samples.
     pub seed: u64,
@@ -51,39 +51,41 @@ pub struct Batch<'a> {
 
 /// For each pixel of a batch, whether a silhouette may cross it.
 ///
-/// Further samples of the same pixels start from the mask of earlier ones, so that they need not
-/// find it again.
+/// Further samples of the same pixels start from the mask of the earlier ones, and skip the search
+/// for it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SilhouetteMask {
-    /// One flag a pixel; empty before anything is known.
+    /// One flag per pixel of the batch; empty before the first samples.
     pub may_cross: Vec<bool>,
 }
 
 impl SilhouetteMask {
-    /// A silhouette may cross each of `pixels` pixels.
+    /// The mask of `pixels` pixels that silhouettes may all cross.
     pub fn all(pixels: usize) -> Self {
         SilhouetteMask { may_cross: vec![true; pixels] }
     }
 }
 
-/// A way to differentiate pixel values.
+/// A method to differentiate pixel values.
 ///
-/// An estimator samples pixels and returns a [`Record`]: all that is linear in the adjoints of the
-/// pixels. Derivative images, gradients of image losses and fits read the same record, so an
-/// estimator is written once. To use one by name, add it to a [`crate::Registry`].
+/// An estimator samples pixels and returns a [`Record`]. The record holds all terms of the
+/// derivative, and each term is linear in the adjoints of the pixels. Derivative images, gradients
+/// of image losses and fits read the same record. To select an estimator by name, add it to a
+/// [`crate::Registry`].
 pub trait Estimator<R: Real>: Send + Sync {
-    /// The filter of the image whose derivative this is.
+    /// The pixel filter of the image that is differentiated.
     fn filter(&self) -> Filter {
         Filter::Box
     }
 
-    /// Samples pixels. The same batch gives the same bits.
+    /// Samples the pixels of a batch. The same batch and mask give the same bits.
     ///
-    /// `mask` tells which pixels a silhouette may cross, where that is known; an estimator that
-    /// looks for them adds to it, any other ignores it.
+    /// `mask` is empty, or has one flag per pixel from earlier samples of the same pixels.
+    /// An estimator that tests which pixels a silhouette may cross adds flags to it; others ignore
+    /// it.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity.
+    /// If the field gives a NaN or an infinity along a ray.
     fn record(
         &self,
         scene: &Scene<'_, R>,
@@ -91,14 +93,14 @@ pub trait Estimator<R: Real>: Send + Sync {
         mask: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField>;
 
-    /// Whether other seeds give other samples. If not, there are no replicates to estimate a
-    /// standard error from.
+    /// Whether other seeds give other samples. Without that, there are no independent replicates,
+    /// and no standard error.
     fn depends_on_seed(&self) -> bool {
         true
     }
 
-    /// Memory of one sample relative to a sample without a quadrature along its ray: sets how many
-    /// pixels are sampled together.
+    /// The memory of one sample, relative to that of a ray without points of a warp. It limits the
+    /// number of pixels that are sampled together.
     fn memory_factor(&self) -> usize {
         1
     }

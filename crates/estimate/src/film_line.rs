@@ -1,19 +1,21 @@
-//! Lines of the film, and the silhouettes that they cross.
+//! Lines on the film, and their crossings with silhouettes.
 
 use field::Real;
 use glam::DVec2;
 use render::Sample;
 
-/// A line across a pixel along a film axis: s in [0, 1] runs from one border to the other.
+/// A line across a pixel, parallel to a film axis. Its parameter s runs from 0 at one border of the
+/// pixel to 1 at the other, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FilmLine {
     /// The pixel, by its number in the batch.
     pub(crate) pixel: u32,
     pub(crate) camera: usize,
-    /// The film axis that s runs along.
+    /// The film axis that the line is parallel to: 0 for x, 1 for y.
     pub(crate) axis: usize,
+    /// The film position at s = 0.
     pub(crate) start: DVec2,
-    /// The weight of the line in the mean over the lines along its axis.
+    /// The weight of the line in the mean over the pixel's lines along this axis.
     pub(crate) share: f64,
 }
 
@@ -26,25 +28,26 @@ impl FilmLine {
     }
 }
 
-/// A visible silhouette that a line crosses.
+/// A crossing of a line with a visible silhouette.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing<R: Real> {
     /// The line, by its number.
     pub(crate) line: usize,
+    /// The parameter of the line at the crossing.
     pub(crate) s: f64,
-    /// Whether the solid is left as s grows.
+    /// Whether the line leaves the solid here, in the direction of growing s.
     pub(crate) leaves: bool,
-    /// The points on both sides of the minimum of f along the ray.
+    /// Two points of the ray that enclose its minimum of f, in world units.
     pub(crate) points: [R::Vec3; 2],
     /// Their weights, which sum to 1.
     pub(crate) weights: [R; 2],
-    /// ∇_u m of m = min_t f, per pixel.
+    /// ∇_u m of m = min_t f, in world units per pixel.
     pub(crate) film_gradient: [R; 2],
-    /// The radiance inside less the radiance outside.
+    /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
     pub(crate) contrast: R::Vec3,
 }
 
-/// How well the position of a crossing is known, in pixels: 1e-4, or 1e-3 in single precision. An
+/// The tolerance of the position of a crossing, in pixels: 1e-4, or 1e-3 in single precision. An
 /// error of this size changes no image visibly.
 pub(crate) fn tolerance<R: Real>() -> f64 {
     (R::epsilon().to_double() * 1e4).max(1e-4)

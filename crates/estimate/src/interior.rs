@@ -1,4 +1,4 @@
-//! The estimator without a silhouette term.
+//! The estimator `interior`, without a silhouette term.
 
 use field::Real;
 use render::{InvalidField, Scene, pixel_samples};
@@ -7,7 +7,7 @@ use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::means::pixel_means;
 use crate::record::{Area, Record};
 
-/// Backpropagation through the hit point: silhouettes are left out.
+/// Backpropagation through the hit points. It is biased: it has no silhouette term.
 #[derive(Clone, Copy, Debug)]
 pub struct Interior;
 

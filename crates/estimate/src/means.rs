@@ -1,4 +1,4 @@
-//! Means over the samples of pixels, and samples of the Gaussian filter.
+//! Means over the samples of pixels, and samples of the Gaussian pixel filter.
 
 use field::{Real, Vector3};
 use glam::DVec2;
@@ -7,7 +7,7 @@ use render::{Pixel, Primary, Sample, pixel_samples};
 
 use crate::estimator::FILTER_DEVIATION;
 
-/// The mean radiance of every pixel of `spp` samples.
+/// The mean radiance of every pixel, from `spp` samples per pixel in the order of the pixels.
 pub(crate) fn pixel_means<R: Real>(primary: &Primary<R>, spp: u32) -> Vec<R::Vec3> {
     let share = R::one() / R::of(f64::from(spp));
     let sum = |own: &[render::TracedSample<R>]| {
@@ -16,7 +16,8 @@ pub(crate) fn pixel_means<R: Real>(primary: &Primary<R>, spp: u32) -> Vec<R::Vec
     primary.samples.chunks(spp as usize).map(sum).collect()
 }
 
-/// Samples of the Gaussian filter of every pixel, and ∇ ln k of the filter k at each.
+/// `spp` samples per pixel, distributed as the Gaussian filter k of the pixel, and ∇_u ln k at
+/// each, per pixel.
 pub(crate) fn gaussian_samples<R: Real>(
     pixels: &[Pixel],
     spp: u32,

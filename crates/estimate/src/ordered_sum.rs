@@ -1,18 +1,19 @@
-//! Sums over chunks whose bits do not depend on the number of threads.
+//! Sums over chunks, with bits that do not depend on the number of threads.
 
 use rayon::prelude::*;
 
-/// How many partial sums there are: enough to balance many threads, few enough that their memory
-/// does not matter.
+/// The number of partial sums: enough to balance many threads, few enough to keep their memory
+/// small.
 const LANES: usize = 16;
 
-/// Adds up what `work` adds to an accumulator for every chunk 0..chunks.
+/// The sum of vectors of `length` numbers, to which `work` adds the part of each chunk 0..chunks.
 ///
-/// Chunks are dealt round-robin to a fixed number of accumulators, each filled in order and all
-/// added in order. The values that `work` returns come back in the order of the chunks.
+/// Chunks are dealt round-robin to 16 partial sums. Each partial sum is filled in the order of its
+/// chunks, and the partial sums are added in order, so the bits do not depend on the number of
+/// threads. The second result has the value that `work` returned for each chunk, in order.
 ///
 /// # Errors
-/// The error of the first lane that failed.
+/// The error of a chunk. If several chunks fail, that of the first partial sum with an error.
 pub fn ordered_sum<R, T, E>(
     chunks: usize,
     length: usize,
@@ -51,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sums_do_not_depend_on_threads_and_values_keep_their_order() {
+    fn the_bits_of_sums_and_the_order_of_values_do_not_depend_on_threads() {
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {

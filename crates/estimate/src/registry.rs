@@ -11,12 +11,12 @@ use crate::interior::Interior;
 use crate::refined::Refined;
 use crate::warped::{Baseline, WarpedArea};
 
-/// The options that an estimator is made from.
+/// The options of estimators. Each estimator uses those that apply to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimatorOptions {
-    /// Options of the published warp.
+    /// The options of the published warp.
     pub warp: WarpOptions,
-    /// The control variate of the warps.
+    /// The control variate of the published warp.
     pub baseline: Baseline,
 }
 
@@ -26,7 +26,7 @@ impl Default for EstimatorOptions {
     }
 }
 
-/// Makes an estimator from its options.
+/// A function that makes an estimator from its options.
 pub type Constructor<R> = fn(&EstimatorOptions) -> Box<dyn Estimator<R>>;
 
 /// An estimator with its name.
@@ -34,15 +34,15 @@ pub type Constructor<R> = fn(&EstimatorOptions) -> Box<dyn Estimator<R>>;
 pub struct Entry {
     /// The name on the command line.
     pub name: &'static str,
-    /// One line about it, for `--help`.
+    /// A description of one line, for `--help`.
     pub summary: &'static str,
-    /// Makes it in single precision.
+    /// Its constructor in single precision.
     pub single: Constructor<f32>,
-    /// Makes it in double precision.
+    /// Its constructor in double precision.
     pub double: Constructor<f64>,
 }
 
-/// A precision that a registry makes estimators in.
+/// A precision that has a constructor in every [`Entry`]: `f32` or `f64`.
 pub trait EstimatorPrecision: Precision {
     /// The constructor of an entry in this precision.
     fn constructor(entry: &Entry) -> Constructor<Self>;
@@ -69,19 +69,19 @@ impl Entry {
         R::constructor(self)(options)
     }
 
-    /// The filter of the image that is differentiated.
+    /// The pixel filter of the image that is differentiated.
     pub fn filter(&self) -> Filter {
         self.estimator::<f64>(&EstimatorOptions::default()).filter()
     }
 }
 
-/// Estimators by name.
+/// A list of estimators with unique names.
 #[derive(Clone, Debug)]
 pub struct Registry {
     entries: Vec<Entry>,
 }
 
-/// One constructor for both precisions.
+/// An entry with one constructor for both precisions.
 macro_rules! entry {
     ($name:literal, $summary:literal, $make:expr) => {
         Entry {
@@ -125,13 +125,13 @@ impl Default for Registry {
 }
 
 impl Registry {
-    /// Adds an estimator; one of the same name is replaced.
+    /// Adds an estimator. It replaces an estimator of the same name.
     pub fn add(&mut self, entry: Entry) {
         self.entries.retain(|known| known.name != entry.name);
         self.entries.push(entry);
     }
 
-    /// The estimators, in the order in which they were added.
+    /// The estimators, in the order in which they were added; those of this crate first.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
@@ -141,7 +141,7 @@ impl Registry {
         self.entries.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", ")
     }
 
-    /// The estimator of a name.
+    /// The estimator with this name.
     pub fn get(&self, name: &str) -> Option<&Entry> {
         self.entries.iter().find(|entry| entry.name == name)
     }
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_and_an_estimator_can_be_replaced() {
+    fn names_are_unique_and_add_replaces_an_estimator_of_the_same_name() {
         let mut registry = Registry::default();
         let mut names: Vec<&str> = registry.entries().iter().map(|entry| entry.name).collect();
         let count = names.len();

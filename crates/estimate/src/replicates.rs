@@ -1,11 +1,12 @@
-//! Independent replicates of an image, for standard errors, and the tiles that are sampled together.
+//! Independent replicates of an image, for standard errors, and tiles of pixels that are sampled
+//! together.
 
 use random::{Purpose, Stream};
 use render::{Camera, Pixel};
 
 use crate::estimator::{Batch, SampleCounts, Terms};
 
-/// How much is sampled, and with which seed.
+/// Numbers of samples with their seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
     /// The numbers of samples.
@@ -14,24 +15,25 @@ pub struct Sampling {
     pub seed: u64,
 }
 
-/// The samples of a tile: enough to fill the field's blocks, few enough to stay in the caches and to
-/// balance threads.
+/// The samples of a tile, about: enough to fill the field's blocks of points, few enough to stay in
+/// the caches and to balance threads.
 const TILE_SAMPLES: usize = 1024;
 
 /// The largest side of a tile, in pixels.
 const LARGEST_TILE: usize = 32;
 
-/// Replicates that samples are divided over, at least.
+/// The least number of replicates, if there are enough samples.
 const REPLICATES: u32 = 4;
 
-/// The most samples of a pixel in one replicate: they are in memory together.
+/// The largest number of samples of a pixel in one replicate: they are in memory together.
 const LONGEST_REPLICATE: u32 = 1024;
 
 /// An image in double precision, row-major.
 pub(crate) type Image = Vec<[f64; 3]>;
 
 impl Sampling {
-    /// Independent parts of the same total, each with its own seed.
+    /// Independent parts that have the same total number of samples, each with its own seed; one
+    /// part if the estimator does not depend on the seed.
     pub(crate) fn replicates(self, depends_on_seed: bool) -> Vec<Sampling> {
         let SampleCounts { spp, edge_samples } = self.counts;
         let enough = REPLICATES.max(spp.max(edge_samples).div_ceil(LONGEST_REPLICATE));
@@ -46,14 +48,14 @@ impl Sampling {
         (0..replicates).map(part).collect()
     }
 
-    /// The batch of some pixels.
+    /// The batch of `pixels` with these samples.
     pub(crate) fn batch(self, pixels: &[Pixel], terms: Terms) -> Batch<'_> {
         Batch { pixels, counts: self.counts, seed: self.seed, terms }
     }
 }
 
-/// The film of a scene's first camera in square tiles. Most edges between pixels lie inside one,
-/// unless one pixel alone has as many samples as a tile.
+/// The film of a scene's first camera in square tiles. Most edges between pixels lie inside a tile,
+/// unless a single pixel has as many samples as a tile.
 pub(crate) fn tiles(
     camera: &Camera,
     counts: SampleCounts,
@@ -75,7 +77,7 @@ pub(crate) fn tiles(
         .collect()
 }
 
-/// The weighted mean of replicates of some pixels, with the parts of its standard error.
+/// The weighted mean of replicates of some pixels, with their terms of its standard error.
 pub(crate) struct Mean {
     pub(crate) pixels: Vec<[f32; 3]>,
     /// The sum of the squares of the mean.
@@ -85,7 +87,7 @@ pub(crate) struct Mean {
 }
 
 impl Mean {
-    /// The mean of `value(r, i)` over the replicates r, for `count` pixels i.
+    /// The mean of `value(r, i)` over replicates r of weight `weights[r]`, for `count` pixels i.
     pub(crate) fn of(
         count: usize,
         weights: &[f64],
@@ -108,8 +110,8 @@ impl Mean {
         Mean { pixels, square, deviation }
     }
 
-    /// The relative L2 of the standard error of an image in parts, for a number of replicates;
-    /// `None` for one replicate.
+    /// The L2 norm of the standard error of an image, relative to that of the image, from the means
+    /// of its parts; `None` for one replicate.
     pub(crate) fn standard_error<'a>(
         parts: impl Iterator<Item = &'a Mean>,
         replicates: usize,

@@ -1,49 +1,55 @@
-//! Which pixels a silhouette may cross, from one ray each.
+//! A test for the pixels that a silhouette may cross, from single rays.
 
 use field::{Real, Vector3};
 use glam::DVec2;
 use render::{Pixel, Primary, Sample, Scene, TracedRay};
 use trace::Outcome;
 
-/// The distance in pixels from a sample up to which a silhouette may cross the sample's pixel: the
-/// sample may sit in one corner and the silhouette pass through the opposite one, √2 away. The rest
-/// is room for the error of first order.
+/// The largest distance, in pixels, from a sample to a silhouette that crosses the sample's pixel.
+/// The sample may be in one corner and the silhouette in the opposite one, √2 away; the rest is a
+/// margin for the error of first order.
 const REACH: f64 = 1.6;
 
-/// The cosine between ray and normal above which a hit has no silhouette near: cos² = 2 s/r at the
-/// distance s from a silhouette of radius r, so this holds for r ≥ 8 pixels.
+/// A hit whose cosine between reversed ray and normal is above this has no silhouette near it.
+/// At the distance s from a silhouette of radius r, cos² = 2 s/r, so this holds for r ≥ 8 pixels.
 pub(crate) const GRAZING: f64 = 0.65;
 
-/// How far the first-order distance of a silhouette is trusted.
+/// The margin for errors of the first-order position of a silhouette.
 #[derive(Clone, Copy, Debug)]
 pub struct SilhouetteMargin {
-    /// The least and the largest multiple of its first-order distance at which a silhouette may be.
+    /// The least and the largest distance of a silhouette, as multiples of its first-order
+    /// distance.
     range: [f64; 2],
-    /// How far outside a pixel a silhouette still counts as inside, in pixels.
+    /// A silhouette up to this far outside a pixel, in pixels, counts as inside.
     outside: f64,
-    /// Whether every pixel counts whose ray passes one surface and hits another.
+    /// Whether a ray that passes one surface and hits another always marks its pixel.
     gaps: bool,
 }
 
 impl SilhouetteMargin {
-    /// For estimators that also look at corners and at further samples: a ball of two and a half
-    /// pixels bends within this margin.
+    /// For estimators that also test corners and further samples. The outline of a ball of 2.5
+    /// pixels stays within this margin of its tangent.
     pub const SMALL: SilhouetteMargin =
         SilhouetteMargin { range: [0.75, 1.35], outside: 0.1, gaps: false };
 
-    /// For a single ray a pixel. Fits of `spot` reach a Chamfer distance of 0.14 % with it, and of
-    /// 0.16 % with the small margin.
+    /// For a single ray per pixel. Fits of `spot` reach a Chamfer distance of 0.14 % of the
+    /// bounding radius with it, and of 0.16 % with the small margin.
     pub const LARGE: SilhouetteMargin =
         SilhouetteMargin { range: [0.5, 2.0], outside: 0.25, gaps: true };
 }
 
 /// For every sample, whether a silhouette may cross its pixel.
 ///
-/// Two tests to first order. A ray that passes a surface (before its hit, if it has one) has a
-/// silhouette about f/(t · pixel angle) pixels away, in the direction in which f falls. A ray that
-/// hits at the cosine c = −n·d has one where c² falls to zero, c/(2 |∂c/∂u|) pixels away. A
-/// silhouette counts if the straight line through its first-order position, across the way to it,
-/// meets the pixel. Of several surfaces that a ray passes, only the closest is tested.
+/// There are two tests, both to first order:
+///
+/// - A ray that passes a surface (before its hit, if it has one) has a silhouette about
+///   f/(t · pixel angle) pixels away, in the direction in which f falls.
+/// - A ray that hits a surface with the cosine c = −n·d has a silhouette c/(2 |∂c/∂u|) pixels away,
+///   where c² falls to zero.
+///
+/// To first order the silhouette is a straight line through this position, perpendicular to the
+/// direction to it. The pixel is marked if the line meets it, within `margin`. Of several surfaces
+/// that a ray passes, only the closest is tested, so the test can miss a silhouette.
 pub fn near_silhouettes<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
@@ -65,8 +71,8 @@ fn pixel_of(Sample { camera, u }: &Sample) -> Pixel {
     Pixel { camera: *camera, x: u.x as u32, y: u.y as u32 }
 }
 
-/// Marks samples that miss a ball of rays of less than a pixel: all of the solid may lie between
-/// the samples.
+/// Marks samples that pass closely by a ball of rays smaller than a pixel: all of the solid may lie
+/// between the samples.
 fn mark_small_balls<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, near: &mut [bool]) {
     let ball = &scene.tracing.ball;
     let misses = primary.samples.iter().enumerate().filter(|(_, s)| s.traced.is_none());
@@ -80,19 +86,19 @@ fn mark_small_balls<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, near: &
     }
 }
 
-/// A surface that a ray passes, as seen on the film.
+/// A surface that a ray passes, and its first-order position on the film.
 pub(crate) struct Passage {
     /// The sample, by its number in the batch.
     pub(crate) sample: usize,
-    /// The direction towards it on the film.
+    /// The direction from the sample to the silhouette on the film, of any length.
     towards: DVec2,
-    /// Its distance in pixels: at least, and to first order.
+    /// The distance to it in pixels: a lower bound, and to first order.
     away: [f64; 2],
     /// Whether the ray hits a surface behind it.
     in_front_of_hit: bool,
 }
 
-/// The surfaces that rays pass within `reach` pixels, at most one a ray.
+/// The surfaces that rays pass within `reach` pixels, at most one per ray: the closest.
 pub(crate) fn passages<R: Real>(
     scene: &Scene<'_, R>,
     traced: &[(Sample, Option<TracedRay<R>>)],
@@ -126,7 +132,7 @@ pub(crate) fn passages<R: Real>(
 }
 
 impl Passage {
-    /// Whether the silhouette of the surface may cross `pixel`; `sample` is the ray's.
+    /// Whether the silhouette of the surface may cross `pixel`. `sample` is that of the ray.
     pub(crate) fn crosses(&self, sample: &Sample, pixel: &Pixel, margin: SilhouetteMargin) -> bool {
         // In a gap between two surfaces the silhouette of the further one may cross the pixel where
         // that of the closer one does not.
@@ -135,7 +141,7 @@ impl Passage {
     }
 }
 
-/// Marks samples whose ray hits at a grazing angle.
+/// Marks samples whose ray hits at a grazing angle, if the silhouette near it may cross the pixel.
 fn mark_grazing<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
@@ -160,8 +166,8 @@ fn mark_grazing<R: Real>(
         let sample = &primary.samples[primary.hits[h].sample].sample;
         let fall = cosine_fall(scene, primary, h, turn);
         let away = -normal[h].dot(direction[h]).to_double() / (2.0 * fall.length());
-        // A NaN, where the slope vanishes too, counts as near; so does a ray that ends on the face
-        // behind a rim.
+        // A NaN, from a cosine and a slope of zero, counts as near. So does a ray that ends on the
+        // face behind a rim, where the cosine is negative.
         let corner = pixel_of(sample).corner();
         near[primary.hits[h].sample] |= away.is_nan()
             || away <= 0.0
@@ -169,8 +175,7 @@ fn mark_grazing<R: Real>(
     }
 }
 
-/// −∂c/∂u of the cosine c = −n·d at hit `h`; `turn` is ∇²f times the part of d across the normal,
-/// over |∇f|.
+/// −∂c/∂u of the cosine c = −n·d at hit `h`, per pixel. `turn` is ∇²f (d − n (n·d))/|∇f|.
 fn cosine_fall<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
@@ -189,8 +194,9 @@ fn cosine_fall<R: Real>(
     }))
 }
 
-/// Whether a line across `towards`, at a distance from `u` between the two of `away` within the
-/// margin, may meet the pixel whose least corner is `corner`.
+/// Whether a line perpendicular to `towards` may meet the pixel whose upper left corner is
+/// `corner`. The distance of the line from `u` is between the two of `away`, times the range of the
+/// margin.
 fn line_meets(
     u: DVec2,
     corner: DVec2,

@@ -1,4 +1,4 @@
-//! The smooth part of pixels that a silhouette may cross, sampled along lines of the film.
+//! The smooth part of pixels that a silhouette may cross, sampled along lines on the film.
 
 use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
@@ -6,16 +6,16 @@ use render::{InvalidField, Sample, Scene};
 use crate::film_line::{Crossing, FilmLine};
 use crate::record::{Area, Record, Share};
 
-/// Where the samples of lines lie.
+/// The stratification of samples along lines.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stratification<'a> {
-    /// A number in [0, 1) a line that places its samples.
+    /// One number in [0, 1) per line: the position of its samples in their strata.
     pub(crate) offset: &'a [f64],
-    /// Samples per pixel of a line; a segment between two silhouettes has at least one.
+    /// Samples per pixel of length. A segment between two silhouettes has at least one sample.
     pub(crate) per_pixel: u32,
 }
 
-/// Film samples between silhouettes.
+/// Film samples on the segments of lines between silhouettes.
 #[derive(Default)]
 struct SegmentSamples<R> {
     samples: Vec<Sample>,
@@ -24,15 +24,20 @@ struct SegmentSamples<R> {
     axis: Vec<usize>,
 }
 
-/// Adds stratified samples of the segments of lines between silhouettes.
+/// Adds stratified samples of the segments of lines between silhouettes to the record.
 ///
-/// At the distance s inside a silhouette the derivative of the hit grows as 1/√s, and its square has
-/// no finite mean. Samples whose density grows as 1/√s bound the product of weight and derivative.
+/// At the distance s inside a silhouette the derivative of the hit point grows as 1/√s, and the
+/// mean of its square is infinite. The density of the samples also grows as 1/√s, so the product of
+/// weight and derivative is bounded.
 ///
-/// A sample counts by the square of the component of the projected normal along its line, as a
-/// silhouette does: lines along a silhouette, which do not cross it, have no weight there.
+/// The weight of a sample has the factor n_axis²: the squared component, along its line, of the
+/// projected unit normal. Lines along a silhouette do not cross it, and have little weight there.
+/// The two axes together have the weight 1, since n_x² + n_y² = 1.
 ///
-/// `crossings` are in order along each line, lines in order.
+/// `crossings` are sorted by line, and along each line by s.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray.
 pub(crate) fn add_smooth_part<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
@@ -45,7 +50,7 @@ pub(crate) fn add_smooth_part<R: Real>(
     let primary = scene.primary(&samples)?;
     record.rays += samples.len() as u64;
     for (share, sample) in shares.iter_mut().zip(&primary.samples) {
-        // Both axes are sampled: each has half of the weight.
+        // The lines along each of the two axes sample the whole pixel: each has half of the weight.
         share.weight *= R::of(0.5);
         record.radiance[share.pixel as usize] += sample.radiance * share.weight;
     }
@@ -62,6 +67,7 @@ pub(crate) fn add_smooth_part<R: Real>(
     Ok(())
 }
 
+/// Samples of all segments; each has the weight of its part of the pixel, for one axis.
 fn segment_samples<R: Real>(
     lines: &[FilmLine],
     Stratification { offset, per_pixel }: Stratification<'_>,
@@ -90,8 +96,9 @@ fn segment_samples<R: Real>(
     out
 }
 
-/// The position in a segment of length 1 of the sample with the uniform number w, and the reciprocal
-/// of the density of samples there. Samples are denser towards the ends that are flagged.
+/// For a number w that is uniform in [0, 1): the position of a sample in a segment of length 1, and
+/// the reciprocal of the density of samples there. At the flagged ends the density grows as
+/// 1/√distance.
 fn placed(w: f64, dense: [bool; 2]) -> (f64, f64) {
     match dense {
         [false, false] => (w, 1.0),
@@ -107,7 +114,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn placed_samples_integrate() {
+    fn weighted_samples_integrate_the_cosine_for_all_densities() {
         for dense in [[false, false], [true, false], [false, true], [true, true]] {
             let n = 1000;
             let each = (0..n).map(|i| placed((f64::from(i) + 0.5) / f64::from(n), dense));

@@ -11,26 +11,32 @@ use crate::ordered_sum::ordered_sum;
 use crate::record::{Adjoints, Pass};
 use crate::replicates::{Image, Sampling, tiles};
 
-/// The gradient of ½ Σ (I − target)².
+/// The gradient of the loss ½ Σ (I − target)².
 #[derive(Clone, Debug)]
 pub struct TargetGradient<R> {
-    /// The loss, of the image that gave the adjoints.
+    /// The loss of the image that gave the adjoints.
     pub loss: f64,
-    /// The gradient by the field's parameters.
+    /// The gradient by the parameters of the field.
     pub parameters: Vec<R>,
-    /// The estimated standard error: relative L2 over the parameters, from independent replicates;
-    /// `None` for one replicate.
+    /// The estimated standard error: its L2 norm over the parameters, relative to that of the
+    /// gradient, from independent replicates; `None` for one replicate or a gradient of zero.
     pub standard_error: Option<f64>,
 }
 
 /// The gradient of ½ Σ (I − target)², summed over pixels and channels, for the scene's first
 /// camera.
 ///
-/// The image that gives the adjoints and the samples that are differentiated are independent, so
-/// that the product of the two has no bias.
+/// The image that gives the adjoints I − target and the samples that are differentiated are
+/// independent, so their product has no bias. (The estimator may have one of its own.)
+/// The same seed gives the same bits on any number of threads.
+/// `progress` gets the fraction that is done; several threads call it.
 ///
 /// # Errors
-/// If the field gives a NaN or an infinity.
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If the number of samples per pixel is 0, the scene has no camera, or the target has fewer pixels
+/// than the film of the camera.
 pub fn target_gradient<R: Real>(
     scene: &Scene<'_, R>,
     target: &Film,
@@ -44,7 +50,7 @@ pub fn target_gradient<R: Real>(
     let camera = &scene.cameras[0];
     let of = |p: &render::Pixel| adjoint[p.y as usize * camera.width as usize + p.x as usize];
     let mut tiles = tiles(camera, parts[0].counts, estimator.memory_factor());
-    // Pixels that are equal to their target have no adjoint.
+    // The adjoint of a pixel that is equal to its target is zero.
     tiles.iter_mut().for_each(|tile| tile.retain(|p| of(p) != R::Vec3::zero()));
     let mut masks = vec![SilhouetteMask::default(); tiles.len()];
     let mut runs = Vec::new();
@@ -70,7 +76,7 @@ pub fn target_gradient<R: Real>(
     Ok(TargetGradient { loss, parameters, standard_error })
 }
 
-/// The loss ½ Σ (I − target)², and its adjoint of every pixel.
+/// The loss ½ Σ (I − target)², and the adjoint I − target of every pixel.
 fn loss_adjoint<R: Real>(image: &Image, target: &Film) -> (f64, Vec<R::Vec3>) {
     let mut loss = 0.0;
     let adjoint = image
@@ -87,7 +93,7 @@ fn loss_adjoint<R: Real>(image: &Image, target: &Film) -> (f64, Vec<R::Vec3>) {
     (loss, adjoint)
 }
 
-/// The image whose derivative the estimator gives, from independent samples.
+/// The image under the filter of the estimator, from samples of its own seed.
 fn image<R: Real>(
     scene: &Scene<'_, R>,
     estimator: &dyn Estimator<R>,
@@ -113,7 +119,7 @@ fn image<R: Real>(
     Ok(pixels)
 }
 
-/// The mean of replicates and the relative L2 of its standard error.
+/// The mean of replicates, and the L2 norm of its standard error relative to that of the mean.
 fn mean<R: Real>(runs: &[Vec<R>]) -> (Vec<R>, Option<f64>) {
     let n = runs.len() as f64;
     let (mut square, mut deviation) = (0.0, 0.0);

@@ -30,7 +30,8 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into()))
 }
 
-/// Reverse mode against forward mode, which is checked against closed forms: Σ (I − target) dI/dθ.
+/// Reverse mode against Σ (I − target) dI/dθ in forward mode, which is checked against closed forms
+/// elsewhere.
 #[test]
 fn reverse_mode_agrees_with_forward_mode() {
     let target =
@@ -41,7 +42,7 @@ fn reverse_mode_agrees_with_forward_mode() {
             check_transpose(scene, entry.name);
         }
         let image = render(scene, 0, 1024, 6, &|_| {}).unwrap().film;
-        // With the published warp, motion along the view has a tenth of noise.
+        // The tolerances contain the noise: with `paper`, motion along the view has a tenth.
         for (name, tolerance) in [("paper", 0.15), ("refined", 0.02), ("band", 0.05)] {
             check_agreement(scene, &image, &target, name, tolerance);
         }
@@ -53,7 +54,7 @@ fn estimator(name: &str, baseline: Baseline) -> Box<dyn Estimator<f64>> {
     Registry::default().get(name).unwrap().estimator(&options)
 }
 
-/// Σ δ_p ∂I_p/∂θ of the same samples in both ways: pixel by pixel, and in one sum.
+/// Σ δ_p ∂I_p/∂θ of the same record: pixel by pixel, and in one sum.
 fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
     let pixels: Vec<Pixel> = (0..120).map(|i| Pixel { camera: 0, x: i % 12, y: i / 12 }).collect();
     let delta: Vec<DVec3> =
@@ -86,6 +87,7 @@ fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
     }
 }
 
+/// The target gradient against Σ (I − target) dI/dθ over derivative images, for some parameters.
 fn check_agreement(
     scene: &Scene<'_, f64>,
     image: &Film,

@@ -1,4 +1,4 @@
-//! The published estimator and its variants: a warp over the points of the sphere tracer.
+//! The estimators `paper`, `paper-all` and `gaussian`: a warp from the points of the sphere tracer.
 
 use boundary::Edges;
 use field::{Real, Vector3};
@@ -13,20 +13,30 @@ use crate::record::{
 };
 use crate::registry::EstimatorOptions;
 
-/// The constant c that is subtracted from the radiance that the warp carries: a control variate.
+/// The baseline c: a constant per pixel that is subtracted from the radiance in the terms of a
+/// warp. It is a control variate.
 ///
-/// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel.
+/// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel. The published
+/// estimator has c = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Baseline {
-    /// The background, for all pixels. It is right at the outline of the bounding sphere too, where
-    /// V ends and all radiance is background.
+    /// The background, for all pixels. It is also correct at the outline of the bounding sphere,
+    /// where V ends and all radiance is background.
     Background,
-    /// The mean of the pixel's other samples. A pixel of constant radiance has no variance then.
+    /// The mean of the pixel's other samples, where the warp covers the whole pixel. A pixel of
+    /// constant radiance then has no variance.
     PixelMean,
 }
 
-/// Samples of pixel areas with the warp over the tracer's points, and the flux through the pixels'
-/// borders if the filter has any (Bangaru et al. 2022).
+/// Samples in the areas of pixels with the warp from N points of the sphere tracer, and for the box
+/// filter the flux of the warp through the borders of the pixels.
+///
+/// It is consistent as the samples and N grow, for γ > 2. At finite N it has a bias, which is large
+/// for motion along the view.
+///
+/// Bangaru, Gharbi, Li, Luan, Sunkavalli, Hašan, Bi, Xu, Bernstein and Durand, "Differentiable
+/// Rendering of Neural SDFs through Reparameterization", SIGGRAPH Asia 2022. The border flux is
+/// equation 2 in section 1 of its supplement.
 #[derive(Clone, Copy, Debug)]
 pub struct WarpedArea {
     options: WarpOptions,
@@ -34,39 +44,39 @@ pub struct WarpedArea {
     baseline: Baseline,
 }
 
-/// The N of the paper: memory of a tile is relative to it.
+/// The N of the paper; the memory of a sample is relative to it.
 const PUBLISHED_POINTS: usize = WarpOptions::PUBLISHED.steps;
 
 impl WarpedArea {
-    /// As published: k points weighed, box filter, pixel-boundary integral.
+    /// As published: the k points of largest weight, box filter, border flux (`paper`).
     pub fn published(options: &EstimatorOptions) -> Self {
         let EstimatorOptions { warp, baseline } = *options;
         WarpedArea { options: warp, filter: Filter::Box, baseline }
     }
 
-    /// The same with a weight on every point, for any k.
+    /// Like [`published`](Self::published), but with all N points; k has no effect (`paper-all`).
     pub fn of_all_points(options: &EstimatorOptions) -> Self {
         let published = Self::published(options);
         WarpedArea { options: WarpOptions { top_k: usize::MAX, ..published.options }, ..published }
     }
 
-    /// The same under an unbounded Gaussian filter: the derivative of the filter takes the place of
-    /// the boundary integral.
+    /// Like [`published`](Self::published), under an unbounded Gaussian filter: the derivative of
+    /// the filter takes the place of the border flux (`gaussian`).
     pub fn gaussian(options: &EstimatorOptions) -> Self {
         WarpedArea { filter: Filter::Gaussian, ..Self::published(options) }
     }
 
-    /// Whether pixel p may have a baseline of its own.
+    /// Whether a pixel with these samples may have a baseline of its own.
     ///
-    /// Where some line of sight misses the bounding sphere it may not: the warp ends at the outline
-    /// of the sphere, and only the background may be carried there.
+    /// It may not if a ray misses the bounding sphere: the warp ends at the outline of the sphere,
+    /// where the radiance is the background.
     fn has_own_baseline<R: Real>(&self, samples: &[TracedSample<R>]) -> bool {
         self.baseline == Baseline::PixelMean
             && samples.len() > 1
             && samples.iter().all(|sample| sample.traced.is_some())
     }
 
-    /// L − c of area samples. c must not depend on the sample itself.
+    /// L − c of area samples. The baseline c of a sample does not depend on the sample itself.
     fn radiance_minus_baseline<R: Real>(
         &self,
         scene: &Scene<'_, R>,
@@ -86,6 +96,7 @@ impl WarpedArea {
         out
     }
 
+    /// Samples of the borders of the pixels, with V at each. `area` has the pixels' area samples.
     fn border<R: Real>(
         &self,
         scene: &Scene<'_, R>,
@@ -157,7 +168,8 @@ impl<R: Real> Estimator<R> for WarpedArea {
     }
 }
 
-/// Samples of the pixels' borders, each with its edge. An edge has the same samples in every batch.
+/// `count` samples on every edge of the pixels' borders, each with its edge. An edge has the same
+/// samples in every batch.
 fn border_samples<R: Real>(
     scene: &Scene<'_, R>,
     pixels: &[Pixel],

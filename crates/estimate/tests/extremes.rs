@@ -1,5 +1,5 @@
-//! Numerical stability at the extremes, in single and double precision: finite and right, or one
-//! clear error.
+//! Derivatives at extreme settings, in single and double precision: they are finite and correct, or
+//! one clear error.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 mod fields;
@@ -9,25 +9,26 @@ use estimate::{
     differentiate,
 };
 use field::{Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
-use fields::{Constant, Odd, White};
+use fields::{Altered, Constant, White};
 use glam::{DVec2, DVec3};
 use render::{Camera, Precision, Scene};
 use warp::WarpOptions;
 
-/// What is looked at.
+/// The solid of a row.
 #[derive(Clone, Copy)]
 enum Solid {
     Ball,
-    /// Along the axis, through the hole, where ∇f is undefined.
+    /// A torus seen along its axis, where ∇f is undefined.
     Torus,
     /// Two balls that meet in an edge.
     Lens,
-    /// A box, the plane of whose top holds the eye.
+    /// A box. The eye lies in the plane of its top.
     EdgeOn,
+    /// f is this number everywhere.
     Constant(f64),
 }
 
-/// What is expected of Σ over the film of the derivative by the radius (of a ball).
+/// The expected sum, over the film, of the derivative by the parameter.
 #[derive(Clone, Copy, Debug)]
 enum Expected {
     /// A finite image.
@@ -38,31 +39,38 @@ enum Expected {
     Error,
 }
 
+/// One setting: a row of the table.
 #[derive(Clone)]
 struct Row {
     name: String,
     solid: Solid,
-    /// The ball's radius, and the parameter.
+    /// The radius of the ball, in world units before `scale`.
     radius: f64,
+    /// The index of the parameter.
     index: usize,
+    /// f is multiplied by this.
     factor: f64,
-    poison_below: f64,
-    /// Everything is this much larger.
+    /// f is a NaN where z is below this.
+    nan_below: f64,
+    /// All lengths are multiplied by this.
     scale: f64,
+    /// Pixels along each side of the film.
     size: u32,
+    /// In pixels.
     focal: f64,
     eye: DVec3,
+    /// The bounding radius.
     bounds: f64,
-    /// Lengths in bounding radii.
+    /// Lengths are in bounding radii.
     warp: WarpOptions,
     spp: u32,
     expected: Expected,
-    /// The same for the published estimator: its settings here break the method and not the
-    /// arithmetic.
+    /// The same for `paper`. Many rows violate its assumptions, so that only finite numbers are
+    /// expected.
     paper: Expected,
 }
 
-/// The options whose lengths are in world units, for a bounding sphere of `radius`.
+/// Options with lengths in bounding radii, from `options` with lengths in world units.
 fn lengths_in_world_units(options: WarpOptions, radius: f64) -> WarpOptions {
     let WarpOptions { lambda_d, epsilon, .. } = options;
     WarpOptions { lambda_d: lambda_d / radius, epsilon: epsilon / radius, ..options }
@@ -75,7 +83,7 @@ fn row(name: &str) -> Row {
         radius: 0.7,
         index: 3,
         factor: 1.0,
-        poison_below: f64::MIN,
+        nan_below: f64::MIN,
         scale: 1.0,
         size: 12,
         focal: 24.0,
@@ -88,7 +96,7 @@ fn row(name: &str) -> Row {
     }
 }
 
-/// The derivative by the radius of a ball's area on the film, in square pixels per unit.
+/// The derivative of a ball's area on the film by its radius, in square pixels per world unit.
 fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
     let square = distance * distance - radius * radius;
     let outline = focal * radius / square.sqrt();
@@ -112,11 +120,11 @@ fn build<R: Precision>(row: &Row) -> Box<dyn Field<R>> {
         }
         Solid::Constant(value) => return Box::new(Constant(value)),
     };
-    Box::new(Odd { inner, factor: row.factor, poison_below: row.poison_below })
+    Box::new(Altered { inner, factor: row.factor, nan_below: row.nan_below })
 }
 
-/// Σ of the first channel over the film, and whether all numbers are finite; the error's text if
-/// there is one.
+/// The sum of the derivative's first channel over the film, and whether all numbers are finite; or
+/// the text of the error.
 fn measure<R: EstimatorPrecision>(row: &Row, estimator: &str) -> Result<(f64, bool), String> {
     let field = build::<R>(row);
     let (focal, principal) = (DVec2::splat(row.focal), DVec2::splat(f64::from(row.size) / 2.0));
@@ -139,6 +147,7 @@ fn measure<R: EstimatorPrecision>(row: &Row, estimator: &str) -> Result<(f64, bo
     Ok((pixels.iter().map(|p| f64::from(p[0])).sum::<f64>() * row.scale, finite))
 }
 
+/// Checks one row with one estimator, and returns the cell of the table.
 fn cell<R: EstimatorPrecision>(
     row: &Row,
     estimator: &str,
@@ -149,7 +158,7 @@ fn cell<R: EstimatorPrecision>(
     match (expected, measure::<R>(row, estimator)) {
         (Expected::Error, Err(text)) => {
             assert!(text.contains("NaN") || text.contains("finite"), "{context}: {text}");
-            "an error that says where".to_owned()
+            "error".to_owned()
         }
         (Expected::Finite, Ok((sum, true))) => format!("{sum:.4}"),
         (Expected::Sum(want), Ok((sum, true))) => {
@@ -199,19 +208,19 @@ fn rows() -> Vec<Row> {
         ..row(&format!("f = {value} everywhere"))
     };
     rows.extend([1.0, 0.0, -1.0].map(constant));
-    let poisoned = Row {
-        poison_below: 0.3,
+    let nan = Row {
+        nan_below: 0.3,
         expected: Expected::Error,
         paper: Expected::Error,
         ..row("f is a NaN somewhere")
     };
-    rows.push(poisoned);
+    rows.push(nan);
     rows
 }
 
-/// Rows about what is where on the film.
+/// Rows with other solids, cameras and bounds.
 fn views() -> Vec<Row> {
-    // An outline of exactly four pixels: rays through the corners of pixels are tangents.
+    // The outline has a radius of exactly four pixels: rays through corners of pixels touch it.
     let tangent = 4.0 * 4.0 / f64::hypot(24.0, 4.0);
     let small = 1e-3 / 12.0;
     let (on, within) = (DVec3::new(0.0, 0.0, 1.4), DVec3::new(0.0, 0.0, 1.2));
@@ -273,7 +282,7 @@ fn views() -> Vec<Row> {
 }
 
 #[test]
-fn extremes_are_finite_and_right_or_clear_errors() {
+fn derivatives_at_extremes_are_finite_and_correct_or_an_error() {
     println!(
         "| setting | refined, f64 | refined, f32 | paper, f64 | paper, f32 |\n|---|---|---|---|---|"
     );

@@ -1,5 +1,5 @@
-//! The gradient of an image loss by a network's weights against derivative images by contours,
-//! along random directions.
+//! The gradient of an image loss by the weights of a network, against derivative images of
+//! `contour` along random directions.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
@@ -18,7 +18,7 @@ fn load(path: &Path) -> SceneFile {
 }
 
 #[test]
-fn the_gradient_of_a_neural_scene_is_that_of_its_contours() {
+fn the_target_gradient_of_a_network_agrees_with_contour() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/gradients");
     for look in ["constant", "lambert"] {
         let file = load(&folder.join(format!("network.{look}.json")));

@@ -1,32 +1,32 @@
-//! Which pixels show the background.
+//! The probability that a pixel shows the background.
 
 use dataset::Background;
 use field::Sphere;
 use film::Film;
 
-/// The probability from which a pixel counts as certain background.
+/// A pixel with more than this probability counts as certain background.
 const CERTAIN: f32 = 0.99;
 
-/// The margin around a background pixel that must be certain background too, as a fraction 1/MARGIN
-/// of the image's larger side: silhouettes come to rest inside it.
+/// The margin around a pixel that must also be certain background, as the fraction 1/MARGIN of the
+/// longer side of the image. Silhouettes come to rest inside such a margin.
 const MARGIN: u32 = 32;
 
-/// The confidence of the estimated background above which pixels may be certain.
+/// Without masks, pixels are certain only if the confidence in the background is above this.
 const KNOWN: f32 = 0.5;
 
-/// The evidence for background pixels.
+/// The model that tells background pixels from pixels of the object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BackgroundModel {
-    /// The ball that holds the object.
+    /// The bounding sphere of the object, in world units.
     pub(crate) bounds: Sphere<f64>,
     /// The estimated colour of the background.
     pub(crate) background: Background,
-    /// Whether masks decide where a view has one.
+    /// Whether the mask of a view, if it has one, replaces the estimated background.
     pub(crate) use_masks: bool,
 }
 
 impl BackgroundModel {
-    /// The probability that a pixel shows the background.
+    /// The probability, 0 to 1, that pixel (x, y) shows the background.
     pub(crate) fn probability(&self, image: &Film, mask: Option<&Film>, x: u32, y: u32) -> f32 {
         match mask.filter(|_| self.use_masks) {
             Some(mask) => 1.0 - mask.at(x, y)[0],
@@ -34,7 +34,8 @@ impl BackgroundModel {
         }
     }
 
-    /// For each pixel, row-major, whether it and those around it are certain background.
+    /// For each pixel, row-major, whether it and all pixels in the margin around it are certain
+    /// background.
     pub(crate) fn certain(&self, image: &Film, mask: Option<&Film>) -> Vec<bool> {
         let (width, height) = (image.width, image.height);
         let known = self.background.confidence > KNOWN || (self.use_masks && mask.is_some());
@@ -43,7 +44,7 @@ impl BackgroundModel {
             all().map(|(x, y)| known && self.probability(image, mask, x, y) > CERTAIN).collect();
         let margin = (width.max(height) / MARGIN).max(1);
         let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
-        // The square around a pixel is a row of columns.
+        // A square is a row of columns: test the columns first, then the rows.
         let columns: Vec<bool> = all()
             .map(|(x, y)| near(y, height).all(|y| certain[(y * width + x) as usize]))
             .collect();

@@ -1,4 +1,4 @@
-//! The state of a fit between two iterations, in one file that is replaced whole.
+//! The state of a fit between two iterations, in one file.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -7,28 +7,32 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use io::{InputError, atomic_write};
 
-/// The state of a fit between two iterations. Everything random is a function of the seed and the
-/// iteration, so there is no generator to save.
+/// The state of a fit between two iterations. Random numbers are functions of the seed and the
+/// iteration, so there is no random generator in it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
-    /// Iterations done.
+    /// The number of finished iterations.
     pub(crate) iteration: u64,
-    /// Seconds spent.
+    /// Wall time of all sessions, in seconds.
     pub(crate) seconds: f64,
-    /// The running mean of the gradient's norm.
+    /// The running mean of the gradient's norm; 0 before the first step.
     pub(crate) usual_norm: f32,
-    /// All parameters: the field's, then the radiance head's.
+    /// The parameters of the field, then those of the radiance head.
     pub(crate) parameters: Vec<f32>,
-    /// Adam's first moments.
+    /// Adam's first moments, one per parameter.
     pub(crate) first: Vec<f32>,
-    /// Adam's second moments.
+    /// Adam's second moments, one per parameter.
     pub(crate) second: Vec<f32>,
-    /// Adam's number of steps.
+    /// The number of Adam's steps.
     pub(crate) steps: u64,
 }
 
 impl State {
-    /// Writes the state to `path`: all or nothing.
+    /// Writes the state to `path`. The file is replaced as a whole: an interrupted write leaves the
+    /// old file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
     pub(crate) fn save(&self, path: &Path) -> anyhow::Result<()> {
         let tensors =
             [("parameters", &self.parameters), ("first", &self.first), ("second", &self.second)];
@@ -50,6 +54,10 @@ impl State {
     }
 
     /// Reads a state with `count` parameters.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is cut short, has another number of parameters, or has a number
+    /// that is not finite.
     pub(crate) fn load(path: &Path, count: usize) -> anyhow::Result<State> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
@@ -73,7 +81,7 @@ impl State {
                 return Err(error(
                     name,
                     found,
-                    &format!("F32 of shape [{count}], as fit.toml says"),
+                    &format!("F32 of shape [{count}], according to fit.toml"),
                 ));
             }
             let numbers: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
@@ -101,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_comes_back_bit_for_bit() {
+    fn a_saved_state_loads_with_the_same_bits_and_a_cut_file_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state.safetensors");
         let state = State {

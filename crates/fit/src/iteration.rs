@@ -1,33 +1,34 @@
-//! The numbers that a fit reports of every iteration.
+//! The metrics of one iteration.
 
 use field::Evaluations;
 use serde::Serialize;
 
-/// One line of `metrics.jsonl`.
+/// The metrics of one iteration: one line of `metrics.jsonl`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
-    /// Iterations done.
+    /// The number of finished iterations.
     pub iteration: u64,
-    /// Seconds spent in all.
+    /// Wall time of all sessions of the run, in seconds.
     pub seconds: f64,
-    /// The fraction of the budget spent.
+    /// The spent fraction of the budget, 0 to 1.
     pub progress: f64,
-    /// Mean photometric loss a pixel.
+    /// Mean photometric loss per pixel.
     pub loss: f64,
-    /// Mean of (|∇f| − 1)².
+    /// Mean of (|∇f| − 1)² over the points of the eikonal term.
     pub eikonal: f64,
-    /// PSNR over the iteration's own pixels, dB.
+    /// PSNR over the pixels of the iteration, in dB.
     pub train_psnr: f64,
-    /// PSNR of the held-out view last rendered, dB; absent without one.
+    /// PSNR of the last preview of a held-out view, in dB; `None` before the first preview, or
+    /// without a held-out view.
     pub psnr: Option<f64>,
     /// Field evaluations of the iteration.
     pub evaluations: Evaluations,
-    /// Rays traced a second.
+    /// Traced rays per second.
     pub rays_per_second: f64,
-    /// Fraction of the pixels that a silhouette may have crossed.
+    /// The fraction of the pixels that a silhouette may cross.
     pub edge_fraction: f64,
-    /// The pyramid's level: images at 1/2^level.
+    /// The level of the pyramid: images at 1/2^level of their size.
     pub level: usize,
-    /// The norm of the gradient before clipping.
+    /// The L2 norm of the gradient before clipping.
     pub gradient_norm: f64,
 }

@@ -1,33 +1,35 @@
-//! The photometric loss, in display space.
+//! The photometric loss, in display units: 0 is black and 1 is the white of a display.
 
 use film::{Film, srgb_encode};
 
-/// Where the loss turns from quadratic to linear, in display units: about the noise of a photograph
-/// with its unmodelled highlights. Half and double of it changed the fits of the test scenes by
-/// less than their seed did.
+/// The residual, in display units, at which the loss turns from quadratic to linear: about the
+/// noise of a photograph with its unmodelled highlights. Half and double of it changed the fits of
+/// the test scenes less than another seed did.
 const SOFTNESS: f32 = 0.05;
 
-/// The least difference of radiance that the encoding's slope is taken over: at black the slope
-/// itself is twenty times that of white, and noise there would drown all else.
+/// The least difference of radiance over which the slope of the transfer function is taken. At
+/// black its slope is twenty times that at white, so noise in dark pixels would dominate the loss.
 const LEAST_CONTRAST: f32 = 0.1;
 
-/// What a pixel should look like.
+/// The target of a pixel: its photographed radiance, and the scale of its residual.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
-    /// Its linear radiance.
+    /// The photographed radiance, linear RGB.
     pub(crate) radiance: [f32; 3],
-    /// Display units per unit of radiance.
+    /// Display units per unit of radiance, for each channel.
     slope: [f32; 3],
 }
 
 impl Target {
-    /// The target of a pixel of a photograph.
+    /// The target of pixel (x, y) of a photograph.
     ///
-    /// The slope is that of the line through the darkest and the brightest of the pixel and its
-    /// neighbours, on the curve of the display's encoding. So what it says of a silhouette's place
-    /// is how wrong the coverage is, at the contrast that is seen. It does not depend on the
-    /// samples: the curve's own slope at a noisy estimate is steep if that happens to be dark, and
-    /// moves every silhouette before a dark background outwards (half a pixel with four samples).
+    /// The slope is that of a chord of the sRGB transfer function: from the darkest to the
+    /// brightest value among the pixel and its eight neighbours. At a silhouette, the residual is
+    /// then the error of the coverage times the contrast in display units.
+    ///
+    /// The slope does not depend on the samples. The slope of the transfer function at a noisy
+    /// estimate is steep if the estimate happens to be dark; that moved silhouettes in front of
+    /// dark backgrounds outwards, by half a pixel with four samples.
     pub(crate) fn of(image: &Film, x: u32, y: u32) -> Self {
         let (mut low, mut high) = ([f32::INFINITY; 3], [0.0f32; 3]);
         for y in y.saturating_sub(1)..=(y + 1).min(image.height - 1) {
@@ -45,10 +47,13 @@ impl Target {
     }
 }
 
-/// Charbonnier loss of a pixel, Σ_c √(r_c² + s²) − s with r in display units, and its derivative by
-/// linear radiance.
+/// The photometric loss of a pixel, Σ_c [√(r_c² + s²) − s] with the residual r in display units and
+/// s = 0.05, and its derivative by the linear radiance.
 ///
-/// Display units weigh dark and bright parts as an eye, and the PSNR, would.
+/// In display units, dark and bright parts have about the weights of human vision and of the PSNR.
+///
+/// Charbonnier, Blanc-Féraud, Aubert and Barlaud, "Two deterministic half-quadratic regularization
+/// algorithms for computed imaging", ICIP 1994.
 pub(crate) fn photometric(radiance: [f32; 3], target: &Target) -> (f32, [f32; 3]) {
     let mut loss = 0.0;
     let adjoint = std::array::from_fn(|c| {
@@ -60,11 +65,11 @@ pub(crate) fn photometric(radiance: [f32; 3], target: &Target) -> (f32, [f32; 3]
     (loss, adjoint)
 }
 
-/// The squared error of a pixel in display space, clipped to what a display shows; the mean of it
-/// gives the PSNR.
+/// The mean squared error of a pixel over its channels, in display units clipped to [0, 1]. Its
+/// mean over pixels gives the PSNR.
 pub(crate) fn squared_error(radiance: [f32; 3], target: [f32; 3]) -> f32 {
-    let shown = |v: f32| srgb_encode(v).clamp(0.0, 1.0);
-    (0..3).map(|c| (shown(radiance[c]) - shown(target[c])).powi(2)).sum::<f32>() / 3.0
+    let display = |v: f32| srgb_encode(v).clamp(0.0, 1.0);
+    (0..3).map(|c| (display(radiance[c]) - display(target[c])).powi(2)).sum::<f32>() / 3.0
 }
 
 #[cfg(test)]
@@ -75,7 +80,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn adjoint_matches_differences(radiance in prop::array::uniform3(0.005f32..1.0), target in prop::array::uniform3(0.0f32..1.0)) {
+        fn adjoint_matches_differences(
+            radiance in prop::array::uniform3(0.005f32..1.0),
+            target in prop::array::uniform3(0.0f32..1.0),
+        ) {
             let image = Film { width: 2, height: 1, pixels: vec![target, [0.2; 3]] };
             let target = Target::of(&image, 0, 0);
             let (_, adjoint) = photometric(radiance, &target);
@@ -87,13 +95,16 @@ mod tests {
                 };
                 let h = 1e-3 * radiance[c];
                 let difference = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
-                prop_assert!((f64::from(adjoint[c]) - difference).abs() < 2e-2 * (1.0 + difference.abs()), "{} against {difference}", adjoint[c]);
+                prop_assert!(
+                    (f64::from(adjoint[c]) - difference).abs() < 2e-2 * (1.0 + difference.abs()),
+                    "{} against {difference}", adjoint[c]
+                );
             }
         }
     }
 
     #[test]
-    fn slopes_are_of_the_neighbourhood() {
+    fn the_slope_is_that_of_the_range_of_the_neighbourhood() {
         let (mut image, at) = (Film::new(5, 5), |image: &Film| Target::of(image, 2, 2).slope[1]);
         assert_relative_eq!(at(&image), srgb_encode(LEAST_CONTRAST) / LEAST_CONTRAST);
         image.pixels[6] = [0.5; 3];

@@ -8,12 +8,12 @@ use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transfor
 
 use crate::options::FitOptions;
 
-/// A signed distance network with the radiance on its surface.
+/// A signed distance network, and a network for the radiance on its surface.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The signed distance.
+    /// The signed distance, in world units, negative inside.
     pub field: Network<f32>,
-    /// The radiance.
+    /// The radiance, linear RGB.
     pub head: RadianceHead<f32>,
 }
 
@@ -21,11 +21,13 @@ pub struct Model {
 const HEAD_WIDTH: usize = 64;
 /// Number of the radiance head's hidden layers.
 const HEAD_LAYERS: usize = 3;
-/// Octaves of the radiance head's encoding of the position.
+/// Octaves of the frequency encoding of the position in the radiance head.
 pub(crate) const HEAD_BANDS: usize = 6;
 
 impl Model {
-    /// The model that a fit starts from: a sphere with a nearly uniform radiance.
+    /// The model at the start of a fit: a sphere with a nearly uniform radiance.
+    ///
+    /// It is a function of the network's options, the seed and `bounds` (world units).
     pub fn initial(options: &FitOptions, bounds: &Sphere<f64>) -> Self {
         let transform = Transform { center: bounds.center, radius: bounds.radius };
         let architecture = Architecture {
@@ -47,12 +49,15 @@ impl Model {
         Model { field, head }
     }
 
-    /// All parameters: the field's, then the head's.
+    /// The parameters of the field, then those of the radiance head.
     pub fn parameters(&self) -> Vec<f32> {
         [self.field.parameters(), self.head.parameters()].concat()
     }
 
-    /// Sets all parameters.
+    /// Sets the parameters, in the order of [`parameters`](Self::parameters).
+    ///
+    /// # Panics
+    /// If the number of parameters is wrong.
     pub fn set_parameters(&mut self, parameters: &[f32]) {
         let (field, head) = parameters.split_at(self.field.parameters().len());
         self.field.set_parameters(field);
@@ -62,7 +67,7 @@ impl Model {
     /// Writes `model.safetensors` and `radiance.safetensors` into a run folder.
     ///
     /// # Errors
-    /// If a file cannot be written.
+    /// If a file cannot be written. A file that was there before then stays complete.
     pub fn save(&self, run: &Path) -> anyhow::Result<()> {
         let field = self.field.to_safetensors()?;
         atomic_write(&run.join("model.safetensors"), |out| Ok(out.write_all(&field)?))?;
@@ -73,12 +78,12 @@ impl Model {
     /// Reads the model of a run folder.
     ///
     /// # Errors
-    /// If a file is missing or wrong.
+    /// If a file is missing or is not a model file.
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let read = |name: &str| {
             let path = run.join(name);
             std::fs::read(&path)
-                .map_err(|e| InputError::new(&path, "model", e, "a model file of a run"))
+                .map_err(|e| InputError::new(&path, "model", e, "the model file of a run"))
         };
         let wrong = |name: &str, e: sdf_nn::ModelError| {
             InputError::new(run.join(name), "weights", e, "a model file")
@@ -91,6 +96,7 @@ impl Model {
     }
 }
 
+/// The frequency encoding of `bands` octaves; none for 0.
 fn encoding(bands: usize) -> Encoding {
     if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } }
 }

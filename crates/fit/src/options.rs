@@ -1,4 +1,5 @@
-//! The options of a fit: flags, `fit.toml` and documentation in one struct.
+//! The options of a fit. One struct gives the flags, the entries of `fit.toml` and their
+//! documentation.
 
 use std::path::Path;
 use std::time::Duration;
@@ -10,7 +11,7 @@ use io::InputError;
 use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
-/// Options of `dsdf fit`. The defaults need no tuning; a run's `fit.toml` records all of them.
+/// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitOptions {
@@ -44,7 +45,7 @@ pub struct FitOptions {
     /// Octaves of the network's frequency encoding
     #[arg(long, default_value_t = Self::default().bands)]
     pub bands: usize,
-    /// Sharpness of the softplus, per unit of pre-activation
+    /// Sharpness β of the softplus ln(1 + exp(βx))/β, per unit of pre-activation
     #[arg(long, default_value_t = Self::default().beta)]
     pub beta: f64,
     /// Radius of the initial sphere, as a fraction of the bounding radius
@@ -53,25 +54,25 @@ pub struct FitOptions {
     /// Largest learning rate of Adam
     #[arg(long, default_value_t = Self::default().learning_rate)]
     pub learning_rate: f64,
-    /// Pixels an iteration
+    /// Pixels per iteration
     #[arg(long, default_value_t = Self::default().batch)]
     pub batch: usize,
     /// Estimator of pixels that a silhouette may cross: see `dsdf gradient --estimator`
     #[arg(long, default_value_t = Self::default().estimator)]
     pub estimator: String,
-    /// Samples of a pixel that a silhouette may cross
+    /// Samples in each pixel that a silhouette may cross
     #[arg(long, default_value_t = Self::default().edge_rays)]
     pub edge_rays: u32,
     /// Samples on each border edge of such a pixel; with refined, lines along each axis
     #[arg(long, default_value_t = Self::default().edge_samples)]
     pub edge_samples: u32,
-    /// The published warp.
+    /// The options of the published warp.
     #[command(flatten)]
     pub warp: WarpOptions,
     /// Weight of the eikonal term (|∇f| − 1)²
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
-    /// Weight of the force that clears surfaces in front of the background, at the start
+    /// Weight of the background force at the start: it removes surfaces in front of the background
     #[arg(long, default_value_t = Self::default().background_weight)]
     pub background_weight: f64,
     /// Iterations between checkpoints
@@ -82,7 +83,7 @@ pub struct FitOptions {
     pub preview_every: u64,
 }
 
-/// Iterations without --iterations and without --time.
+/// The number of iterations without `--iterations` and without `--time`.
 pub const DEFAULT_ITERATIONS: u64 = 6000;
 
 impl Default for FitOptions {
@@ -113,7 +114,7 @@ impl Default for FitOptions {
     }
 }
 
-/// One option with its value, whether it is valid, and the values that are.
+/// One option with its value, whether the value is valid, and the valid values.
 struct Check {
     name: &'static str,
     found: String,
@@ -138,15 +139,15 @@ impl Check {
         Self::new(name, value, value >= 1, "1 or more")
     }
 
-    /// A number of samples, up to as many as `dsdf gradient` accepts.
+    /// A number of samples: as many as `dsdf gradient` accepts.
     fn count(name: &'static str, value: u32) -> Self {
         Self::new(name, value, (1..=65536).contains(&value), "1 to 65536")
     }
 }
 
 impl FitOptions {
-    /// Makes `command`, which has these options as flags, show and use the defaults of fits where
-    /// those of [`WarpOptions`] are of derivative images.
+    /// Changes the defaults of `command`, which has these options as flags, to those of fits. (The
+    /// flags of [`WarpOptions`] have the defaults of derivative images.)
     pub fn with_fit_defaults(command: clap::Command) -> clap::Command {
         let WarpOptions { top_k, lambda_d, .. } = WarpOptions::FIT;
         command
@@ -154,10 +155,10 @@ impl FitOptions {
             .mut_arg("lambda_d", |arg| arg.default_value(lambda_d.to_string()))
     }
 
-    /// Checks every option; `source` is their origin, for the message.
+    /// Checks every option. `source` is their origin, for the message of the error.
     ///
     /// # Errors
-    /// On the first value that cannot work.
+    /// On the first value that is not valid, or an estimator that is not in `registry`.
     pub fn validate(&self, source: &Path, registry: &Registry) -> Result<(), InputError> {
         if registry.get(&self.estimator).is_none() {
             let expected = format!("one of {}", registry.names());
@@ -170,6 +171,7 @@ impl FitOptions {
         warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))
     }
 
+    /// The checks of all options but the estimator and those of the warp.
     fn checks(&self) -> Vec<Check> {
         let radius = self.initial_radius;
         vec![
@@ -196,35 +198,37 @@ impl FitOptions {
         ]
     }
 
-    /// The options of the estimator.
+    /// The options of the estimator. Its baseline is the mean of the pixel: that has a tenth of the
+    /// variance of the background as baseline, without which fits did not converge.
     pub(crate) fn estimator_options(&self) -> EstimatorOptions {
         EstimatorOptions { warp: self.warp, baseline: Baseline::PixelMean }
     }
 
-    /// The samples of a pixel that a silhouette may cross.
+    /// The numbers of samples in a pixel that a silhouette may cross.
     pub(crate) fn counts(&self) -> SampleCounts {
         SampleCounts { spp: self.edge_rays, edge_samples: self.edge_samples }
     }
 
-    /// The bounding sphere that was asked for.
+    /// The bounding sphere of `--bounds`, in world units; `None` without the option.
     pub fn bounds(&self) -> Option<Sphere<f64>> {
         self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius })
     }
 }
 
-/// A duration such as 90s, 10m or 1h30m.
+/// Parses a duration such as 90s, 10m or 1h30m.
 ///
 /// # Errors
-/// With what was expected.
+/// If the text is no duration, or the duration is 0. The error describes the expected text.
 pub fn parse_duration(text: &str) -> Result<Duration, String> {
     let duration = humantime::parse_duration(text).map_err(|e| e.to_string())?;
     if duration.is_zero() { Err("a time above 0".to_owned()) } else { Ok(duration) }
 }
 
-/// A sphere as x,y,z,radius.
+/// Parses a sphere from the text x,y,z,radius.
 ///
 /// # Errors
-/// With what was expected.
+/// If the text does not have four finite numbers, or the radius is not above 0. The error describes
+/// the expected text.
 pub fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse::<f64>()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
@@ -233,12 +237,12 @@ pub fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
     }
 }
 
-/// Durations in `fit.toml`: seconds.
+/// The form of durations in `fit.toml`: a number of seconds.
 mod seconds {
     use super::Duration;
     use serde::{Deserialize, Deserializer, Serializer};
 
-    #[allow(clippy::ref_option, reason = "the signature serde asks for")]
+    #[allow(clippy::ref_option, reason = "serde requires this signature")]
     pub(super) fn serialize<S: Serializer>(
         time: &Option<Duration>,
         s: S,
@@ -262,7 +266,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_survive_toml() {
+    fn options_are_equal_after_writing_and_reading_toml() {
         let mut options =
             FitOptions { time: Some(Duration::from_secs(600)), ..FitOptions::default() };
         options.bounds = Some([0.0, 1.0, 2.0, 3.0]);
@@ -271,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_values_are_named() {
+    fn the_error_of_an_invalid_value_names_its_option() {
         let (source, registry) = (Path::new("arguments"), Registry::default());
         let with_warp = |warp| FitOptions { warp, ..FitOptions::default() };
         let cases = [

@@ -1,4 +1,4 @@
-//! Pictures of a fit, for people.
+//! Preview pictures of a fit.
 
 use std::path::Path;
 
@@ -6,11 +6,14 @@ use film::{Film, contact_sheet, srgb_decode, srgb_encode};
 use io::write_image;
 use render::{Analytic, Formula, Scene, render};
 
-/// The unit normals seen by a camera, as colours n/2 + 1/2 in display space, black where nothing is
+/// The unit normals n of the first hits, as colours n/2 + 1/2 in display space; black without a
 /// hit.
 ///
 /// # Errors
-/// If the field gives a NaN or an infinity.
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If the scene has no camera of this number.
 pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> anyhow::Result<Film> {
     let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
     let scene = Scene { shader: &shader, background: glam::Vec3::ZERO, ..*scene };
@@ -19,7 +22,10 @@ pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> anyhow::Result<Film>
     Ok(film)
 }
 
-/// The size of the difference in display space, as a grey picture, twice as bright as it is.
+/// The absolute difference of two images in display space, as a grey image: the mean over the
+/// channels times 2, clipped at 1.
+///
+/// The images must have the same size.
 pub fn difference(a: &Film, b: &Film) -> Film {
     let pixels = a.pixels.iter().zip(&b.pixels).map(|(a, b)| {
         let error =
@@ -29,10 +35,14 @@ pub fn difference(a: &Film, b: &Film) -> Film {
     Film { width: a.width, height: a.height, pixels: pixels.collect() }
 }
 
-/// Writes target, render, normals and error of one view.
+/// Writes a picture of one view to `path`, with four images side by side: the photograph `target`,
+/// the rendered image, its normals, and the [`difference`]. Returns the rendered image.
 ///
 /// # Errors
-/// If the field is not finite or the picture cannot be written.
+/// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
+///
+/// # Panics
+/// If the scene has no camera of this number.
 pub fn write_preview(
     path: &Path,
     scene: &Scene<'_, f32>,

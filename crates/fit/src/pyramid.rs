@@ -1,4 +1,5 @@
-//! The photographs at several sizes, and their pixels whose rays meet the bounding sphere.
+//! The image pyramid: the photographs at several sizes, and their pixels whose rays meet the
+//! bounding sphere.
 
 use dataset::View;
 use film::Film;
@@ -11,30 +12,30 @@ use crate::background::BackgroundModel;
 /// The smallest side that a level of the pyramid may have, in pixels.
 const SMALLEST_SIDE: u32 = 24;
 
-/// All views at one size.
+/// One level of the pyramid: all views at one size.
 pub(crate) struct Level {
     /// The camera of every view, at this size.
     pub(crate) cameras: Vec<Camera>,
     /// The image of every view, at this size.
     pub(crate) images: Vec<Film>,
-    /// Masks at this size, where views have them.
+    /// The mask of every view at this size, if the view has one.
     pub(crate) masks: Vec<Option<Film>>,
-    /// The pixels whose rays meet the bounding sphere, over all views, but those in `background`.
+    /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
     foreground: Vec<Pixel>,
-    /// Those of them that are certain background.
+    /// The pixels of all views whose rays meet the bounding sphere and that are certain background.
     background: Vec<Pixel>,
 }
 
-/// A pixel of a view.
+/// A drawn pixel of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Pixel {
-    /// The view.
+    /// The index of the view.
     pub(crate) view: u32,
     /// The column.
     pub(crate) x: u16,
     /// The row.
     pub(crate) y: u16,
-    /// The number of pixels that it stands for.
+    /// The number of pixels that this draw stands for.
     pub(crate) count: u16,
 }
 
@@ -62,11 +63,12 @@ impl Level {
         Level { cameras, images, masks, foreground, background }
     }
 
-    /// The level of half the size.
+    /// The next level, at half the size.
     fn halved(&self, model: &BackgroundModel) -> Self {
         let images: Vec<Film> = self.images.iter().map(Film::halved).collect();
         let masks = self.masks.iter().map(|m| m.as_ref().map(Film::halved)).collect();
-        // An odd side leaves a last pixel of half the width: the scale of the camera is exactly 1/2.
+        // If a side is odd, its last pixel averages fewer pixels. The camera is scaled by exactly
+        // 1/2.
         let cameras = self
             .cameras
             .iter()
@@ -87,7 +89,7 @@ impl Level {
         self.foreground.len() + self.background.len()
     }
 
-    /// The number of draws that stand for every pixel once, if one in `every` of the background
+    /// The number of draws that stand for every pixel once, if one of `every` certain background
     /// pixels is drawn.
     fn draws(&self, every: usize) -> usize {
         self.foreground.len() + self.background.len().div_ceil(every)
@@ -104,10 +106,11 @@ impl Level {
         draws as f64 * self.pixel_count() as f64 / self.draws(every) as f64
     }
 
-    /// Pixel number `draw` of an endless sequence of random permutations.
+    /// Draw number `draw` of an endless sequence of random permutations.
     ///
-    /// A permutation has every foreground pixel, and of every group of `every` background pixels one
-    /// that stands for the group. The mean over draws, weighted by count, is that over all pixels.
+    /// A permutation has every foreground pixel, and one random pixel of each group of `every`
+    /// certain background pixels, which stands for its group. The expectation of the mean over
+    /// draws, weighted by `count`, is the mean over all pixels.
     pub(crate) fn draw(&self, draw: u64, every: usize, stream: Stream) -> Pixel {
         let n = self.draws(every) as u64;
         let seed = stream.at(draw / n).bits();
@@ -123,8 +126,10 @@ impl Level {
     }
 }
 
-/// The image of `i` under a pseudo-random permutation of 0..n: a four-round Feistel network on the
-/// next power of four, applied until the result is below n.
+/// The image of `i` under a pseudo-random permutation of 0..n: a Feistel network of four rounds on
+/// the next power of four, applied until the result is below n.
+///
+/// Black and Rogaway, "Ciphers with Arbitrary Finite Domains", CT-RSA 2002: "cycle walking".
 fn permute(i: u64, n: u64, seed: u64) -> u64 {
     let half_bits = (64 - (n - 1).leading_zeros()).div_ceil(2).max(1);
     let mask = (1u64 << half_bits) - 1;
@@ -142,7 +147,11 @@ fn permute(i: u64, n: u64, seed: u64) -> u64 {
     }
 }
 
-/// The pyramid: level 0 has the full size, each further level half the size of the one before.
+/// The pyramid of at most `levels` levels. Level 0 has the full size, each further level half the
+/// size of the one before.
+///
+/// It ends before a level with a side below [`SMALLEST_SIDE`], or without a pixel whose ray meets
+/// the bounding sphere.
 pub(crate) fn pyramid(views: &[View], model: &BackgroundModel, levels: usize) -> Vec<Level> {
     let masks = views.iter().map(|v| {
         v.mask.as_ref().map(|mask| Film {
@@ -160,7 +169,7 @@ pub(crate) fn pyramid(views: &[View], model: &BackgroundModel, levels: usize) ->
             break;
         }
         let next = last.halved(model);
-        // A small bounding sphere may lie between the centres of large pixels.
+        // A small bounding sphere may lie between the centres of the pixels.
         if next.pixel_count() == 0 {
             break;
         }
@@ -174,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_permutation_has_every_number_once() {
+    fn permutations_have_every_number_once_and_depend_on_the_seed() {
         for n in [1u64, 2, 3, 17, 1000] {
             let mut seen: Vec<u64> = (0..n).map(|i| permute(i, n, 42)).collect();
             seen.sort_unstable();

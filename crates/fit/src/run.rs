@@ -23,30 +23,34 @@ use crate::run_file::RunFile;
 use crate::schedule;
 use crate::step::{Batch, BatchStats, LIMIT, gradient};
 
-/// The most the pyramid is coarsened: 1/8 of the size.
+/// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
 const LEVELS: usize = 4;
 
-/// The norm to which an iteration's gradient is clipped, as a multiple of its running mean.
+/// The norm to which the gradient of an iteration is clipped, as a multiple of its running mean.
+///
+/// Clipping by the norm: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent
+/// neural networks", ICML 2013.
 const CLIP: f32 = 3.0;
 
-/// The share of an iteration in the running mean of the gradient's norm.
+/// The weight of an iteration in the running mean of the gradient's norm.
 const NORM_SHARE: f32 = 0.05;
 
-/// A fit: a model, its optimiser, and the photographs.
+/// A fit: a model, its optimiser, and the photographs, with a run folder for its files.
 pub struct Fit {
-    /// What the run was given.
+    /// The content of `fit.toml`.
     pub file: RunFile,
     /// The model.
     pub model: Model,
-    /// The data set.
+    /// The photographs with their cameras.
     pub dataset: Dataset,
-    /// Iterations done.
+    /// The number of finished iterations.
     pub iteration: u64,
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
     adam: Adam<f32>,
     parameters: Vec<f32>,
+    /// Wall time of all sessions, in seconds.
     seconds: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
     usual_norm: f32,
@@ -54,11 +58,12 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Starts a fit in `folder`, or resumes from the checkpoint there. The estimator that
-    /// the options name comes from `registry`.
+    /// Starts a fit in the run folder `folder`, or with `resume` continues from the checkpoint
+    /// there. It writes no file. The estimator named by the options comes from `registry`.
     ///
     /// # Errors
-    /// If an option is not valid, or the checkpoint cannot be used.
+    /// If an option is not valid, no ray of a pixel meets the bounding sphere, or the checkpoint
+    /// cannot be used.
     pub fn new(
         folder: &Path,
         dataset: Dataset,
@@ -82,7 +87,7 @@ impl Fit {
         );
         let levels = pyramid(&dataset.train, &file.background_model(), LEVELS);
         if levels[0].pixel_count() == 0 {
-            let expected = "a sphere in sight of the cameras (see --bounds)";
+            let expected = "a sphere that the cameras see (option --bounds)";
             return Err(InputError::new(
                 &file.dataset,
                 "bounds",
@@ -116,10 +121,11 @@ impl Fit {
         self.folder.join("checkpoint").join("state.safetensors")
     }
 
+    /// Restores the state from the checkpoint.
     fn restore(&mut self) -> anyhow::Result<()> {
         let state = State::load(&self.checkpoint_path(), self.parameters.len())?;
         if let Some(budget) = self.file.options.iterations.filter(|n| *n < state.iteration) {
-            let expected = format!("at least the {} that are done", state.iteration);
+            let expected = format!("at least the {} finished iterations", state.iteration);
             return Err(InputError::new(
                 self.folder.join("fit.toml"),
                 "iterations",
@@ -140,7 +146,7 @@ impl Fit {
     /// Writes the checkpoint and the model files.
     ///
     /// # Errors
-    /// If a file cannot be written; the files before stay whole.
+    /// If a file cannot be written. The file that was there before then stays complete.
     pub fn save(&self) -> anyhow::Result<()> {
         let (first, second, steps) = self.adam.state();
         let state = State {
@@ -156,12 +162,12 @@ impl Fit {
         self.model.save(&self.folder)
     }
 
-    /// Seconds spent in all.
+    /// Wall time of all sessions of the run, in seconds.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// The fraction of the budget that is spent.
+    /// The spent fraction of the budget (time or iterations), from 0; it can exceed 1.
     pub fn progress(&self) -> f64 {
         match (self.file.options.time, self.file.options.iterations) {
             (Some(time), _) => self.seconds / time.as_secs_f64(),
@@ -171,15 +177,17 @@ impl Fit {
         }
     }
 
-    /// Runs until the budget is spent, or `stop` says so, and saves. `tell` hears of every
-    /// iteration; time spent in it counts as spent.
+    /// Runs iterations until the budget is spent or `stop` is true, and saves.
+    ///
+    /// `report` gets the metrics of every iteration; its time counts as time of the fit. The
+    /// folders `checkpoint` and `preview` must exist in the run folder.
     ///
     /// # Errors
-    /// If the field or a gradient stops being finite, or a file cannot be written.
+    /// If the field or a gradient is not finite, a file cannot be written, or `report` fails.
     pub fn run(
         &mut self,
         stop: &dyn Fn() -> bool,
-        tell: &mut dyn FnMut(&Metrics) -> anyhow::Result<()>,
+        report: &mut dyn FnMut(&Metrics) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         let (begin, before) = (Instant::now(), self.seconds);
         while self.progress() < 1.0 && !stop() {
@@ -189,7 +197,7 @@ impl Fit {
             self.seconds = before + begin.elapsed().as_secs_f64();
             metrics.seconds = self.seconds;
             metrics.progress = self.progress();
-            tell(&metrics)?;
+            report(&metrics)?;
             if self.iteration.is_multiple_of(self.file.options.preview_every) {
                 self.preview()?;
             }
@@ -203,8 +211,8 @@ impl Fit {
 }
 
 impl Fit {
-    /// One iteration. `rays_per_second` of the result is the number of rays; the caller divides it
-    /// by the time.
+    /// One iteration. `rays_per_second` of the result is the number of rays, and `progress` is 0;
+    /// the caller completes them.
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = schedule::level(self.progress(), self.levels.len());
         let (mut gradient, stats, evaluations) = self.gradient(level)?;
@@ -217,7 +225,7 @@ impl Fit {
         Ok(self.metrics(&stats, evaluations, level, norm))
     }
 
-    /// The gradient of this iteration's batch, with the field evaluations that it took.
+    /// The gradient of this iteration's batch, and the number of its field evaluations.
     fn gradient(&self, level: usize) -> anyhow::Result<(Vec<f32>, BatchStats, Evaluations)> {
         let options = &self.file.options;
         let (pixels, pixel_count) = self.draw(level);
@@ -240,8 +248,8 @@ impl Fit {
         Ok((gradient, stats, counted.evaluations()))
     }
 
-    /// Clips a gradient to [`CLIP`] times its usual norm, updates the usual norm, and returns the
-    /// norm before clipping.
+    /// Clips a gradient to [`CLIP`] times the running mean of its norm, updates the running mean,
+    /// and returns the norm before clipping. The first gradient is not clipped.
     fn clip(&mut self, gradient: &mut [f32]) -> f32 {
         let known = self.usual_norm > 0.0;
         let limit = CLIP * self.usual_norm;
@@ -252,8 +260,8 @@ impl Fit {
         norm
     }
 
-    /// Fades in the octaves of both encodings as far as the fit has come. Part of the function that
-    /// is saved, so it has to be the same after a restart.
+    /// Sets the weights of the octaves of both encodings for the current progress. They are part of
+    /// the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
         let progress = self.progress();
         self.model
@@ -262,9 +270,9 @@ impl Fit {
         self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
     }
 
-    /// The pixels of this iteration, and how many they stand for.
+    /// The pixels of this iteration, and the expected number of pixels that they stand for.
     fn draw(&self, level: usize) -> (Vec<Pixel>, f32) {
-        // Coarse images have few pixels: a quarter of the batch goes twice as far.
+        // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
         let every = schedule::background_group(self.progress());
@@ -293,7 +301,7 @@ impl Fit {
             eikonal: stats.eikonal / stats.eikonal_points.max(1) as f64,
             train_psnr: -10.0 * (stats.squared_error / n).max(1e-10).log10(),
             psnr: self.held_out_psnr,
-            evaluations: evaluations,
+            evaluations,
             rays_per_second: stats.rays as f64,
             edge_fraction: stats.edge_pixels as f64 / n,
             level,
@@ -301,16 +309,16 @@ impl Fit {
         }
     }
 
-    /// PSNR of the held-out view last rendered, dB.
+    /// PSNR of the last preview of a held-out view, in dB.
     pub fn held_out_psnr(&self) -> Option<f64> {
         self.held_out_psnr
     }
 
-    /// Writes the preview picture of the view that stands for the others, a held-out one if there
-    /// is one, and remembers its PSNR for the metrics.
+    /// Writes the preview picture of the first held-out view, or else of the first view. The PSNR
+    /// of a held-out view enters the next metrics.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity, or the picture cannot be written.
+    /// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
     pub fn preview(&mut self) -> anyhow::Result<()> {
         let held_out = self.dataset.test.first();
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
@@ -323,7 +331,7 @@ impl Fit {
     }
 }
 
-/// The scene of a run's model.
+/// The scene of a run: its model in front of its background, in its bounding sphere.
 pub fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
     let background = Vec3::from(file.background);
     Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)

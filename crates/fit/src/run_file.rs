@@ -1,4 +1,4 @@
-//! `fit.toml` of a run folder.
+//! The file `fit.toml` of a run folder.
 
 use std::path::{Path, PathBuf};
 
@@ -11,19 +11,19 @@ use serde::{Deserialize, Serialize};
 use crate::background::BackgroundModel;
 use crate::options::FitOptions;
 
-/// `fit.toml`: the input of a run, from which the run can be resumed and evaluated.
+/// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunFile {
-    /// The data set's folder.
+    /// The folder of the data set.
     pub dataset: PathBuf,
-    /// The bounding sphere: centre and radius, in the data set's units.
+    /// The centre x, y, z and the radius of the bounding sphere, in the units of the data set.
     pub bounds: [f64; 4],
-    /// Linear RGB of the background.
+    /// The radiance of the background, linear RGB.
     pub background: [f32; 3],
-    /// The robust standard deviation of the background in display space.
+    /// A robust standard deviation of the background, in display units.
     pub background_spread: f32,
-    /// The confidence in the background, 0 to 1.
+    /// The confidence that the photographs have a uniform background, 0 to 1.
     pub background_confidence: f32,
     /// The options.
     pub options: FitOptions,
@@ -45,7 +45,7 @@ impl RunFile {
         }
     }
 
-    /// The evidence for background pixels.
+    /// The model that tells background pixels from pixels of the object.
     pub(crate) fn background_model(&self) -> BackgroundModel {
         BackgroundModel {
             bounds: self.sphere(),
@@ -54,10 +54,13 @@ impl RunFile {
         }
     }
 
-    /// Reads `fit.toml` of a run folder.
+    /// Reads the `fit.toml` of a run folder.
+    ///
+    /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If the folder is not a run, or the file is wrong.
+    /// If the file is missing, has a wrong entry, or its bounding sphere is not finite with a
+    /// radius above 0.
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let path = run.join("fit.toml");
         let text = std::fs::read_to_string(&path)
@@ -72,7 +75,7 @@ impl RunFile {
         Ok(file)
     }
 
-    /// Writes `fit.toml` of a run folder.
+    /// Writes the `fit.toml` of a run folder.
     ///
     /// # Errors
     /// If it cannot be written.

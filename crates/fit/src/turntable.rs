@@ -1,4 +1,4 @@
-//! A fitted object from all around, for people.
+//! A contact sheet with images of a fitted object from all sides.
 
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
@@ -10,18 +10,21 @@ use crate::run_file::RunFile;
 use film::{Film, contact_sheet};
 use render::Camera;
 
-/// How far the cameras are from the centre, in radii of the bounding sphere.
+/// The distance of the cameras from the centre of the bounding sphere, in its radii.
 const DISTANCE: f64 = 4.0;
 
-/// The part of the picture that the bounding sphere's outline fills.
+/// The diameter of the outline of the bounding sphere, as a fraction of the width of the image.
 const FILL: f64 = 0.98;
 
-/// A mean of unit vectors longer than this is a direction that they share.
+/// Unit vectors have a common direction if their mean is longer than this.
 const SHARED: f64 = 0.5;
 
-/// The direction that is upwards for a set of cameras: their images' mean upward direction, if they
-/// agree on one, else the axis of the ring that they stand on (the direction that the vectors from
-/// `center` to them have least of).
+/// The upward direction of a set of cameras, a unit vector.
+///
+/// It is the mean of the upward directions of their images, if these have a common direction.
+/// Otherwise the cameras are taken to stand on a ring, and it is the axis of the ring: the
+/// direction along which the unit vectors from `center` to the cameras have the least sum of
+/// squares. The sum of its components is at least 0; this choice of its sign is arbitrary.
 pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
     let mean = cameras.iter().map(|c| c.up).sum::<DVec3>() / cameras.len().max(1) as f64;
     if mean.length() > SHARED {
@@ -32,7 +35,8 @@ pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
         let d = (camera.eye - center).normalize_or_zero();
         scatter += DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     }
-    // Power iteration for the least eigenvalue; all are at most the trace.
+    // Power iteration for the eigenvector of the least eigenvalue. All eigenvalues are between 0
+    // and the trace, so it is that of the largest eigenvalue of trace · I − scatter.
     let trace = scatter.x_axis.x + scatter.y_axis.y + scatter.z_axis.z;
     let flipped = DMat3::from_diagonal(DVec3::splat(trace)) - scatter;
     let mut axis = DVec3::new(0.4, 0.8, 0.45);
@@ -42,8 +46,10 @@ pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
     if axis.element_sum() < 0.0 { -axis } else { axis }
 }
 
-/// `views` cameras of `size` × `size` pixels around `bounds`, at the mean height of `like` above
-/// it.
+/// `views` cameras of `size` × `size` pixels around the sphere `bounds`, at equal angles about the
+/// unit vector `up`.
+///
+/// The sine of their elevation is the mean over the cameras `like`, between −0.9 and 0.9.
 pub fn around(
     bounds: &Sphere<f64>,
     like: &[Camera],
@@ -75,10 +81,16 @@ pub fn around(
         .collect()
 }
 
-/// A sheet of `cameras`' pictures of a run's model: as it looks, and its normals below.
+/// A contact sheet of the model of a run, with one column per camera: the image, and the normals
+/// below it.
+///
+/// `spp` is the number of samples per pixel. `progress` gets the fraction that is done.
 ///
 /// # Errors
-/// If the field gives a NaN or an infinity.
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If `spp` is 0.
 pub fn turntable(
     model: &Model,
     file: &RunFile,
@@ -87,13 +99,13 @@ pub fn turntable(
     progress: &dyn Fn(f64),
 ) -> anyhow::Result<Film> {
     let scene = scene(model, file, cameras);
-    let (mut looks, mut normals) = (Vec::new(), Vec::new());
+    let (mut images, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
-        looks.push(render::render(&scene, camera, spp, 0, &|_| {})?.film);
+        images.push(render::render(&scene, camera, spp, 0, &|_| {})?.film);
         normals.push(normal_map(&scene, camera)?);
         progress((camera + 1) as f64 / cameras.len() as f64);
     }
-    Ok(contact_sheet(&[looks, normals]))
+    Ok(contact_sheet(&[images, normals]))
 }
 
 #[cfg(test)]
@@ -105,19 +117,19 @@ mod tests {
     }
 
     #[test]
-    fn up_is_what_cameras_agree_on_or_their_ring_s_axis() {
+    fn up_is_the_common_direction_of_the_images_or_the_axis_of_the_ring_of_cameras() {
         let ring = |up: fn(DVec3) -> DVec3| -> Vec<Camera> {
             let place = |i: u32| DVec3::new(f64::from(i).cos(), 0.1, f64::from(i).sin()) * 5.0;
             (0..12).map(|i| camera(place(i), up(place(i)))).collect()
         };
         assert!(upwards(&ring(|_| DVec3::Y), DVec3::ZERO).dot(DVec3::Y) > 0.99);
-        // Lying cameras: what is up in the images turns with them.
+        // Cameras on their sides: the upward direction of the images turns with them.
         let lying = ring(|eye| eye.cross(DVec3::Y));
         assert!(upwards(&lying, DVec3::ZERO).dot(DVec3::Y).abs() > 0.99);
     }
 
     #[test]
-    fn cameras_go_around_and_see_the_sphere() {
+    fn cameras_stand_around_the_sphere_and_see_all_of_it() {
         let bounds = Sphere { center: DVec3::new(3.0, 1.0, -2.0), radius: 0.5 };
         let cameras =
             around(&bounds, &[camera(DVec3::new(3.0, 4.0, -2.0), DVec3::X)], DVec3::Y, 6, 32);

@@ -4,9 +4,9 @@ use glam::{DMat4, DVec2, DVec3};
 
 /// A pinhole camera.
 ///
-/// Film coordinates are continuous, in pixels: x right, y down, pixel (i, j) covers [i, i+1) × [j,
-/// j+1). The camera looks along its −z axis, with x right and y up (the OpenGL and NeRF
-/// convention).
+/// Film coordinates are continuous, in pixels: x right, y down.
+/// Pixel (i, j) covers [i, i+1) × [j, j+1).
+/// The camera looks along its −z axis, with x right and y up (the convention of OpenGL and NeRF).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// The film's width in pixels.
@@ -15,23 +15,26 @@ pub struct Camera {
     pub height: u32,
     /// Focal lengths (x, y) in pixels.
     pub focal: DVec2,
-    /// The principal point in film coordinates.
+    /// The principal point in film coordinates, in pixels.
     pub principal: DVec2,
     /// The eye, in world units.
     pub eye: DVec3,
     /// The unit vector to the right of the film, in world space.
     pub right: DVec3,
-    /// The unit vector to the top of the film.
+    /// The unit vector to the top of the film, in world space.
     pub up: DVec3,
-    /// The unit vector along the optical axis, away from the camera.
+    /// The unit vector along the optical axis, away from the camera, in world space.
     pub forward: DVec3,
 }
 
 impl Camera {
     /// A camera from its intrinsics and a camera-to-world matrix (x right, y up, looking along −z).
     ///
-    /// Returns `None` unless the matrix is finite and its upper 3 × 3 a rotation (to 1e-3; it is
-    /// then made exact).
+    /// `focal` and `principal` are in pixels.
+    ///
+    /// Returns `None` unless the matrix is finite and its upper 3 × 3 block is a rotation.
+    /// The lengths of the columns and their dot products may be off by 1e-3; the camera has an
+    /// exact rotation near it.
     pub fn from_pose(
         width: u32,
         height: u32,
@@ -63,7 +66,10 @@ impl Camera {
         })
     }
 
-    /// A camera at `eye` that looks at `target`; `None` if they coincide or `up` is along the view.
+    /// A camera at `eye` that looks at `target`; `None` if the two coincide or `up` is parallel to
+    /// the view.
+    ///
+    /// `focal` and `principal` are in pixels, `eye` and `target` in world units.
     pub fn look_at(
         width: u32,
         height: u32,
@@ -104,18 +110,18 @@ impl Camera {
         }
     }
 
-    /// The direction through film position `u`, not normalised: its component along the view is 1.
+    /// The direction through film position `u`, scaled so that its component along the view is 1.
     fn unnormalised(&self, u: DVec2) -> DVec3 {
         let p = (u - self.principal) / self.focal;
         self.forward + self.right * p.x - self.up * p.y
     }
 
-    /// The unit direction through film position `u`, world space.
+    /// The unit direction through film position `u`, in world space.
     pub fn direction(&self, u: DVec2) -> DVec3 {
         self.unnormalised(u).normalize()
     }
 
-    /// The unit direction through `u` and its derivatives by the film's x and y, per pixel.
+    /// The unit direction through film position `u`, and its derivatives by u_x and u_y, per pixel.
     pub fn direction_du(&self, u: DVec2) -> (DVec3, [DVec3; 2]) {
         let w = self.unnormalised(u);
         let length = w.length();
@@ -124,7 +130,7 @@ impl Camera {
         (d, along.map(|a| a.reject_from_normalized(d) / length))
     }
 
-    /// The film position of a world point, or `None` behind the camera.
+    /// The film position of a world point; `None` unless the point is in front of the camera.
     pub fn project(&self, x: DVec3) -> Option<DVec2> {
         let r = x - self.eye;
         let depth = r.dot(self.forward);
@@ -133,8 +139,9 @@ impl Camera {
         })
     }
 
-    /// The size of a pixel at unit distance along the optical axis, in world units: the pixel's
-    /// cone.
+    /// The longer side of a pixel at unit distance along the optical axis, in world units.
+    ///
+    /// Times a distance, it is the width of a pixel there.
     pub fn pixel_angle(&self) -> f64 {
         1.0 / self.focal.min_element()
     }
@@ -154,15 +161,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn direction_and_projection_invert(x in 0.0..32.0f64, y in 0.0..30.0f64, t in 0.5..9.0f64) {
+        fn projection_inverts_direction(x in 0.0..32.0f64, y in 0.0..30.0f64, t in 0.5..9.0f64) {
             let (c, u) = (camera(), DVec2::new(x, y));
             assert_relative_eq!(c.project(c.eye + t * c.direction(u)).unwrap(), u, epsilon = 1e-9);
-            let again = Camera::from_pose(c.width, c.height, c.focal, c.principal, c.pose()).unwrap();
+            let again =
+                Camera::from_pose(c.width, c.height, c.focal, c.principal, c.pose()).unwrap();
             assert_relative_eq!(again.direction(u), c.direction(u), epsilon = 1e-12);
         }
 
         #[test]
-        fn directions_match_differences(x in 0.0..32.0f64, y in 0.0..30.0f64) {
+        fn direction_derivatives_match_differences(x in 0.0..32.0f64, y in 0.0..30.0f64) {
             let (c, u, h) = (camera(), DVec2::new(x, y), 1e-5);
             let (_, du) = c.direction_du(u);
             for (e, du) in [DVec2::X, DVec2::Y].into_iter().zip(du) {
@@ -180,11 +188,11 @@ mod tests {
     }
 
     #[test]
-    fn a_mirrored_or_poisoned_pose_is_refused() {
+    fn mirrored_scaled_and_nan_poses_give_no_camera() {
         let c = camera();
         let mirrored = c.pose() * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
-        let poisoned = DMat4::from_cols_array(&[f64::NAN; 16]);
-        for pose in [mirrored, poisoned, c.pose() * 2.0] {
+        let nan = DMat4::from_cols_array(&[f64::NAN; 16]);
+        for pose in [mirrored, nan, c.pose() * 2.0] {
             assert_eq!(Camera::from_pose(32, 30, c.focal, c.principal, pose), None);
         }
     }

@@ -9,24 +9,30 @@ use rayon::prelude::*;
 
 use crate::{InvalidField, Pixel, Scene, pixel_samples};
 
-/// Samples a chunk: enough to fill the field's blocks, few enough to stay in the caches and to
-/// balance threads.
+/// Samples per chunk, about: enough to fill the field's blocks of points, few enough to stay in the
+/// caches and to balance threads.
 const CHUNK: usize = 1024;
 
 /// A rendered view.
 #[derive(Clone, Debug)]
 pub struct Render {
-    /// Linear radiance.
+    /// The mean radiance of every pixel, linear RGB.
     pub film: Film,
-    /// The fraction of every pixel's samples that hit, row-major.
+    /// For every pixel, row-major, the fraction of its samples that hit, 0 to 1.
     pub coverage: Vec<f32>,
 }
 
-/// Renders camera `camera` of the scene with `spp` samples a pixel. `progress` gets the fraction
-/// that is done.
+/// Renders the image of camera number `camera` with a box filter: the value of a pixel is the mean
+/// of `spp` samples in its unit square.
+///
+/// The same seed gives the same bits on any number of threads.
+/// `progress` gets the fraction that is done; several threads call it.
 ///
 /// # Errors
-/// If the field gives a NaN or an infinity.
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If `spp` is 0 or the scene has no camera of this number.
 pub fn render<R: Real>(
     scene: &Scene<'_, R>,
     camera: usize,
@@ -53,7 +59,7 @@ pub fn render<R: Real>(
     Ok(Render { film: Film { width, height, pixels }, coverage })
 }
 
-/// Mean radiance and coverage of some pixels, by their row-major numbers.
+/// Mean radiance and coverage of the pixels with these row-major numbers.
 fn render_pixels<R: Real>(
     scene: &Scene<'_, R>,
     camera: usize,

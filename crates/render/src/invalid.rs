@@ -1,15 +1,15 @@
-//! Fields that are not finite.
+//! The error of a field that is not finite.
 
 use crate::{Camera, Sample};
 
-/// The field gave a NaN or an infinity along a ray.
+/// The field gave a NaN or an infinity along this ray.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "the field is not finite along the ray of camera {camera} through film position {u}, \
      from {eye} towards {direction}"
 )]
 pub struct InvalidField {
-    /// The index of the camera.
+    /// The index of the camera in the scene.
     pub camera: usize,
     /// The film position, in pixels.
     pub u: glam::DVec2,

@@ -1,4 +1,4 @@
-//! Camera rays: their hits, and the radiance they carry.
+//! Camera rays, their first hits, and the radiance along them.
 
 use field::{Field, Real, SurfaceBatch, Vector3};
 use rustc_hash::FxHashMap;
@@ -11,12 +11,12 @@ use crate::{InvalidField, Sample, Scene};
 pub struct TracedRay<R: Real> {
     /// The ray.
     pub ray: Ray<R>,
-    /// The result.
+    /// The tracer's result.
     pub found: Intersection<R>,
 }
 
 impl<R: Real> TracedRay<R> {
-    /// The distance of the hit; `None` for a ray that hits nothing.
+    /// The distance of the hit along the ray, in world units; `None` for a ray without a hit.
     pub fn depth(&self) -> Option<R> {
         (self.found.outcome == Outcome::Hit).then_some(self.found.t)
     }
@@ -27,9 +27,9 @@ impl<R: Real> TracedRay<R> {
 pub struct TracedSample<R: Real> {
     /// The sample.
     pub sample: Sample,
-    /// Its ray; `None` if the line of sight misses the ball of rays.
+    /// Its ray; `None` if the ray misses the ball of rays.
     pub traced: Option<TracedRay<R>>,
-    /// The radiance through the sample, linear RGB.
+    /// The radiance along the ray, linear RGB: of the first hit, or else the background.
     pub radiance: R::Vec3,
 }
 
@@ -38,7 +38,7 @@ pub struct TracedSample<R: Real> {
 pub struct Hit<R: Real> {
     /// The sample, by its number in the batch.
     pub sample: usize,
-    /// The distance from the eye.
+    /// The distance from the eye, in world units.
     pub t: R,
     /// ∇f at the hit point.
     pub gradient: R::Vec3,
@@ -49,42 +49,42 @@ pub struct Hit<R: Real> {
 pub struct Primary<R: Real> {
     /// The samples.
     pub samples: Vec<TracedSample<R>>,
-    /// The samples that hit, in order.
+    /// The hits, in the order of their samples.
     pub hits: Vec<Hit<R>>,
-    /// The surface at the hits, one element a hit.
+    /// The surface at the hits, with one element per hit.
     pub surface: Surface<R>,
 }
 
-/// Columns of surface points: see [`SurfaceBatch`].
+/// Surface points as one vector per quantity; see [`SurfaceBatch`].
 #[derive(Clone, Debug, Default)]
 pub struct Surface<R: Real> {
-    /// The points, world units.
+    /// The points, in world units.
     pub x: Vec<R::Vec3>,
     /// The unit normals.
     pub normal: Vec<R::Vec3>,
-    /// The unit view directions.
+    /// The unit view directions, from the camera to the point.
     pub direction: Vec<R::Vec3>,
 }
 
-/// A camera inside the bounding ball, or this close to it in bounding radii, starts its rays
-/// half-way to the nearest surface: the chart of the film is singular at the eye.
+/// A camera inside the ball of rays, or this close to it in bounding radii, starts its rays
+/// half-way to the nearest surface: the projection onto the film is singular at the eye.
 const AT_THE_EYE: f64 = 1e-3;
 
-/// A camera this close to the bounding ball, in bounding radii, may see surfaces that are small
-/// compared to the ball: the field tells how near they are.
+/// If a ray starts this close to its camera, in bounding radii, its tracing scale follows from the
+/// distance to the nearest surface: surfaces there may be small compared to the ball.
 const CLOSE: f64 = 0.5;
 
-/// The least tracing scale, in bounding radii, for an eye on a surface.
+/// The least tracing scale, in bounding radii: an eye on a surface would have a scale of 0.
 const LEAST_SCALE: f64 = 1e-6;
 
 impl<R: Real> Surface<R> {
-    /// The points as a shader takes them.
+    /// The points as the argument of a shader.
     pub fn batch(&self) -> SurfaceBatch<'_, R> {
         let Surface { x, normal, direction } = self;
         SurfaceBatch { x, normal, direction }
     }
 
-    /// Adds a point.
+    /// Adds a point (world units) with its unit normal and unit view direction.
     pub fn push(&mut self, x: R::Vec3, normal: R::Vec3, direction: R::Vec3) {
         self.x.push(x);
         self.normal.push(normal);
@@ -100,7 +100,12 @@ impl<R: Real> Primary<R> {
         mask
     }
 
-    /// Keeps the samples that are flagged.
+    /// Keeps the samples that are flagged, with their hits, and renumbers them.
+    ///
+    /// `keep` has one flag per sample.
+    ///
+    /// # Panics
+    /// If `keep` is too short to have a flag for every sample that hits.
     pub fn retain(&mut self, keep: &[bool]) {
         let kept_hits: Vec<bool> = self.hits.iter().map(|hit| keep[hit.sample]).collect();
         let mut kept_before = 0;
@@ -120,18 +125,19 @@ impl<R: Real> Primary<R> {
     }
 }
 
-/// Keeps the elements that are flagged.
+/// Keeps the elements that are flagged, in order; elements without a flag are removed.
 pub fn retain_flagged<T>(values: &mut Vec<T>, keep: &[bool]) {
     let mut keep = keep.iter();
     values.retain(|_| keep.next() == Some(&true));
 }
 
-/// Unit normals from gradients.
+/// Unit normals ∇f/|∇f|. A gradient of zero gives a vector of zeros.
 pub fn normals<R: Real>(gradient: &[R::Vec3]) -> Vec<R::Vec3> {
     gradient.iter().map(|g| *g * (R::one() / g.length().max(R::min_positive_value()))).collect()
 }
 
-/// The distance from the eye to the nearest surface, as the field says.
+/// The value of f at the eye, at least 0: the distance to the nearest surface, for a distance
+/// field.
 fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
     let mut f = [R::zero()];
     field.value(&[eye], &mut f);
@@ -139,7 +145,7 @@ fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// The ray of every sample; `None` for a line of sight that misses the ball of rays.
+    /// The ray of every sample; `None` for a ray that misses the ball of rays.
     pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
         let mut surface_distance = FxHashMap::default();
         let radius = self.radius();
@@ -167,9 +173,11 @@ impl<R: Real> Scene<'_, R> {
             .collect()
     }
 
-    /// How a line of sight that misses the ball of rays passes it: the distance at which it passes
-    /// the centre, and the tangent of the angle by which it clears the ball. Zero and infinity
-    /// where the ball is behind the camera.
+    /// For a sample whose ray misses the ball of rays: the distance along the ray, in world units,
+    /// at which it passes the centre of the ball, and the tangent of the angle by which it clears
+    /// the ball.
+    ///
+    /// The result is (0, ∞) if the ball is behind the camera.
     pub fn passing(&self, sample: &Sample) -> (R, R) {
         let (camera, ball) = (&self.cameras[sample.camera], &self.tracing.ball);
         let direction = R::Vec3::of(camera.direction(sample.u));
@@ -183,10 +191,10 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Traces a batch; `None` for a line of sight that misses the ball of rays.
+    /// Traces a batch of samples; `None` for a ray that misses the ball of rays.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity.
+    /// If the field gives a NaN or an infinity along a ray.
     pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
         let rays = self.rays(samples);
         let batch: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
@@ -206,10 +214,10 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Traces and shades a batch.
+    /// Traces a batch of samples and shades the hits.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity.
+    /// If the field gives a NaN or an infinity along a ray.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
         let traced = self.trace(samples)?;
         let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Positions on the film.
+//! Pixels, and film positions in them.
 
 use std::ops::Range;
 
@@ -10,20 +10,20 @@ use random::{Purpose, Stream};
 pub struct Pixel {
     /// The index of the camera.
     pub camera: usize,
-    /// The column.
+    /// The column, from 0 at the left.
     pub x: u32,
-    /// The row.
+    /// The row, from 0 at the top.
     pub y: u32,
 }
 
 impl Pixel {
-    /// The random stream of the pixel for a purpose.
+    /// The random numbers of this pixel, for a seed and a purpose.
     pub fn stream(&self, seed: u64, purpose: Purpose) -> Stream {
         let position = u64::from(self.y) << 32 | u64::from(self.x);
         Stream::new(seed, purpose).at(self.camera as u64).at(position)
     }
 
-    /// The film position of the pixel's upper left corner.
+    /// The film position of the pixel's upper left corner, in pixels.
     pub fn corner(&self) -> DVec2 {
         DVec2::new(f64::from(self.x), f64::from(self.y))
     }
@@ -38,8 +38,11 @@ pub struct Sample {
     pub u: DVec2,
 }
 
-/// Samples of every pixel, in order: the points `range` of a Sobol sequence in its unit square,
-/// scrambled by `seed` and the pixel.
+/// Samples of every pixel, in the order of the pixels: the points number `range` of a Sobol
+/// sequence in the pixel's unit square, scrambled by `seed` and the pixel.
+///
+/// The points are those of Burley, "Practical Hash-based Owen Scrambling", Journal of Computer
+/// Graphics Techniques 9(4), 2020.
 pub fn pixel_samples(
     pixels: impl ExactSizeIterator<Item = Pixel>,
     range: &Range<u32>,

@@ -1,4 +1,4 @@
-//! A scene that is ready to be traced.
+//! A field, its appearance, and the cameras that look at it.
 
 use field::{Field, Real, Sphere, Vector3};
 
@@ -7,31 +7,31 @@ use crate::{Camera, Shader};
 /// A field, its appearance, and the cameras that look at it.
 #[derive(Clone, Copy)]
 pub struct Scene<'a, R: Real> {
-    /// The signed distance.
+    /// The signed distance f, in world units.
     pub field: &'a dyn Field<R>,
-    /// Radiance at its surface.
+    /// The radiance at its surface.
     pub shader: &'a dyn Shader<R>,
     /// The cameras that samples refer to.
     pub cameras: &'a [Camera],
-    /// The bounding sphere, world units: it holds the solid, with room for a warp around it.
+    /// The bounding sphere, in world units: it holds the solid, with room for a warp around it.
     pub bounds: Sphere<f64>,
-    /// Radiance of rays that hit nothing, linear RGB.
+    /// The radiance along rays without a hit, linear RGB.
     pub background: R::Vec3,
-    /// How rays are traced.
+    /// The tracer's options and the ball of rays.
     pub tracing: Tracing<R>,
 }
 
-/// How rays are traced, and where.
+/// The tracer's options, and the ball of rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracing<R: Real> {
     /// The tracer's options.
     pub options: trace::Options<R>,
-    /// The ball in which rays start and end, world units.
+    /// The ball of rays: rays start and end on it. In world units.
     pub ball: Sphere<R>,
 }
 
-/// The ball of rays that look for hits only, in radii of the field's own ball: a ray has to start
-/// outside the solid, which may touch its ball from inside.
+/// The radius of the ball of rays that look for hits only, in radii of the field's own ball.
+/// A ray must start outside the solid, and the solid may touch its own ball from inside.
 const SOLID_MARGIN: f64 = 1.02;
 
 /// Cap on the film width, in pixels, that sets the tracing scale: larger images resolve finer
@@ -51,13 +51,15 @@ impl<'a, R: Real> Scene<'a, R> {
         Scene { field, shader, cameras, bounds: *bounds, background, tracing }
     }
 
-    /// The same scene with other options of the tracer.
+    /// The scene with other options of the tracer.
     pub fn with_options(self, options: trace::Options<R>) -> Self {
         Scene { tracing: Tracing { options, ..self.tracing }, ..self }
     }
 
-    /// The same scene for hits alone: rays start and end on the ball that the field says holds the
-    /// solid, instead of all of the bounds.
+    /// The scene for hits alone: rays start and end near the ball of `Field::bounds`, which holds
+    /// the solid, instead of on the bounding sphere.
+    ///
+    /// The bounding sphere remains if the field gives no ball, or one that is not inside it.
     pub fn clipped_to_solid(self) -> Self {
         let bounds = self.bounding_ball();
         let ball = self.field.bounds().map(|ball| ball.scaled(R::of(SOLID_MARGIN)));
@@ -65,7 +67,7 @@ impl<'a, R: Real> Scene<'a, R> {
         Scene { tracing: Tracing { ball, ..self.tracing }, ..self }
     }
 
-    /// The same scene with rays that start and end on the bounds: searches for silhouettes need
+    /// The scene with rays that start and end on the bounding sphere: searches for silhouettes need
     /// room around the solid.
     pub fn clipped_to_bounds(self) -> Self {
         Scene { tracing: Tracing { ball: self.bounding_ball(), ..self.tracing }, ..self }
@@ -76,13 +78,16 @@ impl<'a, R: Real> Scene<'a, R> {
         in_precision(&self.bounds)
     }
 
-    /// The bounding radius.
+    /// The bounding radius, in world units.
     pub fn radius(&self) -> R {
         R::of(self.bounds.radius)
     }
 
-    /// The length that relative lengths of tracing refer to, at the distance `t` from a camera: the
-    /// bounding radius, or the width of the film there if that is less.
+    /// The tracing scale at the distance `t` from camera number `camera`, in world units: the
+    /// bounding radius, or the width of the film at this distance if that is less.
+    ///
+    /// The lengths in the tracer's options are relative to it. At most 256 pixels of the film count
+    /// for its width.
     pub fn tracing_scale(&self, camera: usize, t: R) -> R {
         let camera = &self.cameras[camera];
         let pixels = f64::from(camera.width.max(camera.height)).min(SCALE_PIXELS);

@@ -1,5 +1,4 @@
-//! Rays a second of the warp field, one core, single precision, by the number of points that keep a
-//! weight.
+//! Rays per second of the warp field, on one core in single precision, for several k.
 #![allow(missing_docs, reason = "Criterion's macros make public functions")]
 
 use std::hint::black_box;

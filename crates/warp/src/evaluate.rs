@@ -6,11 +6,11 @@ use crate::warp::{SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 use crate::weights::{Entry, Quadrature, normalise_rates};
 use crate::{Motion, Projection, WarpedRay, Weighting};
 
-/// V of a batch of rays, from the k points of largest weight on each; `charts` has one chart a ray,
-/// or one for all.
+/// V of a batch of rays, from the k points of largest weight on each. `charts` has one chart per
+/// ray, or one for all.
 ///
-/// Asks the field for nothing: the rays' records hold all that V needs. A ray with a number that is
-/// not finite, or that leads to one, has no samples; the other rays are not affected.
+/// The records of the rays suffice: there is no evaluation of the field. A ray with a number that
+/// is not finite, or that leads to one, has no samples; the other rays are not affected.
 ///
 /// # Panics
 /// If there are neither as many charts as rays nor one, or if the slices of a ray differ in length.
@@ -40,8 +40,8 @@ pub fn evaluate<R: Real, P: Projection<R> + ?Sized>(
 
 /// V of a batch of rays, as [`evaluate`], with the exact ∇_u·V of that V.
 ///
-/// Asks the field for two Hessian–vector products at every sample, and at the point of each ray
-/// whose weight is subtracted from the others, in two batches over all rays.
+/// It evaluates two Hessian–vector products of the field at every sample, and at the floor of each
+/// ray (the point whose weight is subtracted from the others), in two batches over all rays.
 ///
 /// # Panics
 /// As [`evaluate`].
@@ -88,7 +88,7 @@ fn valid<R: Real>(rays: &[WarpedRay<'_, R>]) -> Vec<bool> {
     rays.iter().map(|ray| ray.valid && ray.is_finite()).collect()
 }
 
-/// One chart a ray, or one for all.
+/// One chart per ray, or one for all.
 struct Charts<'a, P: ?Sized>(&'a [&'a P]);
 
 impl<'a, P: ?Sized> Charts<'a, P> {
@@ -164,7 +164,7 @@ impl<R: Real> Place<R> {
     }
 }
 
-/// How every entry's point moves with the film position.
+/// The motion of every entry's point with the film position, along both film axes.
 ///
 /// t_{i+1} = t_i + ρ f(x_i) moves with all points before it, by their recorded gradients; only the
 /// entries need second derivatives.
@@ -200,7 +200,7 @@ fn motions<R: Real>(
     motions
 }
 
-/// Sets ∂∇f = ∇²f ∂x of every motion, in one batch a film axis.
+/// Sets ∂∇f = ∇²f ∂x of every motion, in one batch per film axis.
 fn set_gradient_motions<R: Real>(
     field: &(impl Field<R> + ?Sized),
     x: &[R::Vec3],

@@ -5,9 +5,9 @@ use glam::DVec3;
 
 /// The chart between world and film: u = projection of x, in pixels.
 pub trait Projection<R: Real> {
-    /// The rows ∂u_x/∂x and ∂u_y/∂x, in pixels per world unit.
+    /// The rows ∂u_x/∂x and ∂u_y/∂x at the point `x`, in pixels per world unit.
     fn jacobian(&self, x: R::Vec3) -> [R::Vec3; 2];
-    /// The change of those rows as the point moves along `dx`.
+    /// The derivatives of these rows as the point moves along `dx`.
     fn jacobian_derivative(&self, x: R::Vec3, dx: R::Vec3) -> [R::Vec3; 2];
 }
 

@@ -1,24 +1,24 @@
-//! The record of a ray, as the warp reads it.
+//! The record of a ray: the input of the warp.
 
 use field::{Real, Vector3};
 
-/// A ray with the points that the recursion t_{i+1} = t_i + ρ f_i visited, and its motion with the
-/// film position u. The slices have one element a point.
+/// A ray with the points of the recursion t_{i+1} = t_i + ρ f_i, and its motion with the film
+/// position u. The slices have one element per point.
 #[derive(Clone, Copy, Debug)]
 pub struct WarpedRay<'a, R: Real> {
-    /// o, the same for all film positions.
+    /// o, in world units; the same for all film positions.
     pub origin: R::Vec3,
     /// d, of length 1.
     pub direction: R::Vec3,
     /// ∂d/∂u_x and ∂d/∂u_y, per pixel.
     pub direction_du: [R::Vec3; 2],
-    /// ∂t_0/∂u of the first point, world units per pixel.
+    /// ∂t_0/∂u of the first point, in world units per pixel.
     pub entry_du: [R; 2],
-    /// ∂t/∂u of the interval's end, used where the last step ends there.
+    /// ∂t/∂u of the end of the interval, in world units per pixel; used if `clamped`.
     pub exit_du: [R; 2],
     /// ρ: the fraction of f that a step of the recursion took.
     pub relaxation: R,
-    /// Distances of the points.
+    /// The distances of the points, in world units.
     pub t: &'a [R],
     /// f at the points.
     pub f: &'a [R],
@@ -28,7 +28,7 @@ pub struct WarpedRay<'a, R: Real> {
     pub step: &'a [R],
     /// Whether the last Δ ends with the interval.
     pub clamped: bool,
-    /// Whether the record is free of NaNs; all slices are checked again.
+    /// Whether the record has no NaN. All numbers are checked again.
     pub valid: bool,
 }
 

@@ -7,9 +7,9 @@ use field::{Real, Vector3};
 pub struct WarpSample<R: Real> {
     /// The ray, by its number in the batch.
     pub ray: usize,
-    /// The number of the point among those that its ray visited.
+    /// The number of the point along its ray.
     pub index: usize,
-    /// x_i, world units.
+    /// x_i, in world units.
     pub x: R::Vec3,
     /// ŵ_i; the weights of a ray sum to 1.
     pub weight: R,
@@ -31,8 +31,8 @@ pub struct SampleDivergence<R: Real> {
 pub struct Warp<R: Real> {
     /// The points that keep a weight: rays in the batch's order, points in order along each.
     pub samples: Vec<WarpSample<R>>,
-    /// For each ray, whether all its numbers are finite. A ray that is not valid has no samples: its
-    /// V is 0.
+    /// For each ray, whether all its numbers are finite. A ray that is not valid has no samples,
+    /// and its V is 0.
     pub valid: Vec<bool>,
 }
 
@@ -41,7 +41,7 @@ pub struct Warp<R: Real> {
 pub struct WarpWithDivergence<R: Real> {
     /// V.
     pub warp: Warp<R>,
-    /// One element a sample of `warp`.
+    /// One element per sample of `warp`.
     pub derivatives: Vec<SampleDivergence<R>>,
 }
 
@@ -51,12 +51,12 @@ impl<R: Real> Warp<R> {
         self.valid.iter().filter(|valid| !**valid).count()
     }
 
-    /// The points of all samples, world units.
+    /// The points of all samples, in world units.
     pub fn points(&self) -> Vec<R::Vec3> {
         self.samples.iter().map(|sample| sample.x).collect()
     }
 
-    /// V of every ray, in pixels per unit of the parameter; `f_dot` is ∂_θ f at every sample.
+    /// V of every ray, in pixels per unit of the parameter. `f_dot` has ∂_θ f at every sample.
     pub fn velocity(&self, f_dot: &[R]) -> Vec<[R; 2]> {
         let mut v = vec![[R::zero(); 2]; self.valid.len()];
         for (sample, f_dot) in self.samples.iter().zip(f_dot) {
@@ -69,15 +69,15 @@ impl<R: Real> Warp<R> {
 
     /// VJP of θ ↦ −flux through edges of pixels: the coefficient α_i of f at every sample.
     ///
-    /// `flux` has one adjoint a ray, `axis` the film axis that the edge's normal is along. The
-    /// boundary term of a pixel is −(L − c) V·n and V = −Σ a_i ∂_θ f, so α = + flux · a.
+    /// `flux` has one adjoint per ray, and `axis` the film axis of the edge's normal. The boundary
+    /// term of a pixel is −(L − c) V·n and V = −Σ a_i ∂_θ f, so α = + flux · a.
     pub fn flux_vjp(&self, flux: &[R], axis: &[usize]) -> Vec<R> {
         self.samples.iter().map(|s| flux[s.ray] * s.a[axis[s.ray]]).collect()
     }
 }
 
 impl<R: Real> WarpWithDivergence<R> {
-    /// ∇_u·V of every ray, per unit of the parameter; `f_dot` and `gradient_dot` are ∂_θ f and
+    /// ∇_u·V of every ray, per unit of the parameter. `f_dot` and `gradient_dot` have ∂_θ f and
     /// ∂_θ ∇f at every sample.
     pub fn divergence(&self, f_dot: &[R], gradient_dot: &[R::Vec3]) -> Vec<R> {
         let mut out = vec![R::zero(); self.warp.valid.len()];
@@ -90,8 +90,8 @@ impl<R: Real> WarpWithDivergence<R> {
     /// VJP of θ ↦ (V, ∇·V): the coefficients α_i of f and c_i of ∇f at every sample, for
     /// `Field::parameter_vjp`.
     ///
-    /// The adjoints have one element a ray: `scalar` = δ·(L − c) of its divergence, `film` = δ·∇_u L
-    /// of its velocity.
+    /// The adjoints have one element per ray: `scalar` = δ·(L − c) is that of ∇·V, and
+    /// `film` = δ·∇_u L that of V.
     pub fn area_vjp(&self, scalar: &[R], film: &[[R; 2]]) -> (Vec<R>, Vec<R::Vec3>) {
         let pairs = self.warp.samples.iter().zip(&self.derivatives);
         pairs

@@ -4,16 +4,16 @@ use field::{Real, Vector3};
 
 use crate::WarpedRay;
 
-/// How a point moves as u moves along one film axis.
+/// The motion of a point as u moves along one film axis: derivatives per pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion<R: Real> {
     /// ∂d.
     pub direction: R::Vec3,
-    /// ∂t of the point.
+    /// ∂t of the point, in world units per pixel.
     pub t: R,
-    /// ∂t of the interval's end.
+    /// ∂t of the end of the interval, in world units per pixel.
     pub exit: R,
-    /// ∂x.
+    /// ∂x of the point, in world units per pixel.
     pub x: R::Vec3,
     /// ∂∇f = ∇²f ∂x.
     pub gradient: R::Vec3,

@@ -6,17 +6,19 @@ use super::edge::SilhouetteEvent;
 
 /// A piece of a silhouette in one cell.
 pub(super) struct Piece<R: Real> {
-    /// The events at its ends; the same one twice for a piece that ends behind another silhouette.
+    /// The events at its ends. A piece that ends behind another silhouette has the same one twice.
     pub(super) ends: [SilhouetteEvent<R>; 2],
     /// Its length, in pixels.
     pub(super) length: f64,
 }
 
-/// The weight of a difference in depth, in world units, against a distance on the film, in pixels,
-/// when events are paired: depth decides.
+/// The weight, in pixels per world unit, of a difference in depth beside a distance on the film
+/// when events are paired: the depth decides.
 const DEPTH_WEIGHT: f64 = 1e3;
 
 /// The pieces of silhouettes between the events on the edges of a cell.
+///
+/// Events are paired by the least mismatch. A cell with one event has no piece.
 pub(super) fn pieces<R: Real>(events: &[SilhouetteEvent<R>]) -> Vec<Piece<R>> {
     match events.len() {
         2 => vec![piece(events, 0, 1)],
@@ -35,7 +37,7 @@ pub(super) fn pieces<R: Real>(events: &[SilhouetteEvent<R>]) -> Vec<Piece<R>> {
     }
 }
 
-/// How badly two events match as ends of one piece.
+/// The mismatch of two events as the ends of one piece, in pixels.
 fn mismatch<R: Real>(events: &[SilhouetteEvent<R>], a: usize, b: usize) -> f64 {
     let (a, b) = (&events[a], &events[b]);
     (a.t - b.t).abs().to_double() * DEPTH_WEIGHT + (a.u - b.u).length()

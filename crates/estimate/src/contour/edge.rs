@@ -1,38 +1,40 @@
-//! Edges of the grid, and where they cross silhouettes.
+//! Edges of the grid, and their crossings with silhouettes.
 
 use field::{Real, Vector3};
 use glam::DVec2;
 use render::{InvalidField, Sample, Scene};
 
-/// Halvings of an edge: an edge of 1/16 pixel ends 1e-9 pixels long.
+/// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
 const HALVINGS: u32 = 26;
 
-/// A jump in depth that is left after all halvings is a silhouette, in [`Scene::tracing_scale`].
-/// Where a surface is seen edge-on its depth changes by the square root of the edge's length: 1e-4.
+/// The least jump in depth, in [`Scene::tracing_scale`], that counts as a silhouette after all
+/// halvings. At a surface seen edge-on the depth changes by the square root of the edge's length,
+/// about 1e-4.
 const JUMP: f64 = 3e-3;
 
 /// The distance before and behind a silhouette point at which its gradient is taken, in
 /// [`Scene::tracing_scale`].
 const BESIDE: f64 = 1e-4;
 
-/// Tries to find the minimum of f around a silhouette point; each is three times as wide.
+/// The largest number of attempts to enclose the minimum of f at a silhouette point. Each is three
+/// times as wide as the one before.
 const STRADDLE_TRIES: u32 = 6;
 
-/// A place where an edge of a cell crosses a silhouette.
+/// A crossing of an edge of a cell with a silhouette.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SilhouetteEvent<R: Real> {
     pub(super) u: DVec2,
-    /// The depth of the silhouette.
+    /// The depth of the silhouette, in world units.
     pub(super) t: R,
-    /// Two points between which f has its minimum along the ray.
+    /// Two points of the ray that enclose its minimum of f, in world units.
     pub(super) points: [R::Vec3; 2],
     /// Their weights, which sum to 1.
     pub(super) weights: [R; 2],
-    /// |∇_u m| of m = min_t f, per pixel.
+    /// |∇_u m| of m = min_t f, in world units per pixel.
     pub(super) film_slope: R,
-    /// The radiance inside less the radiance outside.
+    /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
     pub(super) contrast: R::Vec3,
-    /// Whether the solid is left along the edge.
+    /// Whether the edge leaves the solid here.
     pub(super) leaves: bool,
 }
 
@@ -41,7 +43,7 @@ pub(super) struct GridEdge<R: Real> {
     camera: usize,
     /// The film positions of its ends.
     pub(super) ends: [DVec2; 2],
-    /// Its silhouette, if it crosses one.
+    /// Its crossing with a silhouette, if there is one.
     pub(super) event: Option<SilhouetteEvent<R>>,
 }
 
@@ -57,7 +59,7 @@ struct Interval<R> {
     edge: usize,
     camera: usize,
     ends: [DVec2; 2],
-    /// The depths at the ends; infinite for none.
+    /// The depths at the ends; infinite for a ray without a hit.
     depth: [R; 2],
 }
 
@@ -82,21 +84,21 @@ impl<R: Real> Interval<R> {
 
     /// Keeps the half with the larger jump; `t` is the depth at the middle.
     fn halve(&mut self, t: R) {
-        // Infinite beside a hit, 0 between two misses.
+        // Infinite between a hit and a miss, 0 between two misses.
         let jump = |a: R, b: R| if a == b { R::zero() } else { (a - b).abs() };
         let moved = usize::from(jump(self.depth[0], t) >= jump(t, self.depth[1]));
         (self.ends[moved], self.depth[moved]) = (self.middle(), t);
     }
 }
 
-/// The depths at film positions; infinite where there is nothing.
+/// The depths at film positions, in world units; infinite for a ray without a hit.
 fn depths<R: Real>(scene: &Scene<'_, R>, samples: &[Sample]) -> Result<Vec<R>, InvalidField> {
     let traced = scene.trace(samples)?;
     let depth = |traced: Option<render::TracedRay<R>>| traced.and_then(|traced| traced.depth());
     Ok(traced.into_iter().map(|traced| depth(traced).unwrap_or(R::infinity())).collect())
 }
 
-/// Finds the silhouettes that the edges cross.
+/// Sets the event of every edge that crosses a silhouette.
 pub(super) fn locate<R: Real>(
     scene: &Scene<'_, R>,
     edges: &mut [GridEdge<R>],
@@ -130,7 +132,8 @@ pub(super) fn locate<R: Real>(
     describe(scene, edges, &open)
 }
 
-/// Sets contrast, silhouette point and gradient of the edges that were halved to the end.
+/// Sets the events of the intervals that are left after all halvings: contrast, silhouette point
+/// and gradient.
 fn describe<R: Real>(
     scene: &Scene<'_, R>,
     edges: &mut [GridEdge<R>],
@@ -160,15 +163,17 @@ fn describe<R: Real>(
     Ok(())
 }
 
-/// A minimum of f along a ray, between two points.
+/// A minimum of f along a ray, enclosed by two points with weights that sum to 1.
 struct Minimum<R: Real> {
     points: [R::Vec3; 2],
     weights: [R; 2],
-    /// The mean gradient by the weights, orthogonal to the ray.
+    /// The weighted mean of the gradients at the points; it is orthogonal to the ray.
     gradient: R::Vec3,
 }
 
-/// The minimum of f near the distance `t` of a ray, if two points around it enclose one.
+/// The minimum of f near the distance `t` along a ray, if two points around `t` enclose one.
+///
+/// `scale` is the tracing scale there, in world units.
 fn minimum_around<R: Real>(
     scene: &Scene<'_, R>,
     eye: R::Vec3,

@@ -1,4 +1,4 @@
-//! Ground truth: silhouettes traced on a fine grid of the film.
+//! The reference `contour`: silhouettes traced on a fine grid of the film.
 
 mod cell;
 mod edge;
@@ -14,13 +14,17 @@ use crate::smooth_part::{Stratification, add_smooth_part};
 use cell::{Piece, pieces};
 use edge::{GridEdge, SilhouetteEvent, locate};
 
-/// Silhouettes as polygons through the edges of a grid of cells, and the smooth part along the
-/// grid's lines.
+/// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
+/// the grid.
 ///
-/// An edge of a cell whose ends see different surfaces is halved until it is 1e-9 pixels long; the
-/// views from its two ends then give contrast and silhouette point. The polygon's length is exact to
-/// the square of the size of a cell. It shares no search and no random number with the other
-/// estimators, and is slow.
+/// If the rays at the two ends of an edge of a cell hit different surfaces, the edge is halved
+/// until it is 1e-9 pixels long. The rays at its ends then give the contrast and the silhouette
+/// point. These points are the corners of the polygons. The error of their length is of second
+/// order in the size of a cell. The grid has √spp cells along the side of a pixel, at least 4 and
+/// at most 256.
+///
+/// This estimator shares no search and no random number with the others. It is slow, and it misses
+/// parts thinner than a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Contour;
 
@@ -62,7 +66,7 @@ impl Grid {
         ((axis * (n + 1) + line) * n + along) as usize
     }
 
-    /// Adds the polygon's part in every cell of one pixel.
+    /// Adds the pieces of silhouettes in every cell of one pixel.
     fn add_cells<R: Real>(self, pixel: u32, edges: &[GridEdge<R>], record: &mut Record<R>) {
         for y in 0..self.cells {
             for x in 0..self.cells {
@@ -79,7 +83,7 @@ impl Grid {
         }
     }
 
-    /// Adds the smooth part: the grid's lines by the trapezoid rule.
+    /// Adds the smooth part along the lines of the grid, by the trapezoid rule across them.
     fn add_smooth<R: Real>(
         self,
         scene: &Scene<'_, R>,
@@ -112,7 +116,7 @@ impl Grid {
     }
 }
 
-/// The crossing of a grid's line at an event. Its film gradient is not used.
+/// The crossing of a line of the grid at an event. Its film gradient is unused, and zero.
 fn crossing<R: Real>(
     line: usize,
     axis: usize,
@@ -124,7 +128,7 @@ fn crossing<R: Real>(
     Crossing { line, s, leaves, points, weights, film_gradient: [R::zero(); 2], contrast }
 }
 
-/// Adds ΔL/|∇_u m| over the length of a piece, half at each of its ends.
+/// Adds ΔL/|∇_u m| times the length of a piece, half at each of its ends.
 fn add_piece<R: Real>(pixel: u32, piece: &Piece<R>, record: &mut Record<R>) {
     for event in &piece.ends {
         let slope = event.film_slope.max(R::min_positive_value());

@@ -1,17 +1,18 @@
-//! The result of reverse mode: coefficients of f and ∇f at points.
+//! The result of reverse mode: coefficients of f and ∇f at points, for one pass over the
+//! parameters.
 
 use field::{Field, Real, Vector3};
 
-/// A point at which the parameter gradient of α f + c·∇f is wanted.
+/// A point x with coefficients α and c: its part of a parameter gradient is ∂_θ [α f(x) + c·∇f(x)].
 #[derive(Clone, Copy, Debug)]
 pub struct PointAdjoint<R: Real> {
     /// The pixel that the coefficients belong to, by its number in the batch.
     pub pixel: u32,
-    /// The point, world units.
+    /// The point, in world units.
     pub x: R::Vec3,
-    /// α: the coefficient of f.
+    /// α: the coefficient of f, in units of the differentiated number per world unit.
     pub alpha: R,
-    /// c: the coefficient of ∇f.
+    /// c: the coefficient of ∇f, in units of the differentiated number.
     pub c: R::Vec3,
 }
 
@@ -22,7 +23,7 @@ impl<R: Real> PointAdjoint<R> {
     }
 }
 
-/// Points whose parameter gradients are to be added up.
+/// Points whose parts of a parameter gradient are added up.
 #[derive(Clone, Debug)]
 pub struct Adjoints<R: Real> {
     /// The points.
@@ -41,8 +42,9 @@ impl<R: Real> Adjoints<R> {
         self.points.push(point);
     }
 
-    /// Adds the parameter gradient of all points to `sum`, in one pass over those whose
-    /// coefficients are not both zero.
+    /// VJP of θ ↦ Σ (α f + c·∇f): adds the gradient by the field's parameters to `sum`.
+    ///
+    /// One call of `Field::parameter_vjp` over the points whose coefficients are not both zero.
     pub fn backward(self, field: &dyn Field<R>, sum: &mut [R]) {
         let points: Vec<_> = self.points.into_iter().filter(|p| !p.is_zero()).collect();
         let x: Vec<R::Vec3> = points.iter().map(|p| p.x).collect();

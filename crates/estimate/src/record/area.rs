@@ -8,7 +8,7 @@ use super::adjoints::{Adjoints, PointAdjoint};
 use super::film_warp::FilmWarpWithDivergence;
 use super::surface::{SurfaceCoefficients, surface_vjp};
 
-/// The part that a sample has in its pixel.
+/// The part of a sample in the value of its pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Share<R> {
     /// The pixel, by its number in the batch.
@@ -17,11 +17,11 @@ pub struct Share<R> {
     pub weight: R,
 }
 
-/// Film samples with their hits, and a warp if there is one.
+/// Film samples in the areas of pixels with their hits, and a warp if the estimator has one.
 pub struct Area<R: Real> {
     /// The samples and their hits.
     pub primary: Primary<R>,
-    /// The share of every sample.
+    /// One share per sample.
     pub shares: Vec<Share<R>>,
     /// The warp at every sample.
     pub warp: Option<AreaWarp<R>>,
@@ -29,15 +29,15 @@ pub struct Area<R: Real> {
 
 /// A warp at film samples.
 pub struct AreaWarp<R: Real> {
-    /// V and ∇·V.
+    /// V and ∇_u·V at the samples.
     pub film_warp: FilmWarpWithDivergence<R>,
-    /// L − c of each sample, for the constant c of its pixel.
+    /// L − c of each sample, linear RGB, with the baseline c of its pixel.
     pub radiance_minus_baseline: Vec<R::Vec3>,
-    /// ∇ ln k of the pixel filter k at each sample, per pixel; `None` where k is constant.
+    /// ∇_u ln k of the pixel filter k at each sample, per pixel; `None` if k is constant.
     pub filter_du: Option<Vec<[R; 2]>>,
 }
 
-/// The adjoints of one sample: of ∇·V, of V, and the sum of its coefficients of f.
+/// For each sample: the adjoints of ∇_u·V and of V, and the sum of its coefficients of f.
 struct SampleAdjoints<R> {
     divergence: Vec<R>,
     film: Vec<[R; 2]>,
@@ -45,7 +45,7 @@ struct SampleAdjoints<R> {
 }
 
 impl<R: Real> Area<R> {
-    /// `spp` samples a pixel, in the order of the pixels, without a warp.
+    /// `spp` samples per pixel with equal weights, in the order of the pixels, without a warp.
     pub fn uniform(primary: Primary<R>, spp: u32) -> Self {
         let weight = R::one() / R::of(f64::from(spp));
         let share = |i: usize| Share { pixel: i as u32 / spp, weight };
@@ -53,8 +53,8 @@ impl<R: Real> Area<R> {
         Area { primary, shares, warp: None }
     }
 
-    /// VJP of parameters ↦ the part of these samples in the pixel values; see
-    /// [`super::Record::vjp`].
+    /// VJP of θ ↦ the part of these samples in the pixel values; see [`super::Record::vjp`] for the
+    /// arguments.
     pub fn vjp(
         &self,
         scene: &Scene<'_, R>,
@@ -87,6 +87,7 @@ impl<R: Real> Area<R> {
         }
     }
 
+    /// The adjoints of every sample; `delta` are those of radiance, with the samples' weights.
     fn sample_adjoints(
         &self,
         delta: &[R::Vec3],
@@ -109,7 +110,8 @@ impl<R: Real> Area<R> {
         SampleAdjoints { divergence, film, total }
     }
 
-    /// The factor on every sample's coefficients that keeps the limit of [`Pass::Limited`].
+    /// For every sample, the factor on its coefficients that enforces the limit of
+    /// [`Pass::Limited`].
     fn scale(
         &self,
         scene: &Scene<'_, R>,
@@ -130,10 +132,11 @@ impl<R: Real> Area<R> {
             .collect()
     }
 
-    /// The coefficient of f of a silhouette that crosses the whole pixel at full contrast.
+    /// The coefficient of f of a silhouette that crosses the whole pixel of sample `i`, with the
+    /// contrast 1.
     ///
-    /// The tails of the estimators have no finite variance (1/distance next to a silhouette,
-    /// 1/cosine at a grazing hit): without a limit, single samples undo a hundred iterations of a
+    /// Coefficients grow as 1/distance next to a silhouette and as 1/cosine at a grazing hit, so
+    /// their variance is infinite. Without a limit, one sample can undo a hundred iterations of a
     /// fit.
     fn silhouette_coefficient(&self, scene: &Scene<'_, R>, i: usize, delta: R::Vec3) -> R {
         let sample = &self.primary.samples[i];
@@ -142,7 +145,7 @@ impl<R: Real> Area<R> {
         R::of(camera.focal.max_element()) / t.max(R::min_positive_value()) * delta.length()
     }
 
-    /// Keeps the samples of some pixels. Samples with a warp cannot be taken apart.
+    /// Keeps the samples of the pixels for which `keep` is true. The samples must not have a warp.
     pub(crate) fn retain(&mut self, keep: impl Fn(u32) -> bool) {
         debug_assert!(self.warp.is_none());
         let keep: Vec<bool> = self.shares.iter().map(|share| keep(share.pixel)).collect();

@@ -10,17 +10,17 @@ use super::film_warp::FilmWarp;
 /// A sample on an edge between pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct BorderSample<R: Real> {
-    /// The edge; its pixels are numbers in the batch.
+    /// The edge. Its pixels are given by their numbers in the batch.
     pub edge: Edge,
-    /// The radiance through the sample, linear RGB.
+    /// The radiance along the ray of the sample, linear RGB.
     pub radiance: R::Vec3,
 }
 
-/// Samples of the borders of pixels.
+/// Samples of the borders of pixels, for the flux of a warp through them.
 pub struct Border<R: Real> {
     /// The samples.
     pub samples: Vec<BorderSample<R>>,
-    /// The constant c of each pixel.
+    /// The baseline c of each pixel, linear RGB.
     pub baseline: Vec<R::Vec3>,
     /// V at every sample.
     pub film_warp: FilmWarp<R>,
@@ -29,6 +29,8 @@ pub struct Border<R: Real> {
 }
 
 impl<R: Real> Border<R> {
+    /// VJP of θ ↦ −∮ (L − c) V·n over the borders of the pixels (Bangaru et al. 2022, supplement,
+    /// section 1, equation 2).
     pub(super) fn vjp(&self, delta: &[R::Vec3], pass: Pass<R>, out: &mut Adjoints<R>) {
         let axis: Vec<usize> = self.samples.iter().map(|s| s.edge.axis()).collect();
         let carried = |sample: &BorderSample<R>, p: usize| {

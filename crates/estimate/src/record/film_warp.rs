@@ -1,4 +1,4 @@
-//! The warp of film samples: from the tracer's record to coefficients of f and ∇f.
+//! The warp at film samples: from the tracer's record to coefficients of f and ∇f.
 
 use field::{Real, Sphere, Vector3};
 use render::{Camera, Scene, TracedSample};
@@ -9,27 +9,27 @@ use warp::{
 
 use super::adjoints::{Adjoints, PointAdjoint};
 
-/// V at film samples. Samples whose line of sight misses the ball of rays have none.
+/// V at film samples. It is zero at samples whose rays miss the ball of rays.
 pub struct FilmWarp<R: Real> {
     warp: Warp<R>,
     /// The sample of every ray of `warp`.
     sample: Vec<usize>,
 }
 
-/// V and ∇·V at film samples.
+/// V and ∇_u·V at film samples.
 pub struct FilmWarpWithDivergence<R: Real> {
     warp: WarpWithDivergence<R>,
     /// The sample of every ray of `warp`.
     sample: Vec<usize>,
 }
 
-/// The chart of a camera.
+/// The chart of a camera: its projection from world to film.
 pub(crate) fn chart(camera: &Camera) -> Pinhole {
     let (axes, focal) = ([camera.right, -camera.up], camera.focal.to_array());
     Pinhole { eye: camera.eye, forward: camera.forward, axes, focal }
 }
 
-/// The rays of film samples with the N points that the plain recursion visits along each.
+/// The rays of film samples, with the N points that plain sphere tracing visits along each.
 struct VisitedRays<'a, R: Real> {
     scene: &'a Scene<'a, R>,
     samples: &'a [TracedSample<R>],
@@ -83,7 +83,7 @@ impl<'a, R: Real> VisitedRays<'a, R> {
     }
 }
 
-/// V of film samples, over `points` points a ray of which the `k` largest are weighed.
+/// V at film samples, from `points` points per ray, of which the `k` of largest weight are used.
 pub fn warp_samples<R: Real>(
     scene: &Scene<'_, R>,
     samples: &[TracedSample<R>],
@@ -96,7 +96,8 @@ pub fn warp_samples<R: Real>(
     FilmWarp { warp, sample: visited.with_ray }
 }
 
-/// V and ∇·V of film samples, over `points` points a ray of which the `k` largest are weighed.
+/// V and ∇_u·V at film samples, from `points` points per ray, of which the `k` of largest weight
+/// are used.
 pub fn warp_samples_with_divergence<R: Real>(
     scene: &Scene<'_, R>,
     samples: &[TracedSample<R>],
@@ -116,13 +117,14 @@ fn pick<T: Copy>(values: &[T], sample: &[usize]) -> Vec<T> {
 }
 
 impl<R: Real> FilmWarpWithDivergence<R> {
-    /// The warp of a batch of points; `sample` is the film sample of each of its rays.
+    /// A warp, with the number of the film sample of each of its rays.
     pub fn new(warp: WarpWithDivergence<R>, sample: Vec<usize>) -> Self {
         FilmWarpWithDivergence { warp, sample }
     }
 
-    /// Reverse mode of area samples; see [`WarpWithDivergence::area_vjp`]. One adjoint and one
-    /// pixel a sample.
+    /// VJP of θ ↦ (V, ∇_u·V) at area samples; see [`WarpWithDivergence::area_vjp`].
+    ///
+    /// `scalar` and `film` have one adjoint per sample, `pixel` gives the pixel of a sample.
     pub(super) fn area_vjp(
         &self,
         scalar: &[R],
@@ -136,8 +138,8 @@ impl<R: Real> FilmWarpWithDivergence<R> {
         }
     }
 
-    /// Adds to each sample's entry of `total` the sum of the coefficients of f that
-    /// [`area_vjp`](Self::area_vjp) gives it.
+    /// Adds to `total`, which has one element per sample, the sum of the coefficients of f from
+    /// [`area_vjp`](Self::area_vjp).
     pub(super) fn add_area_totals(&self, scalar: &[R], film: &[[R; 2]], total: &mut [R]) {
         let (alpha, _) = self.coefficients(scalar, film);
         for (point, alpha) in self.warp.warp.samples.iter().zip(alpha) {
@@ -151,8 +153,9 @@ impl<R: Real> FilmWarpWithDivergence<R> {
 }
 
 impl<R: Real> FilmWarp<R> {
-    /// Reverse mode of boundary samples; see [`Warp::flux_vjp`]. One adjoint, one axis and one
-    /// pixel a sample.
+    /// VJP of θ ↦ −V·n at boundary samples; see [`Warp::flux_vjp`].
+    ///
+    /// `flux` has one adjoint per sample, `axis` the film axis of its normal, `pixel` its pixel.
     pub(super) fn flux_vjp(
         &self,
         flux: &[R],

@@ -1,4 +1,4 @@
-//! The record that an estimator makes of a batch of pixels, and its reverse mode.
+//! The record of an estimator over a batch of pixels, and its reverse mode.
 
 mod adjoints;
 mod area;
@@ -18,14 +18,14 @@ pub use film_warp::{FilmWarp, FilmWarpWithDivergence, warp_samples, warp_samples
 pub use silhouettes::{SilhouettePoint, Silhouettes};
 pub use surface::{SurfaceCoefficients, surface_vjp};
 
-/// All that is linear in the adjoints of a batch of pixels.
+/// All terms of the derivatives of a batch of pixels. Each is linear in the adjoints of the pixels.
 #[derive(Default)]
 pub struct Record<R: Real> {
-    /// The radiance of every pixel, from the estimator's own samples.
+    /// The value of every pixel from the same samples, linear RGB.
     pub radiance: Vec<R::Vec3>,
-    /// The number of rays traced.
+    /// The number of traced rays.
     pub rays: u64,
-    /// Samples of the areas of pixels.
+    /// Samples in the areas of pixels.
     pub area: Vec<Area<R>>,
     /// Samples of the borders of pixels.
     pub border: Option<Border<R>>,
@@ -33,28 +33,31 @@ pub struct Record<R: Real> {
     pub silhouettes: Silhouettes<R>,
 }
 
-/// How reverse mode adds up its coefficients.
+/// The way in which reverse mode combines the coefficients of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pass<R> {
-    /// Each pixel's coefficients apart, as derivative images need them.
+    /// The coefficients of each pixel apart, for derivative images.
     PerPixel,
-    /// The coefficients of all pixels together.
+    /// The coefficients of all pixels together; their pixel numbers have no meaning.
     Sum,
-    /// As `Sum`, with a limit on the coefficient of f of one sample: this many times the
-    /// coefficient of a silhouette that crosses the sample's whole pixel.
+    /// As `Sum`, with a limit on the coefficient of f of one area sample. The unit of the limit is
+    /// the coefficient of a silhouette that crosses the whole pixel of the sample.
+    ///
+    /// The limit adds a bias to the gradient.
     Limited(R),
 }
 
 impl<R: Real> Record<R> {
-    /// A record of `pixels` pixels without radiance and samples.
+    /// A record of `pixels` black pixels without samples.
     pub fn black(pixels: usize) -> Self {
         Record { radiance: vec![field::Vector3::zero(); pixels], ..Record::default() }
     }
 
-    /// VJP of parameters ↦ pixel values.
+    /// VJP of (θ; shader parameters) ↦ pixel values.
     ///
-    /// `delta` has one adjoint a pixel. Coefficients at points are added to `out`, the adjoint of
-    /// the shader's parameters to `shader`. The points do not depend on `delta`.
+    /// `delta` has one adjoint per pixel. The coefficients at points, from which
+    /// [`Adjoints::backward`] makes the gradient by θ, are added to `out`; the adjoint of the
+    /// shader's parameters is added to `shader`. The points do not depend on `delta`.
     pub fn vjp(
         &self,
         scene: &Scene<'_, R>,

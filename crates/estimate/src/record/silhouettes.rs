@@ -9,10 +9,10 @@ use super::adjoints::{Adjoints, PointAdjoint};
 pub struct SilhouettePoint<R: Real> {
     /// The pixel, by its number in the batch.
     pub pixel: u32,
-    /// The point, world units.
+    /// The point, in world units.
     pub x: R::Vec3,
-    /// −∂(pixel value)/∂f at the point: the growth of the pixel's value as f falls by one, linear
-    /// RGB.
+    /// −∂(pixel value)/∂f at the point: the increase of the pixel's value as f falls, linear RGB
+    /// per world unit.
     pub rgb: R::Vec3,
 }
 
@@ -30,11 +30,12 @@ impl<R: Real> Default for Silhouettes<R> {
 }
 
 impl<R: Real> Silhouettes<R> {
-    /// Adds a point at which the value of `pixel` grows by `rgb` as f falls by one.
+    /// Adds a point x at which −∂(value of `pixel`)/∂f is `rgb`.
     pub fn push(&mut self, pixel: u32, x: R::Vec3, rgb: R::Vec3) {
         self.points.push(SilhouettePoint { pixel, x, rgb });
     }
 
+    /// VJP of θ ↦ the silhouette terms of the pixel values.
     pub(super) fn vjp(&self, delta: &[R::Vec3], out: &mut Adjoints<R>) {
         for SilhouettePoint { pixel, x, rgb } in self.points.iter().copied() {
             let alpha = -delta[pixel as usize].dot(rgb);

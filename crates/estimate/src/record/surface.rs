@@ -1,5 +1,5 @@
-//! Reverse mode of a shaded hit: from an adjoint of radiance to coefficients of f and ∇f at the hit
-//! point.
+//! Reverse mode of shaded hits: from adjoints of radiance to coefficients of f and ∇f at the hit
+//! points.
 
 use field::{Real, SurfaceAdjoint, Vector3};
 use render::{Primary, Scene};
@@ -12,13 +12,14 @@ pub struct SurfaceCoefficients<R: Real> {
     pub alpha: R,
     /// The coefficient c of ∇f.
     pub c: R::Vec3,
-    /// δ·∂L/∂u: the film gradient of radiance along the adjoint, per pixel.
+    /// δ·∂L/∂u: the film gradient of the radiance, in the direction of the adjoint, per pixel.
     pub film: [R; 2],
 }
 
-/// VJP of (field; shader parameters) ↦ radiance at the hits of a batch.
+/// VJP of (θ; shader parameters) ↦ radiance at the hits of a batch.
 ///
-/// `adjoint` has one element a hit; the adjoint of the shader's parameters is added to `shader`.
+/// `adjoint` has one element per hit, and so has the result. The adjoint of the shader's parameters
+/// is added to `shader`.
 pub fn surface_vjp<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
@@ -29,7 +30,7 @@ pub fn surface_vjp<R: Real>(
     let mut bars = SurfaceAdjoint::zeros(n);
     scene.shader.vjp(&primary.surface.batch(), adjoint, &mut bars, shader);
     if bars.is_zero() {
-        // A radiance that is the same everywhere does not depend on the hit point.
+        // The radiance does not depend on the hit points.
         let zero = R::zero();
         return vec![SurfaceCoefficients { alpha: zero, c: R::Vec3::zero(), film: [zero; 2] }; n];
     }
@@ -51,10 +52,10 @@ pub fn surface_vjp<R: Real>(
         .collect()
 }
 
-/// Adds the normal's dependence on the hit point to the adjoint of the point, x̂ = x̄ + ∇²f m, and
-/// returns m of every hit.
+/// Adds the dependence of the normal on the hit point to the adjoint of the point, x̄ + ∇²f m, and
+/// returns m of every hit; see [`HitAdjoint::normal_coefficient`].
 ///
-/// Hits whose radiance does not depend on the normal need no Hessian.
+/// Hits with m = 0, whose radiance does not depend on the normal, need no Hessian.
 fn add_normal_adjoint<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,

@@ -30,7 +30,7 @@ fn read(file: &serde_json::Value) -> SceneFile {
     SceneFile::from_value(Path::new("scene.json"), file).unwrap()
 }
 
-/// δ·L of one sample, by tracing and shading alone; `None` where nothing is hit.
+/// δ·L of one sample, by tracing and shading alone; `None` without a hit.
 fn radiance(file: &SceneFile, u: DVec2, adjoint: DVec3) -> Option<f64> {
     with_scene(file, |scene| {
         let primary = scene.primary(&[Sample { camera: 0, u }]).unwrap();
@@ -45,7 +45,8 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into()))
 }
 
-/// Whether differences make sense at the only hit: it is near no silhouette and no light's edge.
+/// Whether the only hit is far enough from silhouettes and from the horizons of the lights for
+/// finite differences.
 fn is_clear(primary: &Primary<f64>) -> bool {
     let (n, d, x) = (primary.surface.normal[0], primary.surface.direction[0], primary.surface.x[0]);
     -n.dot(d) > 0.25
@@ -53,7 +54,8 @@ fn is_clear(primary: &Primary<f64>) -> bool {
         && n.dot(DVec3::new(1.0, 1.0, 3.0) - x) > 0.05
 }
 
-/// The gradient by the field's parameters and the film gradient of δ·L at a film position.
+/// The gradient by the field's parameters and the film gradient of δ·L at a film position, in
+/// reverse mode.
 fn reverse(file: &SceneFile, u: DVec2, adjoint: DVec3) -> Option<(Vec<f64>, [f64; 2])> {
     with_scene(file, |scene| {
         let primary = scene.primary(&[Sample { camera: 0, u }]).unwrap();
@@ -73,7 +75,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     /// The derivatives by the parameters of the field and by the film position, through hit point
-    /// and normal, against tracing and shading at moved parameters and positions.
+    /// and normal, against differences of traced and shaded samples.
     #[test]
     fn reverse_mode_matches_differences(
         u in prop::array::uniform2(6.0..26.0f64),

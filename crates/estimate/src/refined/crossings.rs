@@ -1,4 +1,4 @@
-//! The visible silhouettes that lines of the film cross.
+//! The crossings of lines on the film with visible silhouettes.
 
 use field::Real;
 use render::{InvalidField, Scene};
@@ -9,23 +9,26 @@ use super::search::KnownTangencies;
 use super::visibility::visible;
 use crate::film_line::{Crossing, FilmLine};
 
-/// Crossings of lines, and the rays that they took.
+/// Crossings of lines with visible silhouettes, and the number of rays of the search.
 pub(super) struct Crossings<R: Real> {
     pub(super) crossings: Vec<Crossing<R>>,
     pub(super) rays: u64,
 }
 
-/// Rounds of halving an interval whose ends see different surfaces.
+/// The largest number of rounds, each of which halves the intervals whose ends hit different
+/// surfaces.
 const HALVINGS: u32 = 12;
 
-/// Finds the visible silhouettes that lines cross. `inner` is the s of each line's probe between its
-/// ends.
+/// Finds the crossings of lines with visible silhouettes. Each line has probes at its ends and at
+/// the s in `inner`.
 ///
-/// A silhouette is found from a ray that passes it, by Newton's method from the closest approach
-/// that the tracer recorded. It is then followed to the lines beside, so that all lines find a thin
-/// part once one ray has met it. Where two rays see different surfaces without a crossing between
-/// them, a ray is added halfway. A part between all probes of a pixel that shows in none of them is
-/// not found; more probes find it.
+/// A search starts at each probe ray that passes a surface. It uses Newton's method, from the
+/// closest approach that the tracer recorded. A crossing starts searches on the lines beside its
+/// own, so that all lines find a thin part once one ray has met it. If two neighbouring probes hit
+/// different surfaces and no crossing lies between them, a probe is added halfway.
+///
+/// It can miss a part that lies between all probes of a pixel and shows in none of them; more
+/// probes find it.
 pub(super) fn crossings<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],

@@ -1,4 +1,5 @@
-//! The default estimator: silhouettes found along random lines of the film, and integrated there.
+//! The estimator `refined`, the default: a curve integral over silhouettes, which are found along
+//! random lines on the film.
 
 mod crossings;
 mod neighbours;
@@ -18,24 +19,31 @@ use crate::smooth_part::{Stratification, add_smooth_part};
 use crossings::{Crossings, crossings};
 use survey::{mark_corners, sample_unmarked};
 
-/// Area samples for smooth pixels, and random lines of the film for silhouettes.
+/// Area samples in pixels without silhouettes, and random lines on the film in the others.
 ///
-/// The silhouettes inside a pixel add ∮ ΔL v dl to its derivative, with their normal velocity
-/// v = −∂_θ f/|∇_u m| (m = min_t f, by the envelope theorem) and the contrast ΔL. With
-/// n = ∇_u m/|∇_u m| and 1 = n_x² + n_y² this is the sum of two integrals over crossings with lines
-/// along the axes, ∫ dy Σ ΔL v |n_x| + ∫ dx Σ ΔL v |n_y|. No factor grows where a silhouette runs
-/// along a line, and nothing depends on a number N of points along a ray.
+/// The silhouettes inside a pixel add ∮ ΔL v dl to its derivative. ΔL is the radiance inside minus
+/// the radiance outside, and v the normal velocity of the silhouette on the film. With
+/// m(u) = min_t f(x(u, t)), the silhouette is {m = 0}, and v = −∂_θ f/|∇_u m| by the envelope
+/// theorem.
 ///
-/// It is the limit of a warp field that falls off ever faster away from silhouettes, sampled on the
-/// silhouettes.
+/// Let n = ∇_u m/|∇_u m|. Because 1 = n_x² + n_y², the integral is a sum of two integrals over
+/// crossings with lines along the axes: ∫ dy Σ ΔL v |n_x| + ∫ dx Σ ΔL v |n_y|. No factor grows
+/// where a silhouette runs along a line, and there is no quadrature of N points along rays. The
+/// lines are stratified, so the error falls as 1/lines.
+///
+/// It is the limit of warps whose V falls off ever faster away from silhouettes.
+///
+/// It can miss a part that covers less of a pixel than one sample stands for, if no ray of the
+/// pixel comes near it; more samples find it. It does not cover creases and edges of shadows, where
+/// the radiance jumps without a silhouette.
 #[derive(Clone, Copy, Debug)]
 pub struct Refined;
 
-/// The first 1/SCOUTS of a pixel's samples look whether a silhouette may cross it; if so, the others
-/// are not taken.
+/// The first 1/SCOUTS of a pixel's samples test whether a silhouette may cross it. If so, lines
+/// replace the other samples.
 const SCOUTS: u32 = 4;
 
-/// Samples per pixel of a line for the smooth part.
+/// Samples of the smooth part per pixel of length of a line.
 const SEGMENT_SAMPLES: u32 = 2;
 
 impl<R: Real> Estimator<R> for Refined {
@@ -68,7 +76,7 @@ impl<R: Real> Estimator<R> for Refined {
     }
 }
 
-/// Keeps the area samples of unmarked pixels, and adds their radiance.
+/// Removes the area samples of marked pixels, and adds the radiance of the others to the record.
 fn keep_smooth_pixels<R: Real>(record: &mut Record<R>, mask: &SilhouetteMask, spp: u32) {
     record.area.iter_mut().for_each(|area| area.retain(|pixel| !mask.may_cross[pixel as usize]));
     let weight = R::one() / R::of(f64::from(spp));
@@ -79,14 +87,14 @@ fn keep_smooth_pixels<R: Real>(record: &mut Record<R>, mask: &SilhouetteMask, sp
     }
 }
 
-/// Lines with a number in [0, 1) each, which places the line's probe and its samples.
+/// Random lines, with one number in [0, 1) each for the positions of the line's probe and samples.
 struct RandomLines {
     lines: Vec<FilmLine>,
     offset: Vec<f64>,
 }
 
 impl RandomLines {
-    /// `count` lines along each axis of the marked pixels.
+    /// Lines along both film axes of every marked pixel.
     fn of(batch: &Batch<'_>, mask: &SilhouetteMask) -> Self {
         let mut out = RandomLines { lines: Vec::new(), offset: Vec::new() };
         for (index, pixel) in batch.pixels.iter().enumerate().filter(|(i, _)| mask.may_cross[*i]) {
@@ -111,7 +119,8 @@ impl RandomLines {
     }
 }
 
-/// Adds the marked pixels: silhouettes where lines cross them, and the smooth part between.
+/// Adds the marked pixels: the silhouettes at the crossings of lines, and the smooth part on the
+/// segments between them.
 fn add_silhouettes<R: Real>(
     scene: &Scene<'_, R>,
     batch: &Batch<'_>,
@@ -130,7 +139,7 @@ fn add_silhouettes<R: Real>(
     add_smooth_part(scene, &lines, stratification, &crossings, record)
 }
 
-/// Adds ΔL |n_axis|/|∇_u m| at the points of a crossing.
+/// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing.
 fn add_crossing<R: Real>(line: &FilmLine, crossing: &Crossing<R>, record: &mut Record<R>) {
     let [x, y] = crossing.film_gradient;
     let square = (x * x + y * y).max(R::min_positive_value());

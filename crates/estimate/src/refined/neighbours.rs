@@ -1,4 +1,4 @@
-//! Silhouettes followed from one line of a pixel to the lines beside it.
+//! Searches that follow a silhouette from one line of a pixel to the lines beside it.
 
 use std::ops::Range;
 
@@ -11,19 +11,19 @@ use trace::{Start, Tangency};
 use super::search::{KnownTangencies, LineTangency, Searches, first_reach};
 use crate::film_line::{FilmLine, tolerance};
 
-/// Which lines of a pixel lie side by side.
+/// The order of the lines of each pixel along each axis.
 pub(super) struct Neighbours {
-    /// Lines by pixel, axis and offset.
+    /// The numbers of the lines, sorted by pixel, axis and offset.
     order: Vec<usize>,
-    /// The part of `order` that holds the lines of a pixel along an axis.
+    /// For a pixel and an axis, the range of its lines in `order`.
     groups: FxHashMap<(u32, usize), Range<usize>>,
 }
 
-/// A silhouette found this far from where it was expected, as a fraction of the distance over which
-/// it was followed, is the same one.
+/// A silhouette this close to the expected position, as a fraction of the distance over which it
+/// was followed, is the expected one.
 const MATCH: f64 = 0.5;
 
-/// The position of a line across its axis.
+/// The coordinate of a line across its axis, in pixels.
 fn offset(line: &FilmLine) -> f64 {
     line.start[1 - line.axis]
 }
@@ -44,7 +44,8 @@ impl Neighbours {
         Neighbours { order, groups }
     }
 
-    /// The lines along `axis` next to a film position on both sides, without those through it.
+    /// The nearest lines along `axis` on both sides of the film position `u`, without lines through
+    /// `u`.
     fn beside<'a>(
         &'a self,
         lines: &'a [FilmLine],
@@ -63,7 +64,8 @@ impl Neighbours {
             .filter_map(|i| group.get(i).copied())
     }
 
-    /// Searches for the silhouettes `found` on the lines beside theirs, where they are not known.
+    /// Searches for the silhouettes `found` on the lines beside their own, where they are not yet
+    /// known.
     pub(super) fn searches<R: Real>(
         &self,
         scene: &Scene<'_, R>,
@@ -106,21 +108,23 @@ impl Neighbours {
     }
 }
 
-/// Where a silhouette is expected on another line.
+/// The expected crossing of a silhouette with another line.
 struct Expected {
+    /// The parameter of the line.
     s: f64,
-    /// The distance over which it was followed, in pixels.
+    /// The distance over which the silhouette was followed, in pixels.
     followed: f64,
 }
 
 impl Expected {
-    /// A silhouette this close to the expected place is the same, in pixels.
+    /// A silhouette this close to the expected position, in pixels, is the expected one.
     fn reach<R: Real>(&self) -> f64 {
         MATCH * self.followed + 10.0 * tolerance::<R>()
     }
 }
 
-/// Where the tangent of a silhouette at `u` meets another line, if inside the line's pixel.
+/// The intersection of the tangent of a silhouette at `u` with another line, if it is inside the
+/// pixel of that line.
 fn expected_at(u: DVec2, film_gradient: DVec2, other: &FilmLine) -> Option<Expected> {
     let (axis, start) = (other.axis, other.start);
     let away = start[1 - axis] - u[1 - axis];

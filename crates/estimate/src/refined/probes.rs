@@ -1,4 +1,4 @@
-//! Probes of lines: rays that tell which surfaces a line sees, and where to search.
+//! Probes of lines: the depths of surfaces along a line, and the starts of searches.
 
 use field::Real;
 use render::{InvalidField, Sample, Scene};
@@ -9,37 +9,38 @@ use super::visibility::VisibleCrossing;
 use crate::film_line::{FilmLine, tolerance};
 use crate::silhouette_margin::GRAZING;
 
-/// The view from one place of a line: that of a ray of its own, or of one side of a crossing.
+/// The depth of the surface at one place of a line: from a ray, or beside a crossing.
 #[derive(Clone, Copy, Debug)]
 struct Probe<R> {
     s: f64,
-    /// The depth of the surface; infinite if there is none.
+    /// The depth of the surface, in world units; infinite if there is none.
     depth: R,
-    /// The distance of the closest approach, and the angle by which the ray clears it; the angle is
-    /// infinite if there is none.
+    /// The distance of the closest approach along the ray, in world units.
     nearest: R,
+    /// The tangent of the angle by which the ray clears the surface there; infinite without a
+    /// closest approach.
     clearance: R,
     kind: ProbeKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ProbeKind {
-    /// A ray of its own.
+    /// A ray.
     Ray,
-    /// The near side of a crossing; the next probe is the far side.
+    /// The side of a crossing with smaller s; the next probe is its other side.
     NearSide,
-    /// The far side of a crossing.
+    /// The side of a crossing with larger s.
     FarSide,
 }
 
 /// The probes of every line, in order.
 pub(super) struct Probes<R> {
     of_line: Vec<Vec<Probe<R>>>,
-    /// The number of rays traced.
+    /// The number of traced rays.
     pub(super) rays: u64,
 }
 
-/// The most probes of one line; see `MAX_TANGENCIES`.
+/// The largest number of probes of one line, for the same reason as `MAX_TANGENCIES`.
 const MAX_PROBES: usize = 256;
 
 /// A place on a line: the number of the line, and s.
@@ -57,7 +58,7 @@ impl<R: Real> Probes<R> {
         lines: &[FilmLine],
         places: &[Place],
     ) -> Result<(), InvalidField> {
-        // A search starts at the closest approach of a ray, so rays need room around the solid.
+        // Searches start at closest approaches, which may lie outside the ball around the solid.
         let scene = &scene.clipped_to_bounds();
         let samples: Vec<Sample> = places.iter().map(|(line, s)| lines[*line].at(*s)).collect();
         let traced = scene.trace(&samples)?;
@@ -73,7 +74,8 @@ impl<R: Real> Probes<R> {
         Ok(())
     }
 
-    /// Searches from the closest approaches of the rays at `places`, and from their grazing hits.
+    /// Searches that start at the closest approaches and at the grazing hits of the rays at
+    /// `places`.
     pub(super) fn searches(
         &self,
         scene: &Scene<'_, R>,
@@ -98,8 +100,8 @@ impl<R: Real> Probes<R> {
                 reach,
                 steepest: R::of(steepest),
             };
-            // No part of a silhouette is nearer than this, in pixels; a factor of two is room for
-            // an f that is no distance.
+            // No silhouette is closer than this, in pixels, if f is a distance; the factor of two
+            // below is a margin for other fields.
             let pixel_angle = R::of(scene.cameras[camera].pixel_angle());
             let away = (probe.clearance / pixel_angle).to_double();
             if away < 2.0 * (s - before).max(after - s) {
@@ -107,7 +109,7 @@ impl<R: Real> Probes<R> {
                 let reach = (probe.clearance * probe.nearest).max(least);
                 searches.push(line, between, start(probe.nearest, reach, 1.0));
             }
-            // A gap between two surfaces shows in the rays beside it, which graze them.
+            // The rays beside a gap between two surfaces hit these at grazing angles.
             if probe.depth.is_finite() {
                 let reach = first_reach(scene, camera, probe.depth);
                 searches.push(line, between, start(probe.depth, reach, GRAZING));
@@ -116,14 +118,14 @@ impl<R: Real> Probes<R> {
         searches
     }
 
-    /// Inserts a probe behind those that are not further along its line.
+    /// Inserts a probe after all probes of the line with the same or a smaller s.
     fn insert(&mut self, line: usize, probe: Probe<R>) {
         let of_line = &mut self.of_line[line];
         let at = of_line.partition_point(|p| p.s <= probe.s);
         of_line.insert(at, probe);
     }
 
-    /// Adds the views from both sides of a crossing.
+    /// Adds the depths on both sides of a crossing.
     pub(super) fn add_sides(&mut self, visible: &VisibleCrossing<R>) {
         let VisibleCrossing { crossing, inside, outside } = visible;
         let (first, second) =
@@ -134,7 +136,8 @@ impl<R: Real> Probes<R> {
         }
     }
 
-    /// The middles of intervals whose ends see different surfaces, without a crossing between them.
+    /// The middles of the intervals whose ends hit different surfaces without a crossing between
+    /// them.
     pub(super) fn unexplained(&self, scene: &Scene<'_, R>, lines: &[FilmLine]) -> Vec<Place> {
         let mut middles = Vec::new();
         for (line, probes) in self.of_line.iter().enumerate() {
@@ -154,9 +157,9 @@ impl<R: Real> Probes<R> {
     }
 }
 
-/// Whether two depths at a distance of `width` pixels are of different surfaces: one of a surface
-/// and one of none, or a difference larger than that of a ball as large as the tracing scale, from
-/// its silhouette inwards.
+/// Whether two depths at a distance of `width` pixels belong to different surfaces: only one of
+/// them is finite, or they differ by more than those of a ball as large as the tracing scale, over
+/// this distance inwards from its silhouette.
 fn jumps<R: Real>(scene: &Scene<'_, R>, camera: usize, [a, b]: [R; 2], width: f64) -> bool {
     if a.is_infinite() || b.is_infinite() {
         return a != b;

@@ -1,4 +1,4 @@
-//! Searches for silhouettes along lines of the film.
+//! Searches for silhouettes along lines on the film.
 
 use field::{Real, Vector3};
 use render::Scene;
@@ -6,7 +6,7 @@ use trace::{RayFamily, Start, Tangency, tangencies};
 
 use crate::film_line::{FilmLine, tolerance};
 
-/// Searches: where each starts, and the line that it belongs to.
+/// Searches, each with its start and its line.
 pub(super) struct Searches<R> {
     starts: Vec<Start<R>>,
     origins: Vec<Origin>,
@@ -16,7 +16,7 @@ pub(super) struct Searches<R> {
 #[derive(Clone, Copy, Debug)]
 struct Origin {
     line: usize,
-    /// A silhouette counts if it lies between these values of s.
+    /// The search may find silhouettes between these values of s.
     between: [f64; 2],
 }
 
@@ -29,7 +29,8 @@ impl<R: Real> Searches<R> {
         self.starts.is_empty()
     }
 
-    /// Adds a search along `line`. `start.range` is also the range in which a silhouette counts.
+    /// Adds a search along `line`. It may find silhouettes for s in `between`, which replaces
+    /// `start.range`.
     pub(super) fn push(&mut self, line: usize, between: [f64; 2], start: Start<R>) {
         self.starts.push(Start { range: between.map(R::of), ..start });
         self.origins.push(Origin { line, between });
@@ -54,32 +55,32 @@ impl<R: Real> RayFamily<R> for SearchRays<'_, R> {
     }
 }
 
-/// A silhouette that a line crosses, visible or not.
+/// A crossing of a line with a silhouette that may be hidden.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineTangency<R: Real> {
     pub(super) line: usize,
     pub(super) tangency: Tangency<R>,
 }
 
-/// The silhouettes that lines cross, as far as they are known.
+/// The known crossings of lines with silhouettes, visible or hidden.
 pub(super) struct KnownTangencies<R: Real> {
     all: Vec<LineTangency<R>>,
     of_line: Vec<Vec<usize>>,
 }
 
-/// The most silhouettes of one line. On a surface without inner points a search would find ever
-/// more of them.
+/// The largest number of silhouettes of one line. On a surface without inner points, searches would
+/// find new ones without end.
 const MAX_TANGENCIES: usize = 64;
 
-/// Silhouettes of one line are the same if they are this close in depth, in
-/// [`Scene::tracing_scale`], and closer on the film than their positions are known.
+/// Two silhouettes of one line at the same film position, within the tolerance, are the same if
+/// their depths differ by less than this, in [`Scene::tracing_scale`].
 pub(super) const SAME_DEPTH: f64 = 0.02;
 
-/// The width of a minimum of f along a ray, in bounding radii, that a search starts from; the size
-/// of a pixel if that is less.
+/// The width of a minimum of f along a ray that searches assume at first, in bounding radii; the
+/// width of a pixel if that is less.
 const FIRST_REACH: f64 = 0.02;
 
-/// The width of a minimum at the distance `t` that a search starts from, world units.
+/// The width of a minimum of f that searches assume at first at the distance `t`, in world units.
 pub(super) fn first_reach<R: Real>(scene: &Scene<'_, R>, camera: usize, t: R) -> R {
     let pixel = R::of(scene.cameras[camera].pixel_angle()) * t;
     (scene.radius() * R::of(FIRST_REACH)).min(pixel)
@@ -90,17 +91,17 @@ impl<R: Real> KnownTangencies<R> {
         KnownTangencies { all: Vec::new(), of_line: vec![Vec::new(); lines] }
     }
 
-    /// Those of a line.
+    /// The silhouettes of a line.
     pub(super) fn of(&self, line: usize) -> impl Iterator<Item = &Tangency<R>> {
         self.of_line[line].iter().map(|&i| &self.all[i].tangency)
     }
 
-    /// The number of all.
+    /// The number of silhouettes of all lines.
     pub(super) fn count(&self) -> usize {
         self.all.len()
     }
 
-    /// All but the first `known`.
+    /// The silhouettes of all lines, without the first `known`.
     pub(super) fn since(&self, known: usize) -> &[LineTangency<R>] {
         &self.all[known..]
     }
@@ -126,7 +127,8 @@ impl<R: Real> KnownTangencies<R> {
         }
     }
 
-    /// Adds a silhouette unless one of the line lies within `same` of its depth at its place.
+    /// Adds a silhouette unless it is known: one of the same line, at the same s, with a depth
+    /// within `same` of its own.
     fn add(&mut self, found: LineTangency<R>, same: R) {
         let near = |other: &Tangency<R>| {
             (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()

@@ -1,4 +1,4 @@
-//! Which pixels a silhouette may cross, from the pixels' own samples and their corners.
+//! The pixels that a silhouette may cross, from their own samples and from their corners.
 
 use std::ops::Range;
 
@@ -11,17 +11,17 @@ use crate::estimator::{Batch, SilhouetteMask};
 use crate::record::{Area, Record, Share};
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
 
-/// A corner's ray that passes a surface by less than this, in pixels, marks its pixels: every place
-/// in a pixel is within √½ of a corner.
+/// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels
+/// at the corner: every point of a pixel is within √½ pixels of a corner.
 const CORNER_REACH: f64 = 0.75;
 
-/// A ray that clears all surfaces by more than this, in pixels, shows that no silhouette crosses its
-/// pixel. √2 is enough if f is a distance; the rest is room for f that is none.
+/// If a ray clears all surfaces by more than this, in pixels, no silhouette crosses its pixel.
+/// √2 is enough if f is a distance; the rest is a margin for other fields.
 const FAR: f64 = 3.2;
 
-/// Samples the pixels that no silhouette is known near with the samples `range`, and marks those
-/// near which they show one. Returns the unmarked pixels without a ray that is far from all
-/// surfaces.
+/// Adds the samples `range` of all unmarked pixels to the record, and marks the pixels that a
+/// silhouette may cross according to these samples. Returns the pixels that remain unmarked, except
+/// those with a ray that is far from all surfaces.
 pub(super) fn sample_unmarked<R: Real>(
     scene: &Scene<'_, R>,
     batch: &Batch<'_>,
@@ -54,7 +54,7 @@ pub(super) fn sample_unmarked<R: Real>(
     Ok(not_far)
 }
 
-/// Whether a ray clears everything by so much that no silhouette can cross its pixel.
+/// Whether a ray clears all surfaces by so much that no silhouette can cross its pixel.
 fn is_far<R: Real>(scene: &Scene<'_, R>, sample: &TracedSample<R>) -> bool {
     let far = R::of(scene.cameras[sample.sample.camera].pixel_angle() * FAR);
     match sample.traced.map(|traced| traced.found) {
@@ -65,7 +65,7 @@ fn is_far<R: Real>(scene: &Scene<'_, R>, sample: &TracedSample<R>) -> bool {
     }
 }
 
-/// The corners of some pixels, each once.
+/// The corners of pixels, without duplicates.
 struct Corners {
     samples: Vec<Sample>,
     /// The samples of each pixel's four corners.
@@ -90,10 +90,11 @@ impl Corners {
     }
 }
 
-/// Marks the pixels among `which` whose corners see different surfaces, or pass one closely.
+/// Marks the pixels among `which` of whose corner rays some hit and some miss, or one passes a
+/// surface closely.
 ///
-/// A silhouette without curvature (an edge of a solid) that cuts a corner may show in no other ray
-/// of the pixel.
+/// A straight silhouette (an edge of a solid) that cuts off a corner may show in no other ray of
+/// the pixel.
 pub(super) fn mark_corners<R: Real>(
     scene: &Scene<'_, R>,
     batch: &Batch<'_>,

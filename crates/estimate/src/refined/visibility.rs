@@ -1,4 +1,4 @@
-//! Which of the silhouettes on lines are visible, and their contrast.
+//! The visibility of silhouettes on lines, and their contrast.
 
 use field::{Real, Vector3};
 use render::{InvalidField, Primary, Sample, Scene, Surface};
@@ -11,24 +11,29 @@ use crate::film_line::{Crossing, FilmLine, tolerance};
 /// A crossing with the depths on both of its sides.
 pub(super) struct VisibleCrossing<R: Real> {
     pub(super) crossing: Crossing<R>,
-    /// The depth of the silhouette.
+    /// The depth of the silhouette, in world units.
     pub(super) inside: R,
-    /// The depth of the surface beside it; infinite if there is none.
+    /// The depth of the surface beside it, in world units; infinite if there is none.
     pub(super) outside: R,
 }
 
-/// Silhouettes outside the bounds by up to this, in bounding radii, count as inside: rounding.
+/// Silhouettes up to this far outside the bounds, in bounding radii, count as inside: a margin for
+/// rounding.
 const BOUNDS_SLACK: f64 = 1e-3;
 
 /// Twice the half chord of a parabola at the depth of its minimum, in √(depth/second derivative):
 /// 2 √2, rounded up.
 const CHORD: f64 = 3.0;
 
-/// The distance from a silhouette at which rays look past it, in tolerances.
+/// The distance on the film between a silhouette and the rays beside it, in tolerances: 1e-3
+/// pixels, or 1e-2 pixels in single precision.
 const ASIDE: f64 = 10.0;
 
-/// The silhouettes that nothing hides. A ray just outside each tells whether something is in front
-/// of it, and the radiance there.
+/// The visible ones among silhouettes, with their contrast.
+///
+/// A ray just outside each silhouette tests whether a surface in front hides it, and gives the
+/// radiance outside. The shader gives the radiance inside; at an edge of a solid, a ray just inside
+/// gives it.
 pub(super) fn visible<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
@@ -56,7 +61,7 @@ pub(super) fn visible<R: Real>(
         }
         let length = tangency.gradient.length().max(R::min_positive_value());
         surface.push(point, tangency.gradient * (R::one() / length), d);
-        // A ray that has passed through all of a part thinner than `aside` sees what is behind it.
+        // A ray just inside a part thinner than `aside` misses it and hits a surface behind it.
         let seen = inside.remove(&i).filter(|(t, _)| *t < depth);
         inside_radiance.push(seen.map(|(_, rgb)| rgb));
         let crossing = Crossing {
@@ -78,14 +83,14 @@ pub(super) fn visible<R: Real>(
     Ok(out)
 }
 
-/// The sample beside a silhouette, `away` pixels outside the solid.
+/// The sample on the line, `away` pixels outside the silhouette.
 fn beside<R: Real>(lines: &[FilmLine], f: &LineTangency<R>, away: f64) -> Sample {
     let away = if f.tangency.slope > R::zero() { away } else { -away };
     lines[f.line].at(f.tangency.s.to_double() + away)
 }
 
-/// Depth and radiance just inside the silhouettes that are edges, by their numbers: one of two faces
-/// is visible there, and only a ray tells which.
+/// Depth and radiance just inside the silhouettes that are edges of a solid, by their numbers. One
+/// of two faces is visible there, and a ray finds it.
 fn inside_edges<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
@@ -116,14 +121,14 @@ fn hidden<R: Real>(
     depth: R,
     aside: f64,
 ) -> bool {
-    // A ray that should pass the surface, and by an error of the silhouette's position enters it,
-    // does so at most this far before the minimum.
+    // Because of the error of the silhouette's position, the ray may enter the surface that it
+    // should pass. Then it does so at most this far before the minimum.
     let chord = R::of(CHORD) * (tangency.slope.abs() * R::of(aside) / tangency.bend).sqrt();
     let same = scene.tracing_scale(line.camera, tangency.t) * R::of(SAME_DEPTH);
     depth < tangency.t - chord.min(same)
 }
 
-/// Whether a point is outside the bounds, where nothing is visible.
+/// Whether a point is outside the bounds, where no surface is visible.
 fn is_outside_bounds<R: Real>(scene: &Scene<'_, R>, point: R::Vec3) -> bool {
     let ball = scene.bounding_ball();
     (point - ball.center).length() > ball.radius * R::of(1.0 + BOUNDS_SLACK)

@@ -24,20 +24,21 @@ impl<R: Real> Shader<R> for White {
     }
 }
 
-/// A field times a factor, and a NaN where z is below a height.
-pub(crate) struct Odd<R: Real> {
+/// A field times a factor, with a NaN where z is below a height.
+pub(crate) struct Altered<R: Real> {
     pub(crate) inner: Box<dyn Field<R>>,
     pub(crate) factor: f64,
-    pub(crate) poison_below: f64,
+    pub(crate) nan_below: f64,
 }
 
-impl<R: Real> Odd<R> {
-    fn at(&self, x: &R::Vec3) -> R {
-        if x.to_double().z < self.poison_below { R::nan() } else { R::of(self.factor) }
+impl<R: Real> Altered<R> {
+    /// The factor at a point.
+    fn factor_at(&self, x: &R::Vec3) -> R {
+        if x.to_double().z < self.nan_below { R::nan() } else { R::of(self.factor) }
     }
 }
 
-impl<R: Real> Field<R> for Odd<R> {
+impl<R: Real> Field<R> for Altered<R> {
     fn parameter_count(&self) -> usize {
         self.inner.parameter_count()
     }
@@ -46,12 +47,12 @@ impl<R: Real> Field<R> for Odd<R> {
     }
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
         self.inner.value(x, f);
-        f.iter_mut().zip(x).for_each(|(f, x)| *f *= self.at(x));
+        f.iter_mut().zip(x).for_each(|(f, x)| *f *= self.factor_at(x));
     }
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], g: &mut [R::Vec3]) {
         self.inner.value_gradient(x, f, g);
-        f.iter_mut().zip(x).for_each(|(f, x)| *f *= self.at(x));
-        g.iter_mut().zip(x).for_each(|(g, x)| *g = *g * self.at(x));
+        f.iter_mut().zip(x).for_each(|(f, x)| *f *= self.factor_at(x));
+        g.iter_mut().zip(x).for_each(|(g, x)| *g = *g * self.factor_at(x));
     }
     fn hessian_vector(&self, x: &[R::Vec3], p: &[R::Vec3], g: &mut [R::Vec3], h: &mut [R::Vec3]) {
         self.inner.hessian_vector(x, p, g, h);

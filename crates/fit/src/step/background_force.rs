@@ -12,10 +12,11 @@ use super::chunk::Chunk;
 const NEGLIGIBLE: f32 = 1e-3;
 
 impl Chunk<'_> {
-    /// Pushes the surface away where a ray hits although its pixel looks like the background, and
-    /// pulls it towards a ray that misses although its pixel does not.
+    /// Increases f at a hit if the pixel looks like the background, and decreases f at the closest
+    /// approach of a ray without a hit if the pixel does not.
     ///
-    /// The force on f is constant. It is a prior, not a derivative of the image.
+    /// The coefficient of f is the weight of the force times the probability of the contradiction,
+    /// over the bounding radius. It is a prior, and not a derivative of the image.
     pub(super) fn add_background_force(&mut self, primary: &Primary<f32>) {
         let radius = self.batch.scene.radius();
         let each = self.batch.weights.background * self.share / radius;
@@ -37,14 +38,15 @@ impl Chunk<'_> {
                 self.push_force(primary.surface.x[h], -weight * probability);
             } else if let Some(traced) = traced {
                 let x = traced.ray.origin + traced.ray.direction * traced.found.t;
-                // A ray that starts inside: the solid has reached the bounding sphere, behind which
-                // nothing is visible. It is pushed back.
+                // The ray starts inside the solid: the solid has reached the bounding sphere,
+                // outside of which nothing is visible. Push it back.
                 let alpha = if inside { -weight } else { weight * (1.0 - probability) };
                 self.push_force(x, alpha);
             }
         }
     }
 
+    /// Adds the coefficient α of f at a point.
     fn push_force(&mut self, x: Vec3, alpha: f32) {
         self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
     }

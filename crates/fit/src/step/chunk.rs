@@ -1,4 +1,4 @@
-//! A chunk of an iteration's batch, and the sums that it adds up.
+//! A chunk of the batch of an iteration, with its coefficients and sums.
 
 use estimate::record::Adjoints;
 use estimate::{Estimator, SampleCounts};
@@ -10,62 +10,63 @@ use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric, squared_error};
 use crate::pyramid::{Level, Pixel};
 
-/// The weights of the loss's terms at one point of the schedule.
+/// The weights of the terms of the loss, at one progress of the schedule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weights {
-    /// Eikonal term.
+    /// The weight of the eikonal term.
     pub(crate) eikonal: f32,
-    /// Background force.
+    /// The weight of the background force.
     pub(crate) background: f32,
-    /// How far the estimated background is trusted against the photograph, 0 to 1.
+    /// The trust in the estimated background, against the photographs, 0 to 1.
     pub(crate) trust: f32,
 }
 
-/// The pixels of an iteration with all that their loss depends on.
+/// The batch of an iteration: its pixels, and all inputs of their loss.
 pub(crate) struct Batch<'a> {
-    /// Field, shader and the cameras of the level.
+    /// The model, with the cameras of the level.
     pub(crate) scene: Scene<'a, f32>,
-    /// The images.
+    /// The level of the pyramid, with the photographs.
     pub(crate) level: &'a Level,
-    /// The pixels.
+    /// The drawn pixels.
     pub(crate) pixels: &'a [Pixel],
-    /// The expected number of pixels that so many draws stand for. The drawn number would not do:
+    /// The expected number of pixels that the draws stand for. With the drawn number in its place,
     /// the mean would be a ratio of two random numbers, which is biased.
     pub(crate) pixel_count: f32,
-    /// The pixels' probability of showing the background.
+    /// The model for the probability that a pixel shows the background.
     pub(crate) background: BackgroundModel,
-    /// Weights of the terms.
+    /// The weights of the terms.
     pub(crate) weights: Weights,
     /// The estimator of pixels that a silhouette may cross.
     pub(crate) estimator: &'a dyn Estimator<f32>,
-    /// Samples of such a pixel.
+    /// The numbers of samples in such a pixel.
     pub(crate) counts: SampleCounts,
     /// The limit on one sample's coefficient; see [`estimate::record::Pass::Limited`].
     pub(crate) limit: f32,
-    /// Seed of this iteration.
+    /// The seed of this iteration.
     pub(crate) seed: u64,
 }
 
 /// Sums over a batch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct BatchStats {
-    /// Pixels that the batch stands for.
+    /// The number of pixels that the batch stands for.
     pub(crate) pixels: u64,
-    /// Photometric loss.
+    /// The photometric loss, over the pixels.
     pub(crate) photometric: f64,
-    /// (|∇f| − 1)².
+    /// (|∇f| − 1)², over the points of the eikonal term.
     pub(crate) eikonal: f64,
-    /// Points of the eikonal term.
+    /// The number of points of the eikonal term.
     pub(crate) eikonal_points: u64,
-    /// Squared error in display space.
+    /// The squared error in display units, over the pixels.
     pub(crate) squared_error: f64,
-    /// Pixels that a silhouette may cross.
+    /// The number of pixels that a silhouette may cross.
     pub(crate) edge_pixels: u64,
-    /// Rays traced.
+    /// The number of traced rays.
     pub(crate) rays: u64,
 }
 
 impl BatchStats {
+    /// Adds the sums of another part of the batch.
     pub(crate) fn add(&mut self, o: &BatchStats) {
         self.pixels += o.pixels;
         self.photometric += o.photometric;
@@ -77,17 +78,17 @@ impl BatchStats {
     }
 }
 
-/// The number of pixels that some draws stand for.
+/// The number of pixels that these draws stand for.
 pub(super) fn pixels_of(draws: &[Pixel]) -> u64 {
     draws.iter().map(|p| u64::from(p.count)).sum()
 }
 
-/// A part of a batch, with the coefficients that it has added so far.
+/// A part of a batch, with the coefficients and sums of the terms so far.
 pub(super) struct Chunk<'a> {
     pub(super) batch: &'a Batch<'a>,
     pub(super) pixels: &'a [Pixel],
     pub(super) seed: u64,
-    /// 1 / the number of pixels that the batch stands for.
+    /// 1 over the expected number of pixels that the batch stands for.
     pub(super) share: f32,
     pub(super) adjoints: Adjoints<f32>,
     pub(super) stats: BatchStats,
@@ -99,7 +100,7 @@ impl<'a> Chunk<'a> {
         Chunk { batch, pixels, seed, share, adjoints, stats: BatchStats::default() }
     }
 
-    /// One random sample in every pixel.
+    /// One uniform random sample in every pixel.
     pub(super) fn samples(&self) -> Vec<Sample> {
         let stream = Stream::new(self.seed, Purpose::FitSamples);
         let place = |(i, p): (usize, &Pixel)| {
@@ -110,7 +111,7 @@ impl<'a> Chunk<'a> {
         self.pixels.iter().enumerate().map(place).collect()
     }
 
-    /// Adds the loss of one pixel's radiance, and returns the adjoint of the radiance.
+    /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
     pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
         let target = Target::of(&self.batch.level.images[p.view as usize], p.x.into(), p.y.into());
         let (loss, adjoint) = photometric(radiance, &target);

@@ -1,4 +1,7 @@
 //! The eikonal term (|∇f| − 1)².
+//!
+//! Gropp, Yariv, Haim, Atzmon and Lipman, "Implicit Geometric Regularization for Learning Shapes",
+//! ICML 2020.
 
 use estimate::record::PointAdjoint;
 use field::Vector3;
@@ -8,17 +11,18 @@ use render::Primary;
 
 use super::chunk::{Chunk, pixels_of};
 
-/// The term is evaluated at one of this many points that it is weighted for.
+/// The term is evaluated at one of this many points, with this many times its weight.
 const EIKONAL_EVERY: usize = 4;
 
-/// The largest distance from the surface of the points near it, in bounding radii.
+/// The largest distance from hits of the points near the surface, in bounding radii.
 const NEAR: f32 = 0.1;
 
 impl Chunk<'_> {
-    /// Adds (|∇f| − 1)² near the surface for pixels that hit, and anywhere in the ball.
+    /// Adds (|∇f| − 1)² near the surface, at the hits of pixels, and at uniform points of the
+    /// bounding ball.
     ///
-    /// The term is weighted for one point a hit and half a point a pixel, and evaluated at a
-    /// [`EIKONAL_EVERY`]th of them.
+    /// The weights are those of one point per hit and half a point per pixel in the ball. The term
+    /// is evaluated at one of [`EIKONAL_EVERY`] of these points.
     pub(super) fn add_eikonal(&mut self, primary: &Primary<f32>) {
         let (points, weights) = self.eikonal_points(primary);
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
@@ -33,7 +37,7 @@ impl Chunk<'_> {
         }
     }
 
-    /// The points, and the weight of each.
+    /// The points, in world units, and the weight of each.
     fn eikonal_points(&self, primary: &Primary<f32>) -> (Vec<Vec3>, Vec<f32>) {
         let ball = self.batch.scene.bounding_ball();
         let weight = self.batch.weights.eikonal * self.share * EIKONAL_EVERY as f32;
@@ -54,7 +58,7 @@ impl Chunk<'_> {
         (points, weights)
     }
 
-    /// A random vector of length at most 1 for hit `i`.
+    /// A random vector for hit `i`, with a uniform length of at most 1.
     fn offset(&self, i: u64) -> Vec3 {
         let directions = Stream::new(self.seed, Purpose::OffsetDirections).at(i);
         let length = Stream::new(self.seed, Purpose::OffsetLengths).at(i).unit();
@@ -63,7 +67,7 @@ impl Chunk<'_> {
     }
 }
 
-/// A point uniform in the unit ball.
+/// A uniform random point in the unit ball.
 fn in_ball(stream: Stream) -> Vec3 {
     let [a, b, c] = [0, 1, 2].map(|i| stream.at(i).unit());
     let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f64::consts::PI * b);
@@ -77,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_fill_the_ball_evenly() {
+    fn points_are_uniform_in_the_unit_ball() {
         let (n, stream) = (20_000, Stream::new(1, Purpose::EikonalPoints));
         let points: Vec<Vec3> = (0..n).map(|i| in_ball(stream.at(i))).collect();
         assert!(points.iter().all(|p| p.length() <= 1.0));

@@ -1,4 +1,4 @@
-//! The fit's stochastic gradient against differences of the loss that it descends.
+//! The stochastic gradient of a fit against finite differences of its loss.
 
 use super::*;
 use crate::background::BackgroundModel;
@@ -69,8 +69,7 @@ fn background_model() -> BackgroundModel {
 
 /// The mean over seeds of the photometric gradient of a model.
 fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -> Vec<f64> {
-    // A part of the pixels, so that the number of draws and the number of pixels that they stand for
-    // differ.
+    // Three quarters of the pixels: the drawn number of pixels then differs from the expected one.
     let draws = level.draws_for(level.pixel_count() as u64, 4) * 3 / 4;
     let cameras = [camera()];
     let mut mean = vec![0.0f64; model.parameters().len()];
@@ -100,7 +99,7 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
     mean
 }
 
-/// The relative error of the mean gradient over four directions in the space of the field's
+/// The relative L2 error of the mean gradient over four directions in the space of the field's
 /// parameters, along which silhouettes move.
 fn error(estimator: &dyn Estimator<f32>) -> f64 {
     let (target, model) = (target(), model(0.5, 24));
@@ -136,10 +135,10 @@ fn error(estimator: &dyn Estimator<f32>) -> f64 {
     (error / square).sqrt()
 }
 
-/// The measured error of 0.09 comes from the pixels without silhouettes, whose loss is that of one
-/// sample instead of the pixel's mean; the object is only eight pixels across.
+/// The measured error is 0.09. It comes from the pixels without silhouettes: their loss is that of
+/// one sample instead of the pixel's mean, and the object is only eight pixels across.
 #[test]
-fn the_mean_gradient_is_that_of_the_loss() {
+fn the_mean_gradient_matches_differences_of_the_loss() {
     let relative = error(&Refined);
     println!("refined: {relative}");
     assert!(relative < 0.13, "relative error {relative} over the directions");

@@ -1,4 +1,5 @@
-//! The photometric term: smooth pixels through the hit point, the others by the estimator.
+//! The photometric term: pixels without silhouettes through their hit points, the others by the
+//! estimator.
 
 use estimate::record::{Area, Pass, Share};
 use estimate::{SilhouetteMask, Terms};
@@ -10,7 +11,8 @@ use super::chunk::{Chunk, pixels_of};
 use crate::pyramid::Pixel;
 
 impl Chunk<'_> {
-    /// Adds the pixels that no silhouette crosses: their derivative is that through the hit point.
+    /// Adds the pixels that no silhouette crosses, through their hit points. `crossed` flags the
+    /// others.
     pub(super) fn add_smooth_pixels(
         &mut self,
         primary: Primary<f32>,
@@ -22,8 +24,8 @@ impl Chunk<'_> {
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
             delta[i] = self.add_loss(primary.samples[i].radiance.into(), *pixel);
         }
-        // Where a surface hides a background that is trusted, the radiance head is not trained: it
-        // would paint the surface like the background, and leave it there.
+        // Do not train the radiance head on a surface in front of a trusted background: it would
+        // take the colour of the background, and the surface would stay.
         for hit in &primary.hits {
             let probability = self.background_probability(self.pixels[hit.sample]);
             delta[hit.sample] *= 1.0 - self.batch.weights.trust * probability;

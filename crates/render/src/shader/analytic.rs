@@ -1,4 +1,4 @@
-//! Shaders in closed form: constant, Lambertian, and the normal as a colour.
+//! Shaders in closed form: constant radiance, Lambertian reflection, and the normal as a colour.
 
 use field::{Dual, Real, Scalar, SurfaceAdjoint, SurfaceBatch, Vector3};
 
@@ -7,37 +7,40 @@ use crate::{Precision, Shader};
 /// A light of a Lambertian scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
-    /// Parallel light; the direction is towards the light, of any length.
+    /// Parallel light. Its direction points towards the light and may have any length.
     Directional,
-    /// A point that falls off with the square of the distance.
+    /// A point whose light falls off with the square of the distance.
     Point,
 }
 
-/// A closed form of radiance.
+/// A closed form of the radiance at a surface point.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Formula {
-    /// The same radiance everywhere.
+    /// The same radiance everywhere. Parameters: the radiance, 3 numbers.
     Constant,
-    /// albedo · (ambient + Σ light · max(0, n·l)).
+    /// albedo · (ambient + Σ light · max(0, n·l)), without the factor 1/π.
+    ///
+    /// Parameters: albedo, ambient, then 6 numbers per light: its direction or position, and its
+    /// radiance or intensity.
     Lambert {
-        /// The lights; their six numbers each stand behind albedo and ambient in the parameters.
+        /// The lights, at most [`MAX_LIGHTS`].
         lights: Vec<Light>,
     },
-    /// n/2 + 1/2.
+    /// n/2 + 1/2 for the unit normal n. No parameters.
     Normal,
 }
 
-/// The most lights that one scene may have: a mask has one bit a light.
+/// The largest number of lights of a scene: masks of lights have 64 bits.
 pub const MAX_LIGHTS: usize = 64;
 
-/// The mask of lights of which none is blocked.
+/// The mask of lights where all lights reach the point.
 pub(super) const ALL_LIT: u64 = u64::MAX;
 
-/// A shader in closed form; derivatives come from dual numbers through one formula.
+/// A shader in closed form. Its derivatives are those of the same formula in dual numbers.
 pub struct Analytic<R> {
     /// The formula.
     pub formula: Formula,
-    /// Its numbers.
+    /// Its parameters, in the order that [`Formula`] gives.
     pub parameters: Vec<R>,
 }
 
@@ -47,7 +50,9 @@ fn dot<S: Scalar>(a: V<S>, b: V<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Cosine and strength factor of a light at x.
+/// The factor of a light's strength at x: max(0, n·l), over the squared distance for a point light.
+///
+/// `p` is the direction or the position of the light.
 fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
     let zero = S::constant(S::Real::of(0.0));
     match light {
@@ -61,7 +66,7 @@ fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
 }
 
 impl<R: Precision> Analytic<R> {
-    /// Radiance in any arithmetic; bit i of `lit` is set if light i reaches the point.
+    /// The radiance at x, in any arithmetic. Bit i of `lit` is set if light i reaches the point.
     pub(super) fn shade<S: Scalar<Real = R>>(
         &self,
         parameter: impl Fn(usize) -> S,
@@ -89,7 +94,8 @@ impl<R: Precision> Analytic<R> {
 }
 
 impl<R: Precision> Analytic<R> {
-    /// Adjoints of x and n; adds to the parameters'. The lights in `lit` reach the point.
+    /// VJP of (x, n; parameters) ↦ radiance at one point: returns the adjoints of x and n, and adds
+    /// that of the parameters to `parameters`. The lights in `lit` reach the point.
     pub(super) fn point_vjp(
         &self,
         x: R::Vec3,
@@ -144,9 +150,9 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         parameters: &mut [R],
     ) {
         bars.direction.fill(R::Vec3::zero());
-        for p in 0..points.len() {
+        for (p, adjoint) in adjoint.iter().enumerate().take(points.len()) {
             [bars.x[p], bars.normal[p]] =
-                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, adjoint[p], parameters);
+                self.point_vjp(points.x[p], points.normal[p], ALL_LIT, *adjoint, parameters);
         }
     }
 }

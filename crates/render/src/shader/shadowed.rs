@@ -5,23 +5,27 @@ use field::{Field, Real, Scalar, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
 use super::analytic::{ALL_LIT, Analytic, Formula, Light};
 use crate::{Precision, Shader};
 
-/// A Lambertian shader whose lights are blocked by the solid itself. Its derivatives hold the
-/// visibility of the lights fixed.
+/// A Lambertian shader whose lights are blocked by the solid itself.
+///
+/// Its derivatives hold the visibility of the lights fixed: they do not contain the motion of the
+/// edges of shadows.
 pub struct Shadowed<'a, R: Real> {
     /// The shader without shadows.
     pub analytic: Analytic<R>,
     /// The field whose solid blocks light.
     pub occluders: &'a dyn Field<R>,
-    /// The ball in which it does.
+    /// The ball, in world units, in which shadow rays are traced.
     pub bounds: Sphere<R>,
 }
 
-/// The height above the surface at which a shadow ray starts, in bounding radii: more than the error
-/// of a hit in single precision, less than a picture shows.
+/// The height above the surface at which a shadow ray starts, in bounding radii: more than the
+/// error of a hit in single precision, too little to show in a picture.
 const SHADOW_OFFSET: f64 = 1e-3;
 
 impl<R: Precision> Shadowed<'_, R> {
-    /// The lights that reach each point, one bit a light.
+    /// The mask of the lights that reach each point: bit i is set for light i.
+    ///
+    /// A light below the horizon of a point counts as lit: its cosine is 0.
     fn lit(&self, x: &[R::Vec3], n: &[R::Vec3]) -> Vec<u64> {
         let Formula::Lambert { lights } = &self.analytic.formula else {
             return vec![ALL_LIT; x.len()];

@@ -1,11 +1,12 @@
-//! V is continuous along the film, also where points join and leave the largest k, and where they
-//! come into being.
+//! V is continuous in u, also where points enter and leave the selection of the k largest weights,
+//! and where a ray gains or loses a point.
 
 use warp::WarpOptions;
 
 use crate::scene::{FIELDS, Scene, field};
 
-/// V and the kept points at the film position `s` of a line, or `None` outside the bounds.
+/// V, the number of points and the indices of those that keep a weight, at the parameter `s` of a
+/// line on the film; `None` outside the bounds.
 fn along(scene: &Scene, s: f64, tangent: &[f64]) -> Option<([f64; 2], usize, Vec<usize>)> {
     let record = scene.record([2.0 + 28.0 * s, 9.0 + 9.0 * s])?;
     let warp = scene.warp(&[record.ray()]);
@@ -21,7 +22,8 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// The largest jump of V on the line that bisection cannot shrink, in pixels per unit of the
-/// parameter, and how often the kept points change and the number of points passes k.
+/// parameter; the number of changes of the points that keep a weight; and the number of times that
+/// the number of points passes k.
 fn largest_jump(scene: &Scene, intervals: usize) -> (f64, usize, usize) {
     let tangent: Vec<f64> =
         (0..scene.field.parameter_count()).map(|i| 0.3 + 0.1 * i as f64).collect();
@@ -35,7 +37,7 @@ fn largest_jump(scene: &Scene, intervals: usize) -> (f64, usize, usize) {
         while high - low > 1e-13 && distance(va, vb) > 1e-5 {
             let middle = 0.5 * (low + high);
             let Some((v, _, _)) = along(scene, middle, &tangent) else { break };
-            // Into the half that changes more: a jump stays in it.
+            // Keep the half with the larger change: a jump stays in it.
             if distance(va, v) > distance(v, vb) {
                 (high, vb) = (middle, v)
             } else {
@@ -48,7 +50,7 @@ fn largest_jump(scene: &Scene, intervals: usize) -> (f64, usize, usize) {
 }
 
 #[test]
-fn the_warp_does_not_jump_where_the_kept_points_change() {
+fn the_warp_does_not_jump_where_the_selection_of_points_changes() {
     let (mut changes, mut births) = (0, 0);
     for kind in 0..FIELDS {
         for (k, points) in [(3, 22), (7, 22), (14, 22), (22, 22), (23, 22), (8, 12)] {
@@ -60,15 +62,17 @@ fn the_warp_does_not_jump_where_the_kept_points_change() {
         }
     }
     println!(
-        "continuous over {changes} changes of the kept points, {births} passings of k by the number of points"
+        "continuous over {changes} changes of the points that keep a weight; \
+         the number of points passes k {births} times"
     );
     assert!(changes > 500 && births > 20, "{changes} {births}");
 }
 
-/// With k = 2 the larger point has all the weight, so V jumps where the two largest swap: the
-/// supplement's argument for continuity (lemma 4.1) needs a third point.
+/// With k = 2 the point of largest weight has all the weight, so V jumps where the two largest
+/// swap. The argument for continuity in Bangaru et al. 2022 (supplement, lemma 4.1) needs a third
+/// point.
 #[test]
-fn two_points_are_too_few() {
+fn the_warp_of_two_points_jumps() {
     let options = WarpOptions { top_k: 2, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
     let (jump, ..) = largest_jump(&Scene::new(field(0), options), 160);
     assert!(jump > 0.1, "{jump}");

@@ -1,4 +1,5 @@
-//! Values and divergences, point by point, against differences of the independent implementation.
+//! Values and divergences at every point, against finite differences of the independent
+//! implementation.
 
 use std::cell::Cell;
 
@@ -18,7 +19,7 @@ fn close(found: f64, expected: f64, scale: f64) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Values at the points themselves; says how many points keep a weight.
+/// Checks the values at the points, and that the other points have no weight.
 fn check_values(at: &Reference, warp: &Warp<f64>) -> Result<(), TestCaseError> {
     prop_assert_eq!(warp.invalid(), 0);
     for sample in &warp.samples {
@@ -32,7 +33,8 @@ fn check_values(at: &Reference, warp: &Warp<f64>) -> Result<(), TestCaseError> {
     close(missed, 0.0, 0.0)
 }
 
-/// ∇·a and b of every kept point, and ∇·V, where differences can be taken.
+/// Checks ∇·a and b of every sample, and ∇·V. Returns false where finite differences are not
+/// possible.
 fn check_divergence(scene: &Scene, u: [f64; 2], tangent: &[f64]) -> Result<bool, TestCaseError> {
     let Some(at) = Reference::at(scene, u) else { return Ok(false) };
     let out = scene.warp_with_divergence(&[at.record.ray()]);
@@ -105,14 +107,14 @@ fn values_and_divergences_match_differences() {
         Ok(())
     });
     outcome.unwrap_or_else(|error| panic!("{error}"));
-    // A check that skips everything is no check.
+    // The check must not skip most film positions.
     let (drawn, compared) = (drawn.get(), compared.get());
     println!("{compared} of {drawn} film positions were smooth enough to difference");
     assert!(compared * 2 > drawn, "{compared} of {drawn}");
 }
 
 #[test]
-fn without_divergence_the_values_are_the_same_bits() {
+fn values_with_and_without_divergence_have_the_same_bits() {
     let scene = Scene::new(field(2), WarpOptions { top_k: 7, ..WarpOptions::PUBLISHED });
     for i in 0..50 {
         let Some(at) = Reference::at(&scene, [5.0 + 0.4 * f64::from(i), 13.0]) else { continue };
@@ -122,7 +124,7 @@ fn without_divergence_the_values_are_the_same_bits() {
 }
 
 #[test]
-fn second_derivatives_are_asked_for_at_samples_and_at_floors() {
+fn second_derivatives_are_evaluated_at_samples_and_at_floors_only() {
     let (top_k, rays) = (6, 12u64);
     let options = WarpOptions { top_k, ..WarpOptions::PUBLISHED };
     let mut scene = Scene::new(field(0), options);
@@ -131,12 +133,12 @@ fn second_derivatives_are_asked_for_at_samples_and_at_floors() {
     let all: Vec<_> = records.iter().map(|r| r.ray()).collect();
     let out = scene.warp_of_field(&counted, &all);
     let counts = counted.evaluations();
-    // One point more a ray: the smallest of the k weights, which is subtracted from the others.
+    // One more point per ray is the floor.
     assert_eq!(counts.hessian_vector as usize, 2 * (out.warp.samples.len() + records.len()));
     assert_eq!((counts.value, counts.gradient, counts.parameter), (0, 0, 0));
 }
 
-/// Projection, Jacobian and its derivative of a chart against differences of `project`.
+/// Checks the Jacobian of a chart and its derivative against differences of `project`.
 fn check_chart(
     chart: &impl Projection<f64>,
     project: impl Fn(DVec3) -> [f64; 2],

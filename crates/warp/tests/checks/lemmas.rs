@@ -9,7 +9,7 @@ use warp::{Warp, WarpOptions, WarpedRay, evaluate};
 
 use crate::scene::{Pinhole, Scene};
 
-/// Rays along a row of the film.
+/// The rays along a row of the film.
 struct Row<'a>(&'a Pinhole, f64);
 
 impl RayFamily<f64> for Row<'_> {
@@ -43,10 +43,9 @@ fn scene(field: Box<dyn Field<f64>>, points: usize, gamma: f64) -> Scene {
     Scene { field, camera, bounds, options, relaxation: 1.0 }
 }
 
-/// A silhouette on a row of the film that no part of the solid comes close to hiding, from the
-/// right.
+/// The rightmost silhouette on a row of the film: no part of the solid hides it.
 fn outline(scene: &Scene, row: f64) -> Option<Tangency<f64>> {
-    // From outside: the last place from the right whose ray keeps clear.
+    // From the right border: the first ray that comes close to the solid.
     let lowest =
         |s: f64| scene.record([s, row]).map(|r| (r.f.iter().copied().fold(f64::MAX, f64::min), r));
     let mut s = 31.0;
@@ -68,7 +67,7 @@ fn warp_at(scene: &Scene, u: [f64; 2]) -> Option<Warp<f64>> {
     Some(scene.warp(&[record.ray()]))
 }
 
-/// ∂f at points along a tangent that touches every parameter.
+/// The derivative of f at points, along a tangent without zeros.
 fn along(field: &dyn Field<f64>, x: &[DVec3]) -> Vec<f64> {
     let tangent: Vec<f64> =
         (0..field.parameter_count()).map(|i| if i % 3 == 0 { 1.0 } else { -0.4 }).collect();
@@ -77,8 +76,8 @@ fn along(field: &dyn Field<f64>, x: &[DVec3]) -> Vec<f64> {
     f
 }
 
-/// For N points: |V·n − v| over the silhouette's normal velocity's scale, and the weight further
-/// than 0.1 from its point.
+/// |V·n − v| relative to the scale of the normal velocity v of a silhouette, and the sum of the
+/// weights farther than 0.1 from the silhouette point.
 fn at_the_outline(scene: &Scene, row: f64, found: &Tangency<f64>) -> Option<(f64, f64)> {
     let direction = scene.camera.direction([found.s, row]);
     let x = scene.camera.eye + direction * found.t;
@@ -97,8 +96,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Lemmas 3.1 to 3.4: V tends to the silhouette's velocity as u tends to the silhouette and N
-/// grows, and the points near the limiting one take all the weight.
+/// Lemmas 3.1 to 3.4: V tends to the velocity of the silhouette as u tends to the silhouette and N
+/// grows, and all the weight concentrates at the silhouette point.
 #[test]
 fn the_warp_is_boundary_consistent_for_random_fields() {
     let mut runner = proptest::test_runner::TestRunner::deterministic();
@@ -147,7 +146,7 @@ fn balance(scene: &Scene, corner: [f64; 2], side: f64) -> Option<[f64; 3]> {
     let (mut area, mut border, mut scale) = (0.0, 0.0, 0.0);
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         let record = scene.record([corner[0] + at(i), corner[1] + at(j)])?;
-        // Only where everything keeps clear of the solid: there is no silhouette.
+        // Only squares without a silhouette: all points keep clear of the solid.
         if record.f.iter().any(|f| *f < 0.05) {
             return None;
         }
@@ -204,9 +203,9 @@ fn the_divergence_over_a_pixel_is_the_flux_through_its_border() {
 }
 
 proptest! {
-    /// Lemma 3.3 from both sides: along a ray that touches a ball, the weight of a point at a
-    /// distance δ from the tangent point goes as δ^(2 − γ): without bound above γ = 2, to nothing
-    /// below.
+    /// Lemma 3.3, for γ on both sides of 2. Along a ray that touches a ball, the weight of a point
+    /// at the distance δ from the tangent point scales as δ^(2 − γ). It grows without bound for γ >
+    /// 2, and tends to 0 for γ < 2.
     #[test]
     fn weights_at_a_tangent_grow_above_an_exponent_of_two(
         gamma in 1.0..5.0f64,

@@ -1,4 +1,4 @@
-//! What is not finite, and what ties or overflows.
+//! Numbers that are not finite, exact ties, and exponents that could overflow.
 
 use field::{Real, Shape, Vector3};
 use glam::{DVec3, Vec3};
@@ -73,7 +73,10 @@ proptest! {
     }
 
     #[test]
-    fn single_precision_agrees_with_double(u in prop::array::uniform2(8.0..24.0f64), k in 3usize..26) {
+    fn single_precision_agrees_with_double(
+        u in prop::array::uniform2(8.0..24.0f64),
+        k in 3usize..26,
+    ) {
         let options =
             WarpOptions { steps: 12, top_k: k, epsilon: 1e-2, ..WarpOptions::PUBLISHED };
         let scene = Scene::new(field(0), options);
@@ -91,10 +94,10 @@ proptest! {
         }
     }
 
-    /// One number of one ray is poisoned: that ray contributes nothing and is counted, or
-    /// everything stays finite; the other ray keeps its bits.
+    /// One number of one ray is replaced. Either this ray is not valid and has no samples, or all
+    /// its results are finite. The results of the other ray keep their bits.
     #[test]
-    fn poison_stays_in_its_ray(
+    fn an_extreme_number_affects_its_own_ray_only(
         kind in 0..FIELDS,
         slot in 0usize..9,
         at in 0usize..64,
@@ -137,9 +140,9 @@ proptest! {
     }
 }
 
-/// A ray along a plane: f, ∇f·d and Δ are the same at all points, to the last bit.
+/// A ray parallel to a plane: f, ∇f·d and Δ have the same bits at all points.
 #[test]
-fn exact_ties_share_the_weight() {
+fn points_whose_weights_tie_exactly_share_the_weight() {
     let plane = Shape::<f64>::new(field::Kind::Plane, &[0.0, 1.0, 0.0, -0.5]);
     let (t, f, gradient) = ([3.0, 3.5, 4.0, 4.5], [0.5; 4], [DVec3::Y; 4]);
     let ray = |n: usize| WarpedRay {
@@ -187,7 +190,7 @@ fn rays_without_points_or_weights_have_no_warp() {
 }
 
 #[test]
-fn a_vanishing_gradient_is_finite() {
+fn a_gradient_of_zero_gives_finite_numbers() {
     let scene = Scene::new(field(0), WarpOptions::PUBLISHED);
     for length in [0.0, 1e-200, 5e-324] {
         let mut record = scene.record([15.0, 14.0]).unwrap();
@@ -198,7 +201,7 @@ fn a_vanishing_gradient_is_finite() {
 }
 
 #[test]
-fn one_point_is_refused_and_the_reason_is_given() {
+fn invalid_options_are_errors_and_the_error_of_one_point_gives_the_reason() {
     let error = WarpOptions { top_k: 1, ..WarpOptions::PUBLISHED }.validate().unwrap_err();
     assert_eq!(
         error.to_string(),

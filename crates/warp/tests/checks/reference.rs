@@ -1,5 +1,6 @@
-//! The warp written straight from its formulas: plain powers, no logarithms, no derivatives. Slow,
-//! and only for moderate γ; it shares nothing with the crate but the field.
+//! An independent implementation of the warp, directly from its formulas: with powers, without
+//! logarithms and without derivatives. It is slow, works for moderate γ only, and shares only the
+//! field with the crate.
 
 use glam::DVec3;
 use warp::Projection;
@@ -16,8 +17,8 @@ pub(crate) struct Reference {
     pub(crate) a: Vec<[f64; 2]>,
 }
 
-/// What must not change within a difference stencil: which points exist, which keep a weight, and
-/// all signs.
+/// The branch of the piecewise smooth warp: the points that exist, those that keep a weight, and
+/// all signs. It must not change within a difference stencil.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Branch {
     clamped: bool,
@@ -26,6 +27,7 @@ pub(crate) struct Branch {
     signs: Vec<[bool; 2]>,
 }
 
+/// The weights w of all points, without selection and normalisation.
 fn quadrature(scene: &Scene, r: &Record) -> Vec<f64> {
     let o = &scene.options;
     (0..r.t.len())
@@ -48,7 +50,7 @@ impl Reference {
         let record = scene.record(u)?;
         let w = quadrature(scene, &record);
         let top: Vec<usize> = ranking(&w).into_iter().take(scene.options.top_k).collect();
-        // Points that are not there count as points of weight zero.
+        // A ray with fewer than k points counts as filled up with points of weight zero.
         let floor = if top.len() == scene.options.top_k { w[*top.last()?] } else { 0.0 };
         let mut shifted = vec![0.0; w.len()];
         top.iter().for_each(|&i| shifted[i] = w[i] - floor);

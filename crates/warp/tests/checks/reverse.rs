@@ -1,4 +1,4 @@
-//! The reverse mode is the transpose of the forward mode.
+//! Reverse mode is the transpose of forward mode.
 
 use field::Field;
 use glam::DVec3;
@@ -50,7 +50,7 @@ fn parameter_gradient(field: &dyn Field<f64>, x: &[DVec3], alpha: &[f64], c: &[D
 
 proptest! {
     #[test]
-    fn forward_equals_reverse(
+    fn reverse_mode_is_the_transpose_of_forward_mode(
         kind in 0..FIELDS,
         k in 2usize..26,
         gamma in 1.0..8.0f64,
@@ -61,10 +61,14 @@ proptest! {
         let options = WarpOptions { top_k: k, gamma, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
         let scene = Scene::new(field(kind), options);
         let records: Vec<_> = u.iter().filter_map(|&u| scene.record(u)).collect();
-        let (scalar, film): (Vec<f64>, Vec<_>) = adjoint.iter().map(|a| (a[0], [a[1], a[2]])).unzip();
+        let (scalar, film): (Vec<f64>, Vec<_>) =
+            adjoint.iter().map(|a| (a[0], [a[1], a[2]])).unzip();
         let tangent = &tangent[..scene.field.parameter_count()];
         for [forward, reverse] in both_ways(&scene, &records, &scalar, &film, tangent) {
-            prop_assert!((forward - reverse).abs() < 1e-9 * (1.0 + forward.abs()), "{forward} {reverse}");
+            prop_assert!(
+                (forward - reverse).abs() < 1e-9 * (1.0 + forward.abs()),
+                "{forward} {reverse}"
+            );
         }
     }
 }

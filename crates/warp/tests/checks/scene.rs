@@ -1,4 +1,5 @@
-//! Scenes for the checks: a pinhole, fields, and the plain recursion that fills a ray's record.
+//! Scenes for the checks: a pinhole, fields, and the recursion of plain sphere tracing, which fills
+//! the record of a ray.
 
 use field::{Csg, Field, Kind, Shape, Sphere};
 use glam::DVec3;
@@ -77,7 +78,7 @@ impl Projection<f64> for Pinhole {
     }
 }
 
-/// A field times a number: no distance any more, as a network's is none.
+/// A field times a number: like the field of a network, it is not a distance.
 pub(crate) struct Scaled(Box<dyn Field<f64>>, f64);
 
 impl Field<f64> for Scaled {
@@ -183,8 +184,8 @@ impl Scene {
         evaluate_with_divergence(field, &self.weighting(), k, &charts, rays)
     }
 
-    /// The recursion t ← t + ρ f from where the ray enters the bounds, cut off where it leaves
-    /// them.
+    /// The recursion t ← t + ρ f, from the entry of the ray into the bounds to its exit. `None` if
+    /// the ray misses the bounds.
     pub(crate) fn record(&self, u: [f64; 2]) -> Option<Record> {
         let (origin, direction) = (self.camera.eye, self.camera.direction(u));
         let (near, far) = self.bounds.clip(origin, direction)?;
@@ -210,7 +211,7 @@ impl Scene {
                 break;
             }
         }
-        // The interval's ends stay on the sphere: (x − c)·∂x = 0.
+        // The ends of the interval stay on the sphere: (x − c)·∂x = 0.
         let end = |t: f64| {
             let radial = origin + t * direction - self.bounds.center;
             r.du.map(|du| -t * radial.dot(du) / radial.dot(direction))

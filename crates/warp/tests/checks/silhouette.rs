@@ -1,4 +1,4 @@
-//! Boundary consistency: at a silhouette V tends to the silhouette's velocity as N grows.
+//! Boundary consistency: at a silhouette, V tends to the velocity of the silhouette as N grows.
 
 use field::{Shape, Sphere};
 use glam::DVec3;
@@ -26,8 +26,8 @@ fn outline(radius: f64, distance: f64) -> f64 {
     64.0 * radius / (distance * distance - radius * radius).sqrt()
 }
 
-/// |V_x − the outline's speed| relative to that speed, 1e-6 px beyond the outline, for the derivatives by centre x, centre z
-/// and radius.
+/// The error of V_x relative to the velocity of the outline, 1e-6 pixels outside the outline, for
+/// the derivatives by the centre's x, the centre's z and the radius.
 fn errors(points: usize, gamma: f64) -> [f64; 3] {
     let scene = scene(points, gamma);
     let record = scene
@@ -53,15 +53,15 @@ fn errors(points: usize, gamma: f64) -> [f64; 3] {
 }
 
 #[test]
-fn the_warp_tends_to_the_velocity_of_the_silhouette() {
+fn the_warp_at_a_silhouette_tends_to_the_velocity_of_the_silhouette() {
     println!("relative error of V at the silhouette of a ball, 1e-6 px outside, γ = 3");
     println!("{:>6} {:>10} {:>10} {:>10}", "N", "centre x", "centre z", "radius");
     let table = [22, 64, 200, 600].map(|n| (n, errors(n, 3.0)));
     for (n, [x, z, r]) in &table {
         println!("{n:6} {x:10.4} {z:10.4} {r:10.4}");
     }
-    // The delta sits about 2r/N short of the silhouette, and m turns by as much: motion along the
-    // view sees that in full, the others little of it.
+    // The largest weights are about 2r/N before the silhouette point, and m is turned by about as
+    // much. The error is of first order for motion along the view, and small for the others.
     for (before, after) in table.iter().zip(&table[1..]) {
         let growth = after.0 as f64 / before.0 as f64;
         assert!(after.1[1] < before.1[1] / growth.powf(0.8), "{before:?} {after:?}");
@@ -71,7 +71,7 @@ fn the_warp_tends_to_the_velocity_of_the_silhouette() {
 }
 
 #[test]
-fn a_weak_exponent_is_not_boundary_consistent() {
+fn the_warp_is_not_boundary_consistent_for_an_exponent_of_one() {
     let table = [64, 200, 600].map(|n| (n, errors(n, 1.0)));
     println!("the same at γ = 1: {table:.4?}");
     assert!(table[2].1[1] > 10.0 * errors(600, 3.0)[1], "{table:?}");

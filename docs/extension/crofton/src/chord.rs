@@ -1,4 +1,4 @@
-//! Random lines through a pixel.
+//! Random lines through a pixel, and their parts inside it.
 
 use glam::DVec2;
 use random::Purpose;
@@ -7,21 +7,21 @@ use render::Pixel;
 /// The part of a line inside a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chord {
-    /// The ends on the pixel's border, film positions.
+    /// The film positions of the ends, on the border of the pixel.
     pub(crate) ends: [DVec2; 2],
-    /// The measure of the lines that this one stands for: ∮ g dl ≈ Σ measure · g over the crossings
-    /// of all chords with the curve.
+    /// The weight of the chord, in pixels: ∮ g dl ≈ Σ measure · g over the crossings of all chords
+    /// with the curve.
     pub(crate) measure: f64,
 }
 
 /// The purpose of the random lines: a number that no other extension uses.
 const PURPOSE: Purpose = Purpose::Other(0xc40f);
 
-/// `count` chords of a pixel, from lines that are uniform in angle and offset.
+/// Up to `count` chords of a pixel, from lines with uniform angles and offsets.
 ///
-/// Crofton's formula: the integral of g along a curve is half the integral over all lines, in
-/// dp dφ, of the sum of g over the line's crossings with the curve. Lines at the angle φ meet the
-/// unit square for offsets p in an interval of length |cos φ| + |sin φ|.
+/// Crofton's formula: the integral of g along a curve is half the integral over all lines, in dp
+/// dφ, of the sum of g over the crossings of the line with the curve. A line of angle φ meets the
+/// unit square if its offset p lies in an interval of length |cos φ| + |sin φ|.
 pub(crate) fn chords(pixel: &Pixel, count: u32, seed: u64) -> impl Iterator<Item = Chord> {
     let centre = pixel.corner() + 0.5;
     let stream = pixel.stream(seed, PURPOSE);
@@ -54,7 +54,7 @@ mod tests {
 
     /// The length of a circle of radius 0.3 inside the pixel, from its crossings with chords.
     #[test]
-    fn crossings_measure_length() {
+    fn crossings_give_the_length_of_a_circle() {
         let (pixel, count) = (Pixel { camera: 0, x: 3, y: 5 }, 4096);
         let centre = DVec2::new(3.4, 5.55);
         let length: f64 = chords(&pixel, count, 7)

@@ -8,10 +8,11 @@ use estimate::{Batch, Estimator, SilhouetteMargin, SilhouetteMask, Terms, near_s
 use field::Real;
 use render::{InvalidField, Scene, pixel_samples};
 
-/// Silhouettes found by bisection along random lines of the film, weighted by Crofton's formula.
+/// Silhouettes, found by bisection along random lines of the film and weighted by Crofton's
+/// formula.
 ///
-/// Area samples give the smooth part. `edge_samples` of the batch is the number of lines of a pixel
-/// that a silhouette may cross.
+/// Area samples give the smooth part. In each pixel that a silhouette may cross, the number of
+/// lines is `edge_samples` of the batch.
 #[derive(Clone, Copy, Debug)]
 pub struct Crofton;
 

@@ -1,4 +1,4 @@
-//! Silhouettes that chords cross, found by bisection.
+//! Crossings of chords with silhouettes, by bisection.
 
 use estimate::record::Record;
 use estimate::{Batch, SilhouetteMask};
@@ -8,24 +8,25 @@ use render::{InvalidField, Sample, Scene};
 
 use crate::chord::chords;
 
-/// Parts of a chord whose ends are compared: two silhouettes inside one part may be missed.
+/// The number of intervals of a chord. Two silhouettes inside one interval may be missed.
 const PARTS: u32 = 4;
 
-/// Halvings of a part: the crossing is then known to 1e-6 pixels.
+/// Halvings of an interval: the error of a crossing is then 1e-6 pixels or less.
 const HALVINGS: u32 = 20;
 
-/// A jump in depth that is left after all halvings is a silhouette, in
-/// [`Scene::tracing_scale`]. A surface seen edge-on changes its depth by less.
+/// The least jump in depth, in [`Scene::tracing_scale`], that counts as a silhouette after all
+/// halvings. The depth of a surface seen edge-on changes by less.
 const JUMP: f64 = 3e-3;
 
-/// An interval of a chord whose ends see different surfaces.
+/// An interval of a chord; the rays at its ends hit different surfaces.
 struct Interval<R> {
     /// The pixel, by its number in the batch.
     pixel: u32,
     camera: usize,
+    /// The weight of its chord, in pixels.
     measure: f64,
     ends: [DVec2; 2],
-    /// The depths at the ends; infinite for none.
+    /// The depths at the ends, in world units; infinite for a ray without a hit.
     depth: [R; 2],
 }
 
@@ -69,7 +70,7 @@ pub(crate) fn add_silhouettes<R: Real>(
     add_crossings(scene, &open, record)
 }
 
-/// The intervals of all chords whose ends see different surfaces.
+/// The intervals of all chords with different surfaces at their ends.
 fn intervals<R: Real>(
     scene: &Scene<'_, R>,
     batch: &Batch<'_>,
@@ -99,7 +100,7 @@ fn intervals<R: Real>(
     Ok(all)
 }
 
-/// The depths at film positions; infinite where there is nothing.
+/// The depths at film positions, in world units; infinite for a ray without a hit.
 fn depths<R: Real>(
     scene: &Scene<'_, R>,
     samples: &[Sample],
@@ -113,8 +114,9 @@ fn depths<R: Real>(
 
 /// Adds ΔL/|∇_u m| · measure at the silhouette point of every interval.
 ///
-/// m(u) = min_t f is zero at a silhouette, which moves along its normal by −∂_θ f/|∇_u m|. The ray
-/// of the far end passes the silhouette point; the tracer has recorded its closest approach.
+/// With m(u) = min_t f, the silhouette is {m = 0}, and its normal velocity is −∂_θ f/|∇_u m|. The
+/// ray at the far end of the interval passes the silhouette point. Its closest approach, which the
+/// tracer has recorded, is used as the silhouette point.
 fn add_crossings<R: Real>(
     scene: &Scene<'_, R>,
     open: &[Interval<R>],
@@ -132,7 +134,7 @@ fn add_crossings<R: Real>(
             Some(traced) if traced.found.clearance.is_finite() => {
                 traced.ray.at(traced.found.nearest)
             }
-            // The line of sight misses the ball of rays, or has no closest approach.
+            // The ray misses the ball of rays, or has no closest approach.
             _ => point_at(scene, &interval.sample(near(interval)), interval.depth[near(interval)]),
         })
         .collect();
@@ -152,7 +154,7 @@ fn add_crossings<R: Real>(
     Ok(())
 }
 
-/// The point at the distance t through a film position.
+/// The point at the distance t along the ray of a sample, in world units.
 fn point_at<R: Real>(scene: &Scene<'_, R>, sample: &Sample, t: R) -> R::Vec3 {
     let camera = &scene.cameras[sample.camera];
     R::Vec3::of(camera.eye) + R::Vec3::of(camera.direction(sample.u)) * t

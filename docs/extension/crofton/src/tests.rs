@@ -4,7 +4,7 @@ use field::{Shape, Sphere};
 use glam::{DVec2, DVec3};
 use render::{Analytic, Camera, Formula};
 
-/// The derivative by its radius of the area of a ball's disc on the film, in square pixels.
+/// The derivative of the area of a ball on the film by its radius, in square pixels per world unit.
 fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
     let square = distance * distance - radius * radius;
     let outline = focal * radius / square.sqrt();
@@ -12,7 +12,7 @@ fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
 }
 
 #[test]
-fn the_derivative_of_a_disc_by_its_radius_is_that_of_its_area() {
+fn the_derivative_by_the_radius_of_a_ball_is_that_of_its_area_on_the_film() {
     let ball = Shape::<f64>::sphere([0.0; 3], 0.7);
     let white = Analytic { formula: Formula::Constant, parameters: vec![1.0; 3] };
     let (focal, centre) = (DVec2::splat(24.0), DVec2::splat(6.0));
@@ -20,7 +20,8 @@ fn the_derivative_of_a_disc_by_its_radius_is_that_of_its_area() {
     let camera = Camera::look_at(12, 12, focal, centre, eye, DVec3::ZERO, DVec3::Y).unwrap();
     let (cameras, bounds) = ([camera], Sphere { center: DVec3::ZERO, radius: 1.4 });
     let scene = Scene::new(&ball, &white, &cameras, &bounds, DVec3::ZERO);
-    let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 256 }, seed: 1 };
+    // Over 16 seeds the standard deviation is 0.65 % with 256 lines, and 0.19 % with 1024.
+    let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 1024 }, seed: 1 };
     let image = differentiate(&scene, &[Direction::Field(3)], &Crofton, sampling, &|_| {});
     let sum: f64 = image.unwrap()[0].film.pixels.iter().map(|p| f64::from(p[0])).sum();
     let expected = disc(0.7, 4.0, 24.0);
