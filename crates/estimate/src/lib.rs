@@ -9,6 +9,7 @@ mod estimator;
 mod film_line;
 mod interior;
 mod means;
+mod options;
 mod ordered_sum;
 pub mod record;
 mod refined;
@@ -28,10 +29,11 @@ pub use estimator::{
     Batch, Estimator, FILTER_DEVIATION, Filter, SampleCounts, SilhouetteMask, Terms,
 };
 pub use interior::Interior;
+pub use options::{Baseline, EstimatorOptions};
 pub use ordered_sum::ordered_sum;
 pub use refined::Refined;
-pub use registry::{Constructor, Entry, EstimatorOptions, EstimatorPrecision, Registry};
+pub use registry::{Constructor, Entry, EstimatorPrecision, Registry};
 pub use replicates::Sampling;
 pub use silhouette_margin::{SilhouetteMargin, near_silhouettes};
 pub use target_gradient::{TargetGradient, target_gradient};
-pub use warped::{Baseline, WarpedArea};
+pub use warped::WarpedArea;

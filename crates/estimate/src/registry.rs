@@ -1,30 +1,15 @@
 //! Estimators by name.
 
 use render::Precision;
-use warp::WarpOptions;
 
 use crate::band::Band;
 use crate::contour::Contour;
 use crate::convolution::Convolution;
 use crate::estimator::{Estimator, Filter};
 use crate::interior::Interior;
+use crate::options::EstimatorOptions;
 use crate::refined::Refined;
-use crate::warped::{Baseline, WarpedArea};
-
-/// The options of estimators. Each estimator uses those that apply to it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EstimatorOptions {
-    /// The options of the published warp.
-    pub warp: WarpOptions,
-    /// The control variate of the published warp.
-    pub baseline: Baseline,
-}
-
-impl Default for EstimatorOptions {
-    fn default() -> Self {
-        EstimatorOptions { warp: WarpOptions::PUBLISHED, baseline: Baseline::Background }
-    }
-}
+use crate::warped::WarpedArea;
 
 /// A function that makes an estimator from its options.
 pub type Constructor<R> = fn(&EstimatorOptions) -> Box<dyn Estimator<R>>;

@@ -8,25 +8,10 @@ use warp::WarpOptions;
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::means::{gaussian_samples, pixel_means};
+use crate::options::{Baseline, EstimatorOptions};
 use crate::record::{
     Area, AreaWarp, Border, BorderSample, Record, warp_samples, warp_samples_with_divergence,
 };
-use crate::registry::EstimatorOptions;
-
-/// The baseline c: a constant per pixel that is subtracted from the radiance in the terms of a
-/// warp. It is a control variate.
-///
-/// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel. The published
-/// estimator has c = 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Baseline {
-    /// The background, for all pixels. It is also correct at the outline of the bounding sphere,
-    /// where V ends and all radiance is background.
-    Background,
-    /// The mean of the pixel's other samples, where the warp covers the whole pixel. A pixel of
-    /// constant radiance then has no variance.
-    PixelMean,
-}
 
 /// Samples in the areas of pixels with the warp from N points of the sphere tracer, and for the box
 /// filter the flux of the warp through the borders of the pixels.

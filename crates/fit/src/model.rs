@@ -4,6 +4,7 @@ use std::path::Path;
 
 use field::Sphere;
 use io::{InputError, atomic_write};
+use random::{Purpose, Stream};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
 
 use crate::options::FitOptions;
@@ -44,7 +45,7 @@ impl Model {
             hidden,
             Activation::Relu,
             transform,
-            options.seed ^ 1,
+            Stream::new(options.seed, Purpose::InitialRadiance).bits(),
         );
         Model { field, head }
     }

@@ -20,7 +20,7 @@ use crate::options::DEFAULT_ITERATIONS;
 use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
-use crate::schedule;
+use crate::schedule::{background_group, band_window, learning_rate, level, weights};
 use crate::step::{Batch, BatchStats, LIMIT, gradient};
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
@@ -214,10 +214,10 @@ impl Fit {
     /// One iteration. `rays_per_second` of the result is the number of rays, and `progress` is 0;
     /// the caller completes them.
     fn step(&mut self) -> anyhow::Result<Metrics> {
-        let level = schedule::level(self.progress(), self.levels.len());
+        let level = level(self.progress(), self.levels.len());
         let (mut gradient, stats, evaluations) = self.gradient(level)?;
         let norm = self.clip(&mut gradient);
-        let rate = self.file.options.learning_rate * schedule::learning_rate(self.progress());
+        let rate = self.file.options.learning_rate * learning_rate(self.progress());
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
@@ -238,7 +238,7 @@ impl Fit {
             pixels: &pixels,
             pixel_count,
             background: self.file.background_model(),
-            weights: schedule::weights(self.progress(), options, confidence),
+            weights: weights(self.progress(), options, confidence),
             estimator: &*self.estimator,
             counts: options.counts(),
             limit: LIMIT,
@@ -264,10 +264,8 @@ impl Fit {
     /// the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
         let progress = self.progress();
-        self.model
-            .field
-            .set_band_weights(&schedule::band_window(progress, self.file.options.bands));
-        self.model.head.set_band_weights(&schedule::band_window(progress, HEAD_BANDS));
+        self.model.field.set_band_weights(&band_window(progress, self.file.options.bands));
+        self.model.head.set_band_weights(&band_window(progress, HEAD_BANDS));
     }
 
     /// The pixels of this iteration, and the expected number of pixels that they stand for.
@@ -275,7 +273,7 @@ impl Fit {
         // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
-        let every = schedule::background_group(self.progress());
+        let every = background_group(self.progress());
         let draws = level_pixels.draws_for(batch, every);
         let seed = self.file.options.seed;
         let stream = Stream::new(seed, Purpose::PixelOrder).at(level as u64);

@@ -3,7 +3,6 @@
 use optim::Schedule;
 
 use crate::options::FitOptions;
-use crate::step::Weights;
 
 /// The progress at which each finer level of the pyramid starts, the finest last.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
@@ -64,6 +63,17 @@ const TRUST: [f64; 2] = [0.3, 0.7];
 
 /// The trust at the end, as a fraction: it keeps empty space empty.
 const LAST_TRUST: f64 = 0.05;
+
+/// The weights of the terms of the loss, at one progress of the schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// The weight of the eikonal term.
+    pub(crate) eikonal: f32,
+    /// The weight of the background force.
+    pub(crate) background: f32,
+    /// The trust in the estimated background, against the photographs, 0 to 1.
+    pub(crate) trust: f32,
+}
 
 /// The weights of the terms of the loss, for a background of this confidence (0 to 1).
 ///

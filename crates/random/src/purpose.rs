@@ -24,6 +24,8 @@ pub enum Purpose {
     AuxiliaryShift,
     /// Directions in the space of a network's weights.
     WeightDirection,
+    /// The seed of the initial weights of a radiance head.
+    InitialRadiance,
     /// The permutations in which a fit draws pixels.
     PixelOrder,
     /// The rounds of one such permutation.
@@ -54,7 +56,7 @@ pub enum Purpose {
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 21] = [
+    pub const ALL: [Purpose; 22] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -64,6 +66,7 @@ impl Purpose {
         Purpose::AuxiliaryRays,
         Purpose::AuxiliaryShift,
         Purpose::WeightDirection,
+        Purpose::InitialRadiance,
         Purpose::PixelOrder,
         Purpose::Permutation,
         Purpose::BackgroundPixel,
@@ -102,6 +105,7 @@ impl Purpose {
             Purpose::OffsetDirections => 19,
             Purpose::OffsetLengths => 20,
             Purpose::SurfacePoints => 21,
+            Purpose::InitialRadiance => 22,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

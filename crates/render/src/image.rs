@@ -7,7 +7,9 @@ use field::{Real, Vector3};
 use film::Film;
 use rayon::prelude::*;
 
-use crate::{InvalidField, Pixel, Scene, pixel_samples};
+use crate::invalid::InvalidField;
+use crate::sample::{Pixel, pixel_samples};
+use crate::scene::Scene;
 
 /// Samples per chunk, about: enough to fill the field's blocks of points, few enough to stay in the
 /// caches and to balance threads.

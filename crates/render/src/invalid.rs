@@ -1,6 +1,7 @@
 //! The error of a field that is not finite.
 
-use crate::{Camera, Sample};
+use crate::camera::Camera;
+use crate::sample::Sample;
 
 /// The field gave a NaN or an infinity along this ray.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

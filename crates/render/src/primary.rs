@@ -4,7 +4,9 @@ use field::{Field, Real, SurfaceBatch, Vector3};
 use rustc_hash::FxHashMap;
 use trace::{Intersection, Outcome, Ray};
 
-use crate::{InvalidField, Sample, Scene};
+use crate::invalid::InvalidField;
+use crate::sample::Sample;
+use crate::scene::Scene;
 
 /// A ray with the tracer's result.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,8 @@
 
 use field::{Field, Real, Sphere, Vector3};
 
-use crate::{Camera, Shader};
+use crate::camera::Camera;
+use crate::shader::Shader;
 
 /// A field, its appearance, and the cameras that look at it.
 #[derive(Clone, Copy)]

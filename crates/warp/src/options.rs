@@ -2,7 +2,7 @@
 
 use field::Real;
 
-use crate::PublishedWeighting;
+use crate::weighting::PublishedWeighting;
 
 /// N, k, γ, λ_d and ε of the published warp (Bangaru et al. 2022, supplement, sections 1 and 3).
 ///

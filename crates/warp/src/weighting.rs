@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 
-use crate::WarpedRay;
+use crate::ray::WarpedRay;
 
 /// The motion of a point as u moves along one film axis: derivatives per pixel.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,9 @@
 use field::{Real, Vector3};
 use render::{Primary, Scene, retain_flagged};
 
-use super::Pass;
 use super::adjoints::{Adjoints, PointAdjoint};
 use super::film_warp::FilmWarpWithDivergence;
+use super::pass::Pass;
 use super::surface::{SurfaceCoefficients, surface_vjp};
 
 /// The part of a sample in the value of its pixel.

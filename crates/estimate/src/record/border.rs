@@ -3,9 +3,9 @@
 use boundary::Edge;
 use field::{Real, Vector3};
 
-use super::Pass;
 use super::adjoints::Adjoints;
 use super::film_warp::FilmWarp;
+use super::pass::Pass;
 
 /// A sample on an edge between pixels.
 #[derive(Clone, Copy, Debug)]

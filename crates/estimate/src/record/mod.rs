@@ -4,6 +4,7 @@ mod adjoints;
 mod area;
 mod border;
 mod film_warp;
+mod pass;
 mod silhouettes;
 mod surface;
 
@@ -15,6 +16,7 @@ pub use area::{Area, AreaWarp, Share};
 pub use border::{Border, BorderSample};
 pub(crate) use film_warp::chart;
 pub use film_warp::{FilmWarp, FilmWarpWithDivergence, warp_samples, warp_samples_with_divergence};
+pub use pass::Pass;
 pub use silhouettes::{SilhouettePoint, Silhouettes};
 pub use surface::{SurfaceCoefficients, surface_vjp};
 
@@ -31,20 +33,6 @@ pub struct Record<R: Real> {
     pub border: Option<Border<R>>,
     /// Points of silhouettes.
     pub silhouettes: Silhouettes<R>,
-}
-
-/// The way in which reverse mode combines the coefficients of pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Pass<R> {
-    /// The coefficients of each pixel apart, for derivative images.
-    PerPixel,
-    /// The coefficients of all pixels together; their pixel numbers have no meaning.
-    Sum,
-    /// As `Sum`, with a limit on the coefficient of f of one area sample. The unit of the limit is
-    /// the coefficient of a silhouette that crosses the whole pixel of the sample.
-    ///
-    /// The limit adds a bias to the gradient.
-    Limited(R),
 }
 
 impl<R: Real> Record<R> {

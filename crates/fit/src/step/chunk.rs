@@ -9,17 +9,7 @@ use render::{Sample, Scene};
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric, squared_error};
 use crate::pyramid::{Level, Pixel};
-
-/// The weights of the terms of the loss, at one progress of the schedule.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Weights {
-    /// The weight of the eikonal term.
-    pub(crate) eikonal: f32,
-    /// The weight of the background force.
-    pub(crate) background: f32,
-    /// The trust in the estimated background, against the photographs, 0 to 1.
-    pub(crate) trust: f32,
-}
+use crate::schedule::Weights;
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
 pub(crate) struct Batch<'a> {

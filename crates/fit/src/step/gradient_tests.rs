@@ -3,8 +3,10 @@
 use super::*;
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric};
+use crate::model::Model;
+use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
-use crate::{FitOptions, Model};
+use crate::schedule::Weights;
 use dataset::{Background, View};
 use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;

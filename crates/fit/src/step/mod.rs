@@ -11,7 +11,7 @@ use random::{Purpose, Stream};
 use render::InvalidField;
 
 use crate::pyramid::Pixel;
-pub(crate) use chunk::{Batch, BatchStats, Weights};
+pub(crate) use chunk::{Batch, BatchStats};
 use chunk::{Chunk, pixels_of};
 
 /// The largest number of pixels of a chunk. Chunks of 256 pixels were a tenth slower on two

@@ -2,7 +2,7 @@
 
 use field::{Dual, Real, Scalar, SurfaceAdjoint, SurfaceBatch, Vector3};
 
-use crate::{Precision, Shader};
+use super::shaded::{Precision, Shader};
 
 /// A light of a Lambertian scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,63 +1,9 @@
 //! Shaders: the radiance at surface points, and its derivatives.
 
 mod analytic;
+mod shaded;
 mod shadowed;
 
-use field::{Real, Scalar, SurfaceAdjoint, SurfaceBatch};
-use sdf_nn::RadianceHead;
-
 pub use analytic::{Analytic, Formula, Light, MAX_LIGHTS};
+pub use shaded::{Precision, Shader};
 pub use shadowed::Shadowed;
-
-/// A precision of scenes and networks: `f32` or `f64`.
-pub trait Precision: Real + Scalar<Real = Self> + sdf_nn::Lane {}
-impl<R: Real + Scalar<Real = R> + sdf_nn::Lane> Precision for R {}
-
-/// The radiance at surface points, over batches.
-///
-/// It is a function of the point x (world units), the unit normal n and the unit view direction d
-/// (from the camera to the point), and has parameters of its own.
-/// Radiance and its adjoints are linear RGB.
-pub trait Shader<R: Real>: Send + Sync {
-    /// The number of parameters.
-    fn parameter_count(&self) -> usize;
-
-    /// Whether the radiance is the same at every point and in every direction, for all values of
-    /// the parameters. Estimators then skip its derivatives by x, n and d.
-    fn is_uniform(&self) -> bool {
-        false
-    }
-
-    /// Computes the radiance of every point. `rgb` has one element per point.
-    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]);
-
-    /// VJP of (x, n, d; parameters) ↦ radiance.
-    ///
-    /// `adjoint` has one element per point. The adjoints of x, n and d overwrite `bars`, that of
-    /// the parameters is added to `parameters`.
-    fn vjp(
-        &self,
-        points: &SurfaceBatch<'_, R>,
-        adjoint: &[R::Vec3],
-        bars: &mut SurfaceAdjoint<R>,
-        parameters: &mut [R],
-    );
-}
-
-impl<R: Precision> Shader<R> for RadianceHead<R> {
-    fn parameter_count(&self) -> usize {
-        self.parameters().len()
-    }
-    fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
-        RadianceHead::radiance(self, points, rgb);
-    }
-    fn vjp(
-        &self,
-        points: &SurfaceBatch<'_, R>,
-        adjoint: &[R::Vec3],
-        bars: &mut SurfaceAdjoint<R>,
-        parameters: &mut [R],
-    ) {
-        RadianceHead::vjp(self, points, adjoint, bars, parameters);
-    }
-}

@@ -3,7 +3,7 @@
 use field::{Field, Real, Scalar, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
 
 use super::analytic::{ALL_LIT, Analytic, Formula, Light};
-use crate::{Precision, Shader};
+use super::shaded::{Precision, Shader};
 
 /// A Lambertian shader whose lights are blocked by the solid itself.
 ///
