@@ -6,7 +6,7 @@ use warp::Projection;
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::means::pixel_means;
-use crate::record::{Area, Record, Silhouettes, chart};
+use record::{Area, Record, Silhouettes, chart};
 
 /// The width of the band, in pixels. The bias grows with it: on average, a silhouette counts half
 /// of it further out. The variance falls with it.

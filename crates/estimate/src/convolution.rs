@@ -9,7 +9,7 @@ use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::means::{gaussian_samples, pixel_means};
-use crate::record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
+use record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
 
 /// The standard deviation of the cloud of auxiliary rays, in pixels.
 const DEVIATION: f64 = 0.2;

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Estimator, SilhouetteMask, Terms};
-use crate::record::{Adjoints, Area, Pass, PointAdjoint, Record};
 use crate::replicates::{Image, Mean, Sampling, tiles};
+use record::{Adjoints, Area, Pass, PointAdjoint, Record};
 
 /// The number that an image is differentiated by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

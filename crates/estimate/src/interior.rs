@@ -5,7 +5,7 @@ use render::{InvalidField, Scene, pixel_samples};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::means::pixel_means;
-use crate::record::{Area, Record};
+use record::{Area, Record};
 
 /// Backpropagation through the hit points. It is biased: it has no silhouette term.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,6 @@ mod interior;
 mod means;
 mod options;
 mod ordered_sum;
-pub mod record;
 mod refined;
 mod registry;
 mod replicates;
@@ -31,6 +30,7 @@ pub use estimator::{
 pub use interior::Interior;
 pub use options::{Baseline, EstimatorOptions};
 pub use ordered_sum::ordered_sum;
+pub use record;
 pub use refined::Refined;
 pub use registry::{Constructor, Entry, EstimatorPrecision, Registry};
 pub use replicates::Sampling;

@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
 
 use crate::film_line::{Crossing, FilmLine};
-use crate::record::{Area, Record, Share};
+use record::{Area, Record, Share};
 
 /// The stratification of samples along lines.
 #[derive(Clone, Copy, Debug)]

@@ -8,8 +8,8 @@ use render::{InvalidField, Scene, render};
 use crate::estimator::{Estimator, Filter, SilhouetteMask, Terms};
 use crate::means::{gaussian_samples, pixel_means};
 use crate::ordered_sum::ordered_sum;
-use crate::record::{Adjoints, Pass};
 use crate::replicates::{Image, Sampling, tiles};
+use record::{Adjoints, Pass};
 
 /// The gradient of the loss ½ Σ (I − target)².
 #[derive(Clone, Debug)]

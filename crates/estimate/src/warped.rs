@@ -9,7 +9,7 @@ use warp::WarpOptions;
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::means::{gaussian_samples, pixel_means};
 use crate::options::{Baseline, EstimatorOptions};
-use crate::record::{
+use record::{
     Area, AreaWarp, Border, BorderSample, Record, warp_samples, warp_samples_with_divergence,
 };
 

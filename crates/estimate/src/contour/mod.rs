@@ -9,10 +9,10 @@ use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::film_line::{Crossing, FilmLine};
-use crate::record::Record;
 use crate::smooth_part::{Stratification, add_smooth_part};
 use cell::{Piece, pieces};
 use edge::{GridEdge, SilhouetteEvent, locate};
+use record::Record;
 
 /// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
 /// the grid.

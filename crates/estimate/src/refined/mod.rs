@@ -14,9 +14,9 @@ use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use crate::film_line::{Crossing, FilmLine};
-use crate::record::Record;
 use crate::smooth_part::{Stratification, add_smooth_part};
 use crossings::{Crossings, crossings};
+use record::Record;
 use survey::{mark_corners, sample_unmarked};
 
 /// Area samples in pixels without silhouettes, and random lines on the film in the others.

@@ -7,7 +7,7 @@ use warp::{
     Pinhole, Warp, WarpWithDivergence, WarpedRay, Weighting, evaluate, evaluate_with_divergence,
 };
 
-use super::adjoints::{Adjoints, PointAdjoint};
+use crate::adjoints::{Adjoints, PointAdjoint};
 
 /// V at film samples. It is zero at samples whose rays miss the ball of rays.
 pub struct FilmWarp<R: Real> {
@@ -24,7 +24,7 @@ pub struct FilmWarpWithDivergence<R: Real> {
 }
 
 /// The chart of a camera: its projection from world to film.
-pub(crate) fn chart(camera: &Camera) -> Pinhole {
+pub fn chart(camera: &Camera) -> Pinhole {
     let (axes, focal) = ([camera.right, -camera.up], camera.focal.to_array());
     Pinhole { eye: camera.eye, forward: camera.forward, axes, focal }
 }
@@ -125,7 +125,7 @@ impl<R: Real> FilmWarpWithDivergence<R> {
     /// VJP of θ ↦ (V, ∇_u·V) at area samples; see [`WarpWithDivergence::area_vjp`].
     ///
     /// `scalar` and `film` have one adjoint per sample, `pixel` gives the pixel of a sample.
-    pub(super) fn area_vjp(
+    pub(crate) fn area_vjp(
         &self,
         scalar: &[R],
         film: &[[R; 2]],
@@ -140,7 +140,7 @@ impl<R: Real> FilmWarpWithDivergence<R> {
 
     /// Adds to `total`, which has one element per sample, the sum of the coefficients of f from
     /// [`area_vjp`](Self::area_vjp).
-    pub(super) fn add_area_totals(&self, scalar: &[R], film: &[[R; 2]], total: &mut [R]) {
+    pub(crate) fn add_area_totals(&self, scalar: &[R], film: &[[R; 2]], total: &mut [R]) {
         let (alpha, _) = self.coefficients(scalar, film);
         for (point, alpha) in self.warp.warp.samples.iter().zip(alpha) {
             total[self.sample[point.ray]] += alpha;
@@ -156,7 +156,7 @@ impl<R: Real> FilmWarp<R> {
     /// VJP of θ ↦ −V·n at boundary samples; see [`Warp::flux_vjp`].
     ///
     /// `flux` has one adjoint per sample, `axis` the film axis of its normal, `pixel` its pixel.
-    pub(super) fn flux_vjp(
+    pub(crate) fn flux_vjp(
         &self,
         flux: &[R],
         axis: &[usize],

@@ -1,24 +1,13 @@
-//! The record of an estimator over a batch of pixels, and its reverse mode.
-
-mod adjoints;
-mod area;
-mod border;
-mod film_warp;
-mod pass;
-mod silhouettes;
-mod surface;
+//! The record of an estimator over a batch of pixels.
 
 use field::Real;
 use render::Scene;
 
-pub use adjoints::{Adjoints, PointAdjoint};
-pub use area::{Area, AreaWarp, Share};
-pub use border::{Border, BorderSample};
-pub(crate) use film_warp::chart;
-pub use film_warp::{FilmWarp, FilmWarpWithDivergence, warp_samples, warp_samples_with_divergence};
-pub use pass::Pass;
-pub use silhouettes::{SilhouettePoint, Silhouettes};
-pub use surface::{SurfaceCoefficients, surface_vjp};
+use crate::adjoints::Adjoints;
+use crate::area::Area;
+use crate::border::Border;
+use crate::pass::Pass;
+use crate::silhouettes::Silhouettes;
 
 /// All terms of the derivatives of a batch of pixels. Each is linear in the adjoints of the pixels.
 #[derive(Default)]

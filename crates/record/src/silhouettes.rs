@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 
-use super::adjoints::{Adjoints, PointAdjoint};
+use crate::adjoints::{Adjoints, PointAdjoint};
 
 /// A point of a silhouette.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ impl<R: Real> Silhouettes<R> {
     }
 
     /// VJP of θ ↦ the silhouette terms of the pixel values.
-    pub(super) fn vjp(&self, delta: &[R::Vec3], out: &mut Adjoints<R>) {
+    pub(crate) fn vjp(&self, delta: &[R::Vec3], out: &mut Adjoints<R>) {
         for SilhouettePoint { pixel, x, rgb } in self.points.iter().copied() {
             let alpha = -delta[pixel as usize].dot(rgb);
             out.push(PointAdjoint { pixel, x, alpha, c: R::Vec3::zero() });

@@ -3,9 +3,9 @@
 use boundary::Edge;
 use field::{Real, Vector3};
 
-use super::adjoints::Adjoints;
-use super::film_warp::FilmWarp;
-use super::pass::Pass;
+use crate::adjoints::Adjoints;
+use crate::film_warp::FilmWarp;
+use crate::pass::Pass;
 
 /// A sample on an edge between pixels.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub struct Border<R: Real> {
 impl<R: Real> Border<R> {
     /// VJP of θ ↦ −∮ (L − c) V·n over the borders of the pixels (Bangaru et al. 2022, supplement,
     /// section 1, equation 2).
-    pub(super) fn vjp(&self, delta: &[R::Vec3], pass: Pass<R>, out: &mut Adjoints<R>) {
+    pub(crate) fn vjp(&self, delta: &[R::Vec3], pass: Pass<R>, out: &mut Adjoints<R>) {
         let axis: Vec<usize> = self.samples.iter().map(|s| s.edge.axis()).collect();
         let carried = |sample: &BorderSample<R>, p: usize| {
             delta[p].dot(sample.radiance - self.baseline[p]) * self.weight

@@ -3,10 +3,10 @@
 use field::{Real, Vector3};
 use render::{Primary, Scene, retain_flagged};
 
-use super::adjoints::{Adjoints, PointAdjoint};
-use super::film_warp::FilmWarpWithDivergence;
-use super::pass::Pass;
-use super::surface::{SurfaceCoefficients, surface_vjp};
+use crate::adjoints::{Adjoints, PointAdjoint};
+use crate::film_warp::FilmWarpWithDivergence;
+use crate::pass::Pass;
+use crate::surface::{SurfaceCoefficients, surface_vjp};
 
 /// The part of a sample in the value of its pixel.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,7 @@ impl<R: Real> Area<R> {
         Area { primary, shares, warp: None }
     }
 
-    /// VJP of θ ↦ the part of these samples in the pixel values; see [`super::Record::vjp`] for the
+    /// VJP of θ ↦ the part of these samples in the pixel values; see [`crate::Record::vjp`] for the
     /// arguments.
     pub fn vjp(
         &self,
@@ -146,7 +146,7 @@ impl<R: Real> Area<R> {
     }
 
     /// Keeps the samples of the pixels for which `keep` is true. The samples must not have a warp.
-    pub(crate) fn retain(&mut self, keep: impl Fn(u32) -> bool) {
+    pub fn retain(&mut self, keep: impl Fn(u32) -> bool) {
         debug_assert!(self.warp.is_none());
         let keep: Vec<bool> = self.shares.iter().map(|share| keep(share.pixel)).collect();
         self.primary.retain(&keep);

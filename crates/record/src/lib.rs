@@ -1,0 +1,21 @@
+#![doc = include_str!("../README.md")]
+
+mod adjoints;
+mod area;
+mod border;
+mod film_warp;
+mod pass;
+mod record;
+mod silhouettes;
+mod surface;
+
+pub use adjoints::{Adjoints, PointAdjoint};
+pub use area::{Area, AreaWarp, Share};
+pub use border::{Border, BorderSample};
+pub use film_warp::{
+    FilmWarp, FilmWarpWithDivergence, chart, warp_samples, warp_samples_with_divergence,
+};
+pub use pass::Pass;
+pub use record::Record;
+pub use silhouettes::{SilhouettePoint, Silhouettes};
+pub use surface::{SurfaceCoefficients, surface_vjp};
