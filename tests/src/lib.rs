@@ -1,11 +1,10 @@
 #![doc = include_str!("../README.md")]
 
-use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::LazyLock;
 
 /// The workspace's root folder.
 pub fn root() -> PathBuf {
@@ -42,21 +41,24 @@ pub fn binary() -> PathBuf {
 /// # Panics
 /// If the build fails.
 pub fn program(package: &str) -> PathBuf {
-    static BUILT: LazyLock<Mutex<HashMap<String, PathBuf>>> = LazyLock::new(Mutex::default);
-    let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
-    built.entry(package.to_owned()).or_insert_with(|| build(package)).clone()
+    static FOLDER: LazyLock<PathBuf> = LazyLock::new(build);
+    let name = if package == "app" { "dsdf" } else { package };
+    FOLDER.join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
 }
 
-fn build(package: &str) -> PathBuf {
-    let name = if package == "app" { "dsdf" } else { package };
+/// Builds all programs and returns their folder.
+///
+/// With the whole workspace and one of its tests, Cargo selects the features that `cargo test
+/// --workspace` has selected. Every library is there already.
+fn build() -> PathBuf {
     let status = Command::new(env!("CARGO"))
-        .args(["build", "--package", package, "--bin", name])
+        .args(["build", "--workspace", "--bins", "--test", "bad_input"])
         .current_dir(root())
         .status();
-    assert!(status.is_ok_and(|s| s.success()), "cargo build of {name}");
+    assert!(status.is_ok_and(|s| s.success()), "cargo build of the programs");
     let target = std::env::var_os("CARGO_TARGET_DIR")
         .map_or_else(|| root().join("target"), |dir| root().join(dir));
-    target.join("debug").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+    target.join("debug")
 }
 
 /// Runs `dsdf` with these arguments and `--quiet`.
