@@ -278,6 +278,9 @@ fn wrong_options_and_checkpoints_of_a_resumed_fit_are_refused() {
         refused(&[&resume[..], flags].concat(), 2, words);
     };
     resume_refused(&["--batch", "32"], &["fit.toml", "batch", "32", "16"]);
+    // Equal to its default, and not to its value in the run.
+    resume_refused(&["--batch", "1024"], &["fit.toml", "batch", "1024", "16"]);
+    resume_refused(&["--preset", "fast"], &["--preset", "--resume"]);
     tests::dsdf_ok(&[&resume[..], &["--batch", "16", "--iterations", "3"]].concat());
     resume_refused(&["--iterations", "1"], &["fit.toml", "iterations", "at least the 3"]);
     // A checkpoint with a number that is none, and one that is cut short.

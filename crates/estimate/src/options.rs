@@ -13,7 +13,7 @@ pub struct EstimatorOptions {
 
 impl Default for EstimatorOptions {
     fn default() -> Self {
-        EstimatorOptions { warp: WarpOptions::PUBLISHED, baseline: Baseline::Background }
+        EstimatorOptions { warp: WarpOptions::IMAGE, baseline: Baseline::Background }
     }
 }
 

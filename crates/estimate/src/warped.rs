@@ -30,7 +30,7 @@ pub struct WarpedArea {
 }
 
 /// The N of the paper; the memory of a sample is relative to it.
-const PUBLISHED_POINTS: usize = WarpOptions::PUBLISHED.steps;
+const PUBLISHED_POINTS: usize = WarpOptions::IMAGE.steps;
 
 impl WarpedArea {
     /// As published: the k points of largest weight, box filter, border flux (`paper`).

@@ -89,7 +89,7 @@ fn row(name: &str) -> Row {
         focal: 24.0,
         eye: DVec3::new(0.0, 0.0, 4.0),
         bounds: 1.4,
-        warp: lengths_in_world_units(WarpOptions::PUBLISHED, 1.4),
+        warp: lengths_in_world_units(WarpOptions::IMAGE, 1.4),
         spp: 64,
         expected: Expected::Sum(disc(0.7, 4.0, 24.0)),
         paper: Expected::Finite,

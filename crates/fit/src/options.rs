@@ -145,6 +145,9 @@ impl Check {
     }
 }
 
+/// The most pixels of an iteration: 2^24, the pixels of a photograph of 4096 × 4096.
+const MAX_BATCH: usize = 1 << 24;
+
 impl FitOptions {
     /// Changes the defaults of `command`, which has these options as flags, to those of fits. (The
     /// flags of [`WarpOptions`] have the defaults of derivative images.)
@@ -188,7 +191,7 @@ impl FitOptions {
                 "a fraction between 0 and 1",
             ),
             Check::positive("learning_rate", self.learning_rate),
-            Check::at_least_one("batch", self.batch as u64),
+            Check::new("batch", self.batch, (1..=MAX_BATCH).contains(&self.batch), "1 to 16777216"),
             Check::count("edge_rays", self.edge_rays),
             Check::count("edge_samples", self.edge_samples),
             Check::not_negative("eikonal", self.eikonal),

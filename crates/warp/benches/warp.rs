@@ -47,7 +47,7 @@ fn warps(c: &mut Criterion) {
         .collect();
     let chart = Pinhole::looking_at(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 1.0);
     let charts: Vec<&Pinhole> = rays.iter().map(|_| &chart).collect();
-    let weighting = WarpOptions::PUBLISHED.weighting::<f32>(1.0);
+    let weighting = WarpOptions::IMAGE.weighting::<f32>(1.0);
     let mut group = c.benchmark_group("a ball passed closely");
     group.throughput(Throughput::Elements(RAYS as u64)).sample_size(10);
     for k in [4, 7, 14, 22] {

@@ -7,26 +7,26 @@ use crate::weighting::PublishedWeighting;
 /// N, k, γ, λ_d and ε of the published warp (Bangaru et al. 2022, supplement, sections 1 and 3).
 ///
 /// Lengths are in bounding radii, so that the same numbers mean the same for a scene of any size.
-/// `dsdf gradient` starts from [`WarpOptions::PUBLISHED`], `dsdf fit` from [`WarpOptions::FIT`].
+/// `dsdf gradient` starts from [`WarpOptions::IMAGE`], `dsdf fit` from [`WarpOptions::FIT`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct WarpOptions {
     /// N: points of the quadrature along a ray (only the warps use this and the next four options)
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.steps))]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.steps))]
     pub steps: usize,
     /// k: points that are weighed; the smallest weight is subtracted, so k − 1 keep one
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.top_k))]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.top_k))]
     pub top_k: usize,
     /// γ: exponent of the weights
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.gamma))]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.gamma))]
     pub gamma: f64,
     /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.lambda_d))]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.lambda_d))]
     pub lambda_d: f64,
     /// ε: length added to |f| + λ_d |∇f·d|, in bounding radii
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::PUBLISHED.epsilon))]
+    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.epsilon))]
     pub epsilon: f64,
 }
 
@@ -36,13 +36,16 @@ const MAX_STEPS: usize = 65_536;
 impl WarpOptions {
     /// The defaults of derivative images: γ = 3 and N = 22 are published; k, λ_d and ε are not.
     ///
+    /// - k = 14: the error of derivative images grows below k = 7 (`cargo xtask tradeoff`).
+    /// - λ_d = 1: 0.01 has half its error, and 10 has twice its error (`cargo xtask tradeoff`).
+    ///   The default stays, so that derivative images by old commands compare with new ones.
     /// - N = 22: over 150 fits N = 6 has 1.59 times the Chamfer distance of 22, N = 10 1.12 times,
     ///   N = 64 1.15 times and N = 200 1.22 times (`cargo xtask ablate steps-epsilon`).
     /// - γ = 3: γ = 1 has 3.0 times its Chamfer distance; 6 and 8 cannot be told apart from it
     ///   (`cargo xtask ablate k-gamma`).
     /// - ε = 1e-6: 0, 1e-8 and 1e-4 give the same Chamfer distance within 3 %, 1e-2 gives 1.22
     ///   times as much (`cargo xtask ablate steps-epsilon`).
-    pub const PUBLISHED: WarpOptions =
+    pub const IMAGE: WarpOptions =
         WarpOptions { steps: 22, top_k: 14, gamma: 3.0, lambda_d: 1.0, epsilon: 1e-6 };
 
     /// The defaults of fits.
@@ -53,7 +56,7 @@ impl WarpOptions {
     /// - k = 7: k = 14 costs twice the second derivatives for a Chamfer distance 1.01 times as
     ///   large (0.89 to 1.16); k = 4 gives 1.19 times, k = 2 gives 1.16 times as much
     ///   (`cargo xtask ablate k-gamma`).
-    pub const FIT: WarpOptions = WarpOptions { top_k: 7, lambda_d: 0.02, ..Self::PUBLISHED };
+    pub const FIT: WarpOptions = WarpOptions { top_k: 7, lambda_d: 0.02, ..Self::IMAGE };
 
     /// Checks every setting.
     ///
@@ -94,7 +97,7 @@ impl WarpOptions {
 
 impl Default for WarpOptions {
     fn default() -> Self {
-        Self::PUBLISHED
+        Self::IMAGE
     }
 }
 

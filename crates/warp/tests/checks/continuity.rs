@@ -55,7 +55,7 @@ fn the_warp_does_not_jump_where_the_selection_of_points_changes() {
     for kind in 0..FIELDS {
         for (k, points) in [(3, 22), (7, 22), (14, 22), (22, 22), (23, 22), (8, 12)] {
             let options =
-                WarpOptions { steps: points, top_k: k, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
+                WarpOptions { steps: points, top_k: k, epsilon: 1e-3, ..WarpOptions::IMAGE };
             let (jump, c, b) = largest_jump(&Scene::new(field(kind), options), 160);
             assert!(jump < 1e-4, "field {kind}, k = {k} of {points}: V jumps by {jump}");
             (changes, births) = (changes + c, births + b);
@@ -73,7 +73,7 @@ fn the_warp_does_not_jump_where_the_selection_of_points_changes() {
 /// point.
 #[test]
 fn the_warp_of_two_points_jumps() {
-    let options = WarpOptions { top_k: 2, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
+    let options = WarpOptions { top_k: 2, epsilon: 1e-3, ..WarpOptions::IMAGE };
     let (jump, ..) = largest_jump(&Scene::new(field(0), options), 160);
     assert!(jump > 0.1, "{jump}");
 }

@@ -115,7 +115,7 @@ fn values_and_divergences_match_differences() {
 
 #[test]
 fn values_with_and_without_divergence_have_the_same_bits() {
-    let scene = Scene::new(field(2), WarpOptions { top_k: 7, ..WarpOptions::PUBLISHED });
+    let scene = Scene::new(field(2), WarpOptions { top_k: 7, ..WarpOptions::IMAGE });
     for i in 0..50 {
         let Some(at) = Reference::at(&scene, [5.0 + 0.4 * f64::from(i), 13.0]) else { continue };
         let ray = [at.record.ray()];
@@ -126,7 +126,7 @@ fn values_with_and_without_divergence_have_the_same_bits() {
 #[test]
 fn second_derivatives_are_evaluated_at_samples_and_at_floors_only() {
     let (top_k, rays) = (6, 12u64);
-    let options = WarpOptions { top_k, ..WarpOptions::PUBLISHED };
+    let options = WarpOptions { top_k, ..WarpOptions::IMAGE };
     let mut scene = Scene::new(field(0), options);
     let records: Vec<_> = (0..rays).filter_map(|i| scene.record([10.0 + i as f64, 14.0])).collect();
     let counted = field::Counted::new(std::mem::replace(&mut scene.field, field(0)));

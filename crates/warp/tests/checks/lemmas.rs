@@ -38,7 +38,7 @@ fn build((a, b, c, radius, k): ([f64; 3], [f64; 3], [f64; 3], f64, f64)) -> Box<
 
 fn scene(field: Box<dyn Field<f64>>, points: usize, gamma: f64) -> Scene {
     let camera = Pinhole::looking_at_origin(DVec3::new(0.6, 0.8, 3.6));
-    let options = WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::PUBLISHED };
+    let options = WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::IMAGE };
     let bounds = Sphere { center: DVec3::ZERO, radius: 1.6 };
     Scene { field, camera, bounds, options, relaxation: 1.0 }
 }
@@ -234,7 +234,7 @@ proptest! {
             clamped: false,
             valid: true,
         };
-        let options = WarpOptions { gamma, epsilon: 0.0, ..WarpOptions::PUBLISHED };
+        let options = WarpOptions { gamma, epsilon: 0.0, ..WarpOptions::IMAGE };
         let warp = evaluate(&options.weighting::<f64>(1.0), 9, &[&camera], &[ray]);
         let [further, nearer] = [0, 1].map(|i| warp.samples[i].weight);
         let slope = (nearer / further).ln() / (delta[1] / delta[0]).ln();

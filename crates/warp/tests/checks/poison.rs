@@ -63,7 +63,7 @@ proptest! {
         k in 2usize..26,
         epsilon in prop_oneof![Just(0.0), Just(1e-6), Just(1e-3)],
     ) {
-        let options = WarpOptions { top_k: k, gamma, epsilon, ..WarpOptions::PUBLISHED };
+        let options = WarpOptions { top_k: k, gamma, epsilon, ..WarpOptions::IMAGE };
         if let Some(record) = Scene::new(field(0), options).record(u) {
             let out = in_single(&record, options, 0.7);
             prop_assert!(finite(&out) && out.warp.invalid() == 0, "{out:?}");
@@ -78,7 +78,7 @@ proptest! {
         k in 3usize..26,
     ) {
         let options =
-            WarpOptions { steps: 12, top_k: k, epsilon: 1e-2, ..WarpOptions::PUBLISHED };
+            WarpOptions { steps: 12, top_k: k, epsilon: 1e-2, ..WarpOptions::IMAGE };
         let scene = Scene::new(field(0), options);
         let Some(record) = scene.record(u) else { return Ok(()) };
         let double = scene.warp_with_divergence(&[record.ray()]);
@@ -106,7 +106,7 @@ proptest! {
             f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e30, -1e30, 1e-30, 5e-324, 0.0,
         ]),
     ) {
-        let options = WarpOptions { top_k: 7, ..WarpOptions::PUBLISHED };
+        let options = WarpOptions { top_k: 7, ..WarpOptions::IMAGE };
         let scene = Scene::new(field(kind), options);
         let good = scene.record([15.0, 14.0]).unwrap();
         let mut bad = scene.record([17.3, 20.0]).unwrap();
@@ -161,7 +161,7 @@ fn points_whose_weights_tie_exactly_share_the_weight() {
     };
     let camera = Pinhole::looking_at_origin(DVec3::new(0.0, 0.0, 4.0));
     for k in 2..6 {
-        let weighting = WarpOptions::PUBLISHED.weighting::<f64>(1.0);
+        let weighting = WarpOptions::IMAGE.weighting::<f64>(1.0);
         for n in 1..=4 {
             let out = evaluate_with_divergence(&plane, &weighting, k, &[&camera], &[ray(n)]);
             assert!(finite(&out) && out.warp.invalid() == 0, "k = {k}, n = {n}: {out:?}");
@@ -173,7 +173,7 @@ fn points_whose_weights_tie_exactly_share_the_weight() {
 
 #[test]
 fn rays_without_points_or_weights_have_no_warp() {
-    let scene = Scene::new(field(0), WarpOptions::PUBLISHED);
+    let scene = Scene::new(field(0), WarpOptions::IMAGE);
     let empty = Record { origin: DVec3::Z, direction: -DVec3::Z, ..Record::default() };
     let still = Record {
         t: vec![1.0],
@@ -191,7 +191,7 @@ fn rays_without_points_or_weights_have_no_warp() {
 
 #[test]
 fn a_gradient_of_zero_gives_finite_numbers() {
-    let scene = Scene::new(field(0), WarpOptions::PUBLISHED);
+    let scene = Scene::new(field(0), WarpOptions::IMAGE);
     for length in [0.0, 1e-200, 5e-324] {
         let mut record = scene.record([15.0, 14.0]).unwrap();
         record.gradient.iter_mut().for_each(|g| *g *= length);
@@ -202,7 +202,7 @@ fn a_gradient_of_zero_gives_finite_numbers() {
 
 #[test]
 fn invalid_options_are_errors_and_the_error_of_one_point_gives_the_reason() {
-    let error = WarpOptions { top_k: 1, ..WarpOptions::PUBLISHED }.validate().unwrap_err();
+    let error = WarpOptions { top_k: 1, ..WarpOptions::IMAGE }.validate().unwrap_err();
     assert_eq!(
         error.to_string(),
         "top_k is 1, expected 2 or more: the smallest weight is subtracted, so one point alone \
@@ -216,14 +216,14 @@ fn invalid_options_are_errors_and_the_error_of_one_point_gives_the_reason() {
     ];
     for (name, change, wrong) in fields {
         for &value in wrong.iter().chain(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]) {
-            let mut options = WarpOptions::PUBLISHED;
+            let mut options = WarpOptions::IMAGE;
             change(&mut options, value);
             assert_eq!(options.validate().unwrap_err().name, name, "{value}");
         }
     }
     for steps in [0, 65_537] {
-        let options = WarpOptions { steps, ..WarpOptions::PUBLISHED };
+        let options = WarpOptions { steps, ..WarpOptions::IMAGE };
         assert_eq!(options.validate().unwrap_err().name, "steps");
     }
-    assert_eq!(WarpOptions::PUBLISHED.validate().and(WarpOptions::FIT.validate()), Ok(()));
+    assert_eq!(WarpOptions::IMAGE.validate().and(WarpOptions::FIT.validate()), Ok(()));
 }

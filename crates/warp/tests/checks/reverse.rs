@@ -58,7 +58,7 @@ proptest! {
         adjoint in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 6),
         tangent in prop::collection::vec(-1.0..1.0f64, 16),
     ) {
-        let options = WarpOptions { top_k: k, gamma, epsilon: 1e-3, ..WarpOptions::PUBLISHED };
+        let options = WarpOptions { top_k: k, gamma, epsilon: 1e-3, ..WarpOptions::IMAGE };
         let scene = Scene::new(field(kind), options);
         let records: Vec<_> = u.iter().filter_map(|&u| scene.record(u)).collect();
         let (scalar, film): (Vec<f64>, Vec<_>) =

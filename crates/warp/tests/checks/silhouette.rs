@@ -16,7 +16,7 @@ fn scene(points: usize, gamma: f64) -> Scene {
         field: Box::new(Shape::sphere([0.0; 3], RADIUS)),
         camera: Pinhole::looking_at_origin(eye),
         bounds: Sphere { center: DVec3::ZERO, radius: 2.0 },
-        options: WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::PUBLISHED },
+        options: WarpOptions { steps: points, top_k: points + 1, gamma, ..WarpOptions::IMAGE },
         relaxation: 1.0,
     }
 }

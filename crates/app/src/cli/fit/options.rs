@@ -27,16 +27,21 @@ pub(crate) struct Fit {
     #[arg(long)]
     pub(super) check: bool,
     /// Speed/accuracy preset; explicit options override it
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with = "resume")]
     preset: Option<Preset>,
     #[command(flatten)]
     pub(super) options: FitOptions,
+    /// The names of the options on the command line.
+    #[arg(skip)]
+    pub(super) explicit: Vec<String>,
 }
 
 impl Fit {
     /// Replaces the defaults of options that are not on the command line by the values of the
-    /// preset. A resumed run keeps its options.
+    /// preset, and notes the options that are on the command line. A resumed run keeps its options.
     pub(in crate::cli) fn resolve_preset(&mut self, matches: &ArgMatches) {
+        let names = matches.ids().map(|id| id.as_str());
+        self.explicit = names.filter(|id| is_explicit(matches, id)).map(str::to_owned).collect();
         let Some(preset) = self.preset.filter(|_| !self.resume) else { return };
         if let Some(iterations) = preset.iterations()
             && !is_explicit(matches, "iterations")

@@ -6,7 +6,7 @@ use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::Global;
 use dataset::{Dataset, LoadOptions};
-use fit::{FitOptions, RunFile};
+use fit::RunFile;
 use io::InputError;
 
 /// The options that a resumed run may change.
@@ -29,15 +29,14 @@ impl Fit {
         Ok((dataset::load(&file.dataset, &options)?, file))
     }
 
-    /// Refuses an option that differs from its default and from its value in `file`: the resumed
-    /// run would ignore it. The budget may differ.
+    /// Refuses an option on the command line that differs from its value in `file`: the resumed run
+    /// would ignore it. The budget may differ.
     fn refuse_other_options(&self, file: &RunFile, source: &Path) -> anyhow::Result<()> {
-        let [given, default, kept] = [&self.options, &FitOptions::default(), &file.options]
-            .map(|options| toml::Table::try_from(options).map(flat));
-        let (given, default, kept) = (given?, default?, kept?);
-        for (key, value) in given {
-            let differs = default.get(&key) != Some(&value) && kept.get(&key) != Some(&value);
-            if differs && !BUDGET.contains(&key.as_str()) {
+        let [given, kept] =
+            [&self.options, &file.options].map(|options| toml::Table::try_from(options).map(flat));
+        let (given, kept) = (given?, kept?);
+        for (key, value) in given.into_iter().filter(|(key, _)| self.explicit.contains(key)) {
+            if kept.get(&key) != Some(&value) && !BUDGET.contains(&key.as_str()) {
                 let kept = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
                 let expected = format!("{kept}, the value of this run");
                 return Err(InputError::new(source, key, value, expected).into());
