@@ -198,22 +198,28 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray.
     pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
+        self.trace_rows(samples, |_, traced| traced)
+    }
+
+    /// Traces a batch of samples and makes a row of each sample and its ray.
+    fn trace_rows<T>(
+        &self,
+        samples: &[Sample],
+        row: impl Fn(Sample, Option<TracedRay<R>>) -> T,
+    ) -> Result<Vec<T>, InvalidField> {
         let rays = self.rays(samples);
         let batch: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
         let mut intersections = Vec::with_capacity(batch.len());
         trace::intersect(self.field, &batch, &self.tracing.options, &mut intersections);
-        let mut next = intersections.into_iter();
-        let traced: Vec<Option<TracedRay<R>>> = rays
-            .into_iter()
-            .map(|ray| ray.and_then(|ray| next.next().map(|found| TracedRay { ray, found })))
-            .collect();
-        let invalid = |traced: &Option<TracedRay<R>>| {
-            traced.is_some_and(|traced| traced.found.outcome == Outcome::Invalid)
-        };
-        match traced.iter().position(invalid) {
-            None => Ok(traced),
-            Some(i) => Err(InvalidField::at(self.cameras, samples[i])),
+        if let Some(i) = intersections.iter().position(|found| found.outcome == Outcome::Invalid) {
+            let mut traced = samples.iter().zip(&rays).filter(|(_, ray)| ray.is_some());
+            let sample = traced.nth(i).map_or(samples[0], |(sample, _)| *sample);
+            return Err(InvalidField::at(self.cameras, sample));
         }
+        let mut next = intersections.into_iter();
+        let mut found = |ray| next.next().map(|found| TracedRay { ray, found });
+        let rows = samples.iter().zip(rays);
+        Ok(rows.map(|(sample, ray)| row(*sample, ray.and_then(&mut found))).collect())
     }
 
     /// Traces a batch of samples and shades the hits.
@@ -221,10 +227,15 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
-        let traced = self.trace(samples)?;
+        let background = self.background;
+        let mut samples = self.trace_rows(samples, |sample, traced| TracedSample {
+            sample,
+            traced,
+            radiance: background,
+        })?;
         let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());
-        for (sample, traced) in traced.iter().enumerate() {
-            let Some(TracedRay { ray, found }) = traced else { continue };
+        for (sample, row) in samples.iter().enumerate() {
+            let Some(TracedRay { ray, found }) = &row.traced else { continue };
             if found.outcome == Outcome::Hit {
                 hits.push(Hit { sample, t: found.t, gradient: R::Vec3::zero() });
                 x.push(ray.origin + ray.direction * found.t);
@@ -237,11 +248,6 @@ impl<R: Real> Scene<'_, R> {
         let surface = Surface { normal: normals::<R>(&gradient), x, direction };
         let mut rgb = vec![R::Vec3::zero(); hits.len()];
         self.shader.radiance(&surface.batch(), &mut rgb);
-        let mut samples: Vec<TracedSample<R>> = samples
-            .iter()
-            .zip(traced)
-            .map(|(&sample, traced)| TracedSample { sample, traced, radiance: self.background })
-            .collect();
         for (hit, rgb) in hits.iter().zip(rgb) {
             samples[hit.sample].radiance = rgb;
         }
