@@ -5,8 +5,7 @@ use render::{InvalidField, Primary, Scene, TracedRay, normals, pixel_samples};
 use warp::Projection;
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use crate::means::pixel_means;
-use record::{Area, Record, Silhouettes, chart};
+use record::{Record, Silhouettes, chart};
 
 /// The width of the band, in pixels. The bias grows with it: on average, a silhouette counts half
 /// of it further out. The variance falls with it.
@@ -92,8 +91,6 @@ impl<R: Real> Estimator<R> for Band {
         let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
         let primary = scene.primary(&samples)?;
         let silhouettes = silhouettes(scene, &primary, spp);
-        let (radiance, rays) = (pixel_means(&primary, spp), samples.len() as u64);
-        let area = vec![Area::uniform(primary, spp)];
-        Ok(Record { radiance, rays, area, border: None, silhouettes })
+        Ok(Record { silhouettes, ..Record::uniform(primary, spp) })
     }
 }

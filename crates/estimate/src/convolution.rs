@@ -8,7 +8,7 @@ use render::{InvalidField, Sample, Scene};
 use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
-use crate::means::{gaussian_samples, pixel_means};
+use crate::gaussian_samples::gaussian_samples;
 use record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
 
 /// The standard deviation of the cloud of auxiliary rays, in pixels.
@@ -233,7 +233,7 @@ impl<R: Real> Estimator<R> for Convolution {
         let film_warp = self.warp(scene, &samples, batch.seed)?;
         let radiance_minus_baseline =
             primary.samples.iter().map(|s| s.radiance - scene.background).collect();
-        let radiance = pixel_means(&primary, spp);
+        let radiance = primary.pixel_means(spp);
         let rays = samples.len() as u64 * u64::from(1 + self.rays);
         let filter_du = Some(filter_du);
         let warp = Some(AreaWarp { film_warp, radiance_minus_baseline, filter_du });

@@ -4,8 +4,7 @@ use field::Real;
 use render::{InvalidField, Scene, pixel_samples};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use crate::means::pixel_means;
-use record::{Area, Record};
+use record::Record;
 
 /// Backpropagation through the hit points. It is biased: it has no silhouette term.
 #[derive(Clone, Copy, Debug)]
@@ -21,11 +20,6 @@ impl<R: Real> Estimator<R> for Interior {
         let spp = batch.counts.spp;
         let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
         let primary = scene.primary(&samples)?;
-        Ok(Record {
-            radiance: pixel_means(&primary, spp),
-            rays: samples.len() as u64,
-            area: vec![Area::uniform(primary, spp)],
-            ..Record::default()
-        })
+        Ok(Record::uniform(primary, spp))
     }
 }

@@ -6,7 +6,7 @@ use random::{Purpose, Stream};
 use render::{InvalidField, Scene, render};
 
 use crate::estimator::{Estimator, Filter, SilhouetteMask, Terms};
-use crate::means::{gaussian_samples, pixel_means};
+use crate::gaussian_samples::gaussian_samples;
 use crate::ordered_sum::ordered_sum;
 use crate::replicates::{Image, Sampling, tiles};
 use record::{Adjoints, Pass};
@@ -110,7 +110,7 @@ fn image<R: Real>(
     let mut pixels = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     for tile in tiles(camera, sampling.counts, estimator.memory_factor()) {
         let (samples, _) = gaussian_samples::<R>(&tile, spp, seed);
-        let radiance = pixel_means(&scene.primary(&samples)?, spp);
+        let radiance = scene.primary(&samples)?.pixel_means(spp);
         for (p, radiance) in tile.iter().zip(radiance) {
             let rgb = R::Vec3::to_array(radiance).map(R::to_double);
             pixels[p.y as usize * camera.width as usize + p.x as usize] = rgb;

@@ -7,7 +7,7 @@ use render::{InvalidField, Pixel, Primary, Sample, Scene, TracedSample, pixel_sa
 use warp::WarpOptions;
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
-use crate::means::{gaussian_samples, pixel_means};
+use crate::gaussian_samples::gaussian_samples;
 use crate::options::{Baseline, EstimatorOptions};
 use record::{
     Area, AreaWarp, Border, BorderSample, Record, warp_samples, warp_samples_with_divergence,
@@ -89,7 +89,8 @@ impl WarpedArea {
         area: &Primary<R>,
     ) -> Result<Border<R>, InvalidField> {
         let (spp, count) = (batch.counts.spp, batch.counts.edge_samples);
-        let baseline = pixel_means(area, spp)
+        let baseline = area
+            .pixel_means(spp)
             .into_iter()
             .zip(area.samples.chunks(spp as usize))
             .map(|(mean, own)| if self.has_own_baseline(own) { mean } else { scene.background })
@@ -141,7 +142,7 @@ impl<R: Real> Estimator<R> for WarpedArea {
             Filter::Gaussian => None,
         };
         let border_rays = border.as_ref().map_or(0, |border| border.samples.len());
-        let radiance = pixel_means(&primary, spp);
+        let radiance = primary.pixel_means(spp);
         let warp = Some(AreaWarp { film_warp, radiance_minus_baseline, filter_du });
         let area = vec![Area { warp, ..Area::uniform(primary, spp) }];
         let rays = (samples.len() + border_rays) as u64;

@@ -1,7 +1,7 @@
 //! The record of an estimator over a batch of pixels.
 
 use field::Real;
-use render::Scene;
+use render::{Primary, Scene};
 
 use crate::adjoints::Adjoints;
 use crate::area::Area;
@@ -28,6 +28,17 @@ impl<R: Real> Record<R> {
     /// A record of `pixels` black pixels without samples.
     pub fn black(pixels: usize) -> Self {
         Record { radiance: vec![field::Vector3::zero(); pixels], ..Record::default() }
+    }
+
+    /// The record of the smooth part: `spp` samples per pixel with equal weights, in the order of
+    /// the pixels, and one ray per sample.
+    pub fn uniform(primary: Primary<R>, spp: u32) -> Self {
+        Record {
+            radiance: primary.pixel_means(spp),
+            rays: primary.samples.len() as u64,
+            area: vec![Area::uniform(primary, spp)],
+            ..Record::default()
+        }
     }
 
     /// VJP of (θ; shader parameters) ↦ pixel values.

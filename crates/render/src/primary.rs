@@ -102,6 +102,16 @@ impl<R: Real> Primary<R> {
         mask
     }
 
+    /// The mean radiance of every pixel, linear RGB, from `spp` samples per pixel in the order of
+    /// the pixels.
+    pub fn pixel_means(&self, spp: u32) -> Vec<R::Vec3> {
+        let share = R::one() / R::of(f64::from(spp));
+        let sum = |own: &[TracedSample<R>]| {
+            own.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance) * share
+        };
+        self.samples.chunks(spp as usize).map(sum).collect()
+    }
+
     /// Keeps the samples that are flagged, with their hits, and renumbers them.
     ///
     /// `keep` has one flag per sample.

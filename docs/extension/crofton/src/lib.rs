@@ -3,7 +3,7 @@
 mod chord;
 mod silhouette;
 
-use estimate::record::{Area, Record};
+use estimate::record::Record;
 use estimate::{Batch, Estimator, SilhouetteMargin, SilhouetteMask, Terms, near_silhouettes};
 use field::Real;
 use render::{InvalidField, Scene, pixel_samples};
@@ -34,14 +34,9 @@ impl<R: Real> Estimator<R> for Crofton {
             let hits = hit[own.clone()].iter().filter(|hit| **hit).count();
             *marked |= near[own].contains(&true) || (hits > 0 && hits < spp as usize);
         }
-        let mut record = Record::black(batch.pixels.len());
-        let share = R::one() / R::of(f64::from(spp));
-        for (i, sample) in primary.samples.iter().enumerate() {
-            record.radiance[i / spp as usize] += sample.radiance * share;
-        }
-        record.rays = samples.len() as u64;
-        if batch.terms == Terms::All {
-            record.area.push(Area::uniform(primary, spp));
+        let mut record = Record::uniform(primary, spp);
+        if batch.terms == Terms::Silhouettes {
+            record.area.clear();
         }
         silhouette::add_silhouettes(scene, batch, mask, &mut record)?;
         Ok(record)
