@@ -174,8 +174,7 @@ fn border_samples<R: Real>(
         for edge in Edges::of(&places, film.width, film.height).as_slice() {
             let [x, y] = edge.point(0.0).map(|v| v as u64);
             let stream = stream.at(edge.axis() as u64).at(camera as u64).at(y << 32 | x);
-            for s in 0..count {
-                let [along] = stream.sobol(s);
+            for [along] in stream.sobol_points(0..count) {
                 samples.push(Sample { camera, u: edge.point(along).into() });
                 owners.push(edge.renamed(|p| own[p]));
             }

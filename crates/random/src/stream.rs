@@ -1,7 +1,5 @@
 //! Streams of random numbers.
 
-use sobol_burley::parts::{owen_scramble_int4_rev, sobol_int4_rev};
-
 use crate::purpose::Purpose;
 
 /// A stream of random numbers: a pure function of a seed, a purpose and indices.
@@ -9,9 +7,6 @@ use crate::purpose::Purpose;
 pub struct Stream {
     key: u64,
 }
-
-/// The longest run of Sobol points that is well distributed.
-const SOBOL_LENGTH: u32 = 1 << 16;
 
 impl Stream {
     /// The stream of a purpose.
@@ -32,21 +27,6 @@ impl Stream {
     /// A number uniform in [0, 1).
     pub fn unit(self) -> f64 {
         (self.key >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Point `index` of the stream's Owen-scrambled Sobol sequence, in [0, 1)^D for D ≤ 4.
-    ///
-    /// After 65 536 points the sequence continues with a new scramble. Source: Burley, "Practical
-    /// Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020.
-    pub fn sobol<const D: usize>(self, index: u32) -> [f64; D] {
-        // The sampler of `sobol_burley` also shuffles the indices, for points of more than four
-        // dimensions, and takes three times as long.
-        let run = u64::from(index / SOBOL_LENGTH);
-        let [a, b] = [0, 1].map(|half| self.at(half).at(run).key);
-        let scramble = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
-        let point = sobol_int4_rev((index % SOBOL_LENGTH).reverse_bits(), 0);
-        let point = owen_scramble_int4_rev(point, scramble.into()).reverse_bits().to_f32_norm();
-        std::array::from_fn(|d| f64::from(point[d]))
     }
 }
 
@@ -71,19 +51,6 @@ pub fn gaussian([a, b]: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::*;
     use std::collections::HashSet;
-
-    #[test]
-    fn every_quarter_of_a_run_has_its_share() {
-        for seed in 0..20 {
-            let stream = Stream::new(seed, Purpose::PixelSamples);
-            let mut count = [0; 4];
-            for i in 0..64 {
-                let [x, y] = stream.sobol(i);
-                count[usize::from(x >= 0.5) + 2 * usize::from(y >= 0.5)] += 1;
-            }
-            assert_eq!(count, [16; 4]);
-        }
-    }
 
     #[test]
     fn gaussian_numbers_have_unit_variance() {

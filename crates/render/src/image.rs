@@ -72,13 +72,14 @@ fn render_pixels<R: Real>(
     let width = scene.cameras[camera].width as usize;
     let pixels = pixels.map(|p| Pixel { camera, x: (p % width) as u32, y: (p / width) as u32 });
     let primary = scene.primary(&pixel_samples(pixels, &(0..spp), seed))?;
-    let hit = primary.hit_mask();
-    let per_pixel = primary.samples.chunks(spp as usize).zip(hit.chunks(spp as usize));
+    let per_pixel = primary.samples.chunks(spp as usize);
+    let mut hits = vec![0u32; per_pixel.len()];
+    primary.hits.iter().for_each(|hit| hits[hit.sample / spp as usize] += 1);
     Ok(per_pixel
-        .map(|(samples, hit)| {
+        .zip(hits)
+        .map(|(samples, hits)| {
             let sum = samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance);
             let mean = sum.to_array().map(|c| c.to_double() / f64::from(spp));
-            let hits = hit.iter().filter(|hit| **hit).count();
             (mean.map(|c| c as f32), hits as f32 / spp as f32)
         })
         .collect())

@@ -158,31 +158,28 @@ fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
 
 impl<R: Real> Scene<'_, R> {
     /// The ray of every sample; `None` for a ray that misses the ball of rays.
-    pub fn rays(&self, samples: &[Sample]) -> Vec<Option<Ray<R>>> {
+    fn rays<'a>(&'a self, samples: &'a [Sample]) -> impl Iterator<Item = Option<Ray<R>>> + 'a {
         let mut surface_distance = FxHashMap::default();
         let radius = self.radius();
-        samples
-            .iter()
-            .map(|sample| {
-                let camera = &self.cameras[sample.camera];
-                let eye = R::Vec3::of(camera.eye);
-                let direction = R::Vec3::of(camera.direction(sample.u));
-                let mut ray = Ray::enter(eye, direction, &self.tracing.ball)?;
-                let mut nearest = ray.near;
-                if ray.near < radius * R::of(CLOSE) {
-                    let distance = *surface_distance
-                        .entry(sample.camera)
-                        .or_insert_with(|| distance_to_surface(self.field, eye));
-                    nearest = nearest.max(distance);
-                    if ray.near < radius * R::of(AT_THE_EYE) {
-                        ray.near = (distance * R::of(0.5)).max(ray.near).min(ray.far);
-                    }
+        samples.iter().map(move |sample| {
+            let camera = &self.cameras[sample.camera];
+            let eye = R::Vec3::of(camera.eye);
+            let direction = R::Vec3::of(camera.direction(sample.u));
+            let mut ray = Ray::enter(eye, direction, &self.tracing.ball)?;
+            let mut nearest = ray.near;
+            if ray.near < radius * R::of(CLOSE) {
+                let distance = *surface_distance
+                    .entry(sample.camera)
+                    .or_insert_with(|| distance_to_surface(self.field, eye));
+                nearest = nearest.max(distance);
+                if ray.near < radius * R::of(AT_THE_EYE) {
+                    ray.near = (distance * R::of(0.5)).max(ray.near).min(ray.far);
                 }
-                let scale = self.tracing_scale(sample.camera, nearest);
-                ray.scale = scale.max(radius * R::of(LEAST_SCALE));
-                Some(ray)
-            })
-            .collect()
+            }
+            let scale = self.tracing_scale(sample.camera, nearest);
+            ray.scale = scale.max(radius * R::of(LEAST_SCALE));
+            Some(ray)
+        })
     }
 
     /// For a sample whose ray misses the ball of rays: the distance along the ray, in world units,
@@ -217,19 +214,23 @@ impl<R: Real> Scene<'_, R> {
         samples: &[Sample],
         row: impl Fn(Sample, Option<TracedRay<R>>) -> T,
     ) -> Result<Vec<T>, InvalidField> {
-        let rays = self.rays(samples);
-        let batch: Vec<Ray<R>> = rays.iter().flatten().copied().collect();
+        let mut batch = Vec::with_capacity(samples.len());
+        let mut enter = |ray: Option<Ray<R>>| {
+            batch.extend(ray);
+            ray.is_some()
+        };
+        let entered: Vec<bool> = self.rays(samples).map(&mut enter).collect();
         let mut intersections = Vec::with_capacity(batch.len());
         trace::intersect(self.field, &batch, &self.tracing.options, &mut intersections);
         if let Some(i) = intersections.iter().position(|found| found.outcome == Outcome::Invalid) {
-            let mut traced = samples.iter().zip(&rays).filter(|(_, ray)| ray.is_some());
+            let mut traced = samples.iter().zip(&entered).filter(|(_, entered)| **entered);
             let sample = traced.nth(i).map_or(samples[0], |(sample, _)| *sample);
             return Err(InvalidField::at(self.cameras, sample));
         }
-        let mut next = intersections.into_iter();
-        let mut found = |ray| next.next().map(|found| TracedRay { ray, found });
-        let rows = samples.iter().zip(rays);
-        Ok(rows.map(|(sample, ray)| row(*sample, ray.and_then(&mut found))).collect())
+        let mut rays = batch.into_iter().zip(intersections);
+        let mut next = || rays.next().map(|(ray, found)| TracedRay { ray, found });
+        let rows = samples.iter().zip(entered);
+        Ok(rows.map(|(sample, entered)| row(*sample, entered.then(&mut next).flatten())).collect())
     }
 
     /// Traces a batch of samples and shades the hits.

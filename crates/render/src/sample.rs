@@ -51,8 +51,9 @@ pub fn pixel_samples(
     let mut samples = Vec::with_capacity(pixels.len() * range.len());
     for pixel in pixels {
         let stream = pixel.stream(seed, Purpose::PixelSamples);
-        samples.extend(range.clone().map(|i| {
-            let u = pixel.corner() + DVec2::from(stream.sobol::<2>(i));
+        let points = stream.sobol_points::<2>(range.clone());
+        samples.extend(points.map(|point| {
+            let u = pixel.corner() + DVec2::from(point);
             Sample { camera: pixel.camera, u }
         }));
     }

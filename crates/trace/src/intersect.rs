@@ -22,20 +22,22 @@ pub fn intersect<R: Real>(
 ) {
     out.clear();
     out.resize(rays.len(), unfinished());
-    let start = |ray: usize| RayState::new(ray, rays[ray].near, options);
-    let mut active: Vec<RayState<R>> = (0..rays.len()).map(start).collect();
+    let mut states: Vec<RayState<R>> =
+        rays.iter().map(|ray| RayState::new(ray.near, options)).collect();
+    // The unfinished rays. Their numbers are removed; the states are too large to be moved.
+    let mut active: Vec<usize> = (0..rays.len()).collect();
     let (mut x, mut f) = (Vec::with_capacity(rays.len()), vec![R::zero(); rays.len()]);
     while !active.is_empty() {
         x.clear();
-        x.extend(active.iter().map(|s| rays[s.ray].at(s.t)));
+        x.extend(active.iter().map(|i| rays[*i].at(states[*i].t)));
         let f = &mut f[..active.len()];
         field.value(&x, f);
         let mut values = f.iter();
-        active.retain_mut(|state| {
+        active.retain(|i| {
             let f = values.next().copied().unwrap_or(R::nan());
-            let (ray, found) = (&rays[state.ray], &mut out[state.ray]);
+            let (ray, found) = (&rays[*i], &mut out[*i]);
             let min_step = options.min_step * ray.scale;
-            Tracer { ray, options, min_step, found }.take_value(state, f)
+            Tracer { ray, options, min_step, found }.take_value(&mut states[*i], f)
         });
     }
 }

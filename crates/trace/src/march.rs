@@ -26,8 +26,6 @@ enum Phase<R> {
 /// The state of an unfinished ray.
 #[derive(Clone, Copy)]
 pub(crate) struct RayState<R> {
-    /// The index of the ray in the batch.
-    pub(crate) ray: usize,
     /// The distance of the next evaluation.
     pub(crate) t: R,
     phase: Phase<R>,
@@ -39,9 +37,9 @@ pub(crate) struct RayState<R> {
 
 impl<R: Real> RayState<R> {
     /// A ray that is evaluated first at distance `near`.
-    pub(crate) fn new(ray: usize, near: R, options: &Options<R>) -> Self {
+    pub(crate) fn new(near: R, options: &Options<R>) -> Self {
         let steepest = R::one() / options.relaxation;
-        RayState { ray, t: near, phase: Phase::March, recent: [None; 2], steepest }
+        RayState { t: near, phase: Phase::March, recent: [None; 2], steepest }
     }
 }
 

@@ -79,26 +79,32 @@ pub fn tangencies<R: Real>(
     tolerance: R,
 ) -> Vec<Option<Tangency<R>>> {
     let mut out = vec![None; starts.len()];
-    let mut active: Vec<Search<R>> = starts
+    let mut searches: Vec<Search<R>> = starts
         .iter()
         .enumerate()
         .map(|(index, start)| Search::new(family, index, *start))
         .collect();
+    // The unfinished searches. Their numbers are removed; the searches are too large to be moved.
+    let mut active: Vec<usize> = (0..starts.len()).collect();
     let (mut x, mut f, mut gradient) =
         (Vec::new(), vec![R::zero(); starts.len()], vec![R::Vec3::zero(); starts.len()]);
     while !active.is_empty() {
         x.clear();
-        x.extend(active.iter().map(|s| family.origin(s.index) + s.direction * s.t));
+        x.extend(active.iter().map(|i| {
+            let search = &searches[*i];
+            family.origin(*i) + search.direction * search.t
+        }));
         let (f, gradient) = (&mut f[..x.len()], &mut gradient[..x.len()]);
         field.value_gradient(&x, f, gradient);
         let mut values = f.iter().zip(gradient.iter());
-        active.retain_mut(|search| {
+        active.retain(|i| {
+            let search = &mut searches[*i];
             let Some((&f, &gradient)) = values.next() else { return false };
             let point = Point { t: search.t, f, slope: gradient.dot(search.direction), gradient };
             match search.take_value(family, point, tolerance) {
                 SearchStep::Evaluate => true,
                 SearchStep::Found(tangency) => {
-                    out[search.index] = Some(tangency);
+                    out[*i] = Some(tangency);
                     false
                 }
                 SearchStep::Failed => false,

@@ -108,8 +108,7 @@ impl RandomLines {
     fn add(&mut self, index: u32, pixel: &Pixel, axis: usize, batch: &Batch<'_>) {
         let count = batch.counts.edge_samples;
         let stream = pixel.stream(batch.seed, Purpose::Lines).at(axis as u64);
-        for i in 0..count {
-            let [across, offset] = stream.sobol(i);
+        for [across, offset] in stream.sobol_points(0..count) {
             let mut start = pixel.corner();
             start[1 - axis] += across;
             let share = 1.0 / f64::from(count);

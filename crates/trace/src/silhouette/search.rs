@@ -48,7 +48,7 @@ const ROUNDING_ULPS: f64 = 4.0;
 
 /// One search.
 pub(super) struct Search<R: Real> {
-    pub(super) index: usize,
+    index: usize,
     start: Start<R>,
     /// The parameter of the current ray.
     s: R,
