@@ -134,13 +134,14 @@ impl<R: Float> Adam<R> {
             let unbias2 = constant::<R>(1.0 - group.beta2.powi(exponent));
             let (rate, epsilon) = (rate * constant(group.rate), constant::<R>(EPSILON));
             let decay = rate * constant(group.weight_decay);
-            for i in group.range.clone() {
-                let g = gradient[i];
-                let m = beta1 * self.first[i] + fresh1 * g;
-                let v = beta2 * self.second[i] + fresh2 * (g * g);
-                (self.first[i], self.second[i]) = (m, v);
-                let step = rate * (m / unbias1) / ((v / unbias2).sqrt() + epsilon);
-                parameters[i] = parameters[i] - step - decay * parameters[i];
+            let range = group.range.clone();
+            let moments = self.first[range.clone()].iter_mut().zip(&mut self.second[range.clone()]);
+            let pairs = parameters[range.clone()].iter_mut().zip(&gradient[range]);
+            for ((p, &g), (m, v)) in pairs.zip(moments) {
+                *m = beta1 * *m + fresh1 * g;
+                *v = beta2 * *v + fresh2 * (g * g);
+                let step = rate * (*m / unbias1) / ((*v / unbias2).sqrt() + epsilon);
+                *p = *p - step - decay * *p;
             }
         }
         Ok(())
