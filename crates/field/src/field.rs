@@ -12,6 +12,10 @@ use crate::sphere::Sphere;
 /// implementation may panic or leave elements unset.
 ///
 /// A NaN or an infinity in a point gives a value that is not finite, and never a panic.
+///
+/// A field that can fail (a device or a callback evaluates it) keeps its first error and writes
+/// NaN from then on. Rendering and fitting then stop with an error that names a ray. The caller
+/// asks the field for the cause before it uses any result.
 pub trait Field<R: Real>: Send + Sync {
     /// The length of θ.
     fn parameter_count(&self) -> usize;

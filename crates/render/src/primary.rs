@@ -236,7 +236,7 @@ impl<R: Real> Scene<'_, R> {
     /// Traces a batch of samples and shades the hits.
     ///
     /// # Errors
-    /// If the field gives a NaN or an infinity along a ray.
+    /// If the field gives a NaN or an infinity along a ray, or a gradient with one at a hit.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
         let background = self.background;
         let mut samples = self.trace_rows(samples, |sample, traced| TracedSample {
@@ -255,6 +255,10 @@ impl<R: Real> Scene<'_, R> {
         }
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
         self.field.value_gradient(&x, &mut f, &mut gradient);
+        let finite = |(f, g): (&R, &R::Vec3)| f.is_finite() && g.is_finite();
+        if let Some(i) = f.iter().zip(&gradient).position(|point| !finite(point)) {
+            return Err(InvalidField::at(self.cameras, samples[hits[i].sample].sample));
+        }
         hits.iter_mut().zip(&gradient).for_each(|(hit, gradient)| hit.gradient = *gradient);
         let surface = Surface { normal: normals::<R>(&gradient), x, direction };
         let mut rgb = vec![R::Vec3::zero(); hits.len()];
