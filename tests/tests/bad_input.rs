@@ -297,6 +297,28 @@ fn wrong_options_and_checkpoints_of_a_resumed_fit_are_refused() {
 }
 
 #[test]
+fn wrong_entries_of_a_runs_fit_toml_are_refused_by_name() {
+    let folder = Folder::new();
+    let run = fit_two_iterations(&folder);
+    let path = folder.path("run/fit.toml");
+    let right = fs::read_to_string(&path).unwrap();
+    for (entry, wrong, words) in [
+        ("batch = 16", "batch = \"many\"", ["batch", "invalid type"]),
+        ("batch = 16\n", "", ["batch", "found nothing"]),
+        ("gamma = 3.0\n", "", ["gamma", "found nothing"]),
+        ("bounds = ", "bounds = [nan, 0.0, 0.0, 1.0] #", ["bounds", "radius above 0"]),
+        ("background = ", "background = [nan, 0.0, 0.0] #", ["background", "NaN"]),
+        ("background_spread = ", "background_spread = -1 #", ["background_spread", "0 or more"]),
+        ("background_confidence = ", "background_confidence = 2 #", ["confidence", "0 to 1"]),
+    ] {
+        assert!(right.contains(entry), "{entry} in {right}");
+        fs::write(&path, right.replacen(entry, wrong, 1)).unwrap();
+        let resume = ["fit", "--resume", "-o", &run, "--iterations", "3"];
+        refused(&resume, 2, &[&["fit.toml"], &words[..]].concat());
+    }
+}
+
+#[test]
 fn weights_of_a_wrong_shape_are_refused_with_their_shapes() {
     let folder = Folder::new();
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/query");
