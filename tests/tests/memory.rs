@@ -3,6 +3,7 @@
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -33,22 +34,38 @@ fn peak(scene: &str, threads: &str, flags: &[&str]) -> f64 {
     peak
 }
 
+/// The scene of a lit disc, on a film of `side` × `side` pixels. Returns its path in `folder`.
+fn disc(folder: &Path, side: u32) -> String {
+    let text = std::fs::read_to_string(root().join("tests/gradients/disc.lambert.json")).unwrap();
+    let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let camera = &mut scene["camera"];
+    let factor = f64::from(side) / camera["width"].as_f64().unwrap();
+    camera["width"] = side.into();
+    camera["height"] = side.into();
+    camera["focal"] = (camera["focal"].as_f64().unwrap() * factor).into();
+    camera["principal"] = [side / 2, side / 2].to_vec().into();
+    let path = folder.join("scene.json");
+    std::fs::write(&path, scene.to_string()).unwrap();
+    path.to_string_lossy().into_owned()
+}
+
 #[test]
 fn memory_does_not_grow_with_samples_or_points() {
-    let scene = root().join("tests/gradients/disc.lambert.json").to_string_lossy().into_owned();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = disc(folder.path(), 8);
     for estimator in ["refined", "paper"] {
         let at = |spp: &str, steps: &str| {
             let options = ["--estimator", estimator, "--spp", spp, "--steps", steps];
             // Two threads may need most memory at the same time or not: 51 to 99 MiB.
             peak(&scene, "1", &[&["--wrt", "/sdf/radius"], &options[..]].concat())
         };
-        // From 1024 samples per pixel on, a tile is one pixel and has its full size.
-        let (few, many, long) = (at("1024", "22"), at("8192", "22"), at("1024", "200"));
+        // With 4096 samples per pixel, each of four replicates has its full size of 1024.
+        let (few, many, long) = (at("4096", "22"), at("32768", "22"), at("4096", "200"));
         println!(
             "{estimator}: {few:.0} MiB; {many:.0} with 8 times the samples, {long:.0} with 9 times \
              the points"
         );
-        assert!(many < 1.5 * few, "{estimator}: {few} MiB with 1024 samples, {many} with 8192");
+        assert!(many < 1.5 * few, "{estimator}: {few} MiB with 4096 samples, {many} with 32768");
         assert!(long < 2.0 * few, "{estimator}: {few} MiB with 22 points, {long} with 200");
     }
 }
@@ -56,16 +73,7 @@ fn memory_does_not_grow_with_samples_or_points() {
 #[test]
 fn derivative_image_of_1024_pixels_squared_takes_less_than_a_gibibyte() {
     let folder = tempfile::tempdir().unwrap();
-    let text = std::fs::read_to_string(root().join("tests/gradients/disc.lambert.json")).unwrap();
-    let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();
-    let factor = 1024.0 / scene["camera"]["width"].as_f64().unwrap();
-    for key in ["width", "height"] {
-        scene["camera"][key] = 1024.into();
-    }
-    scene["camera"]["focal"] = (scene["camera"]["focal"].as_f64().unwrap() * factor).into();
-    scene["camera"]["principal"] = [512, 512].to_vec().into();
-    let path = folder.path().join("scene.json");
-    std::fs::write(&path, scene.to_string()).unwrap();
-    let mebibytes = peak(&path.to_string_lossy(), "2", &["--wrt", "/sdf/radius", "--spp", "4"]);
+    let scene = disc(folder.path(), 1024);
+    let mebibytes = peak(&scene, "2", &["--wrt", "/sdf/radius", "--spp", "4"]);
     assert!(mebibytes < 1024.0, "{mebibytes} MiB");
 }
