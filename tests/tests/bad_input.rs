@@ -309,6 +309,9 @@ fn wrong_entries_of_a_runs_fit_toml_are_refused_by_name() {
         ("bounds = ", "bounds = [nan, 0.0, 0.0, 1.0] #", ["bounds", "radius above 0"]),
         ("background = ", "background = [nan, 0.0, 0.0] #", ["background", "NaN"]),
         ("background_spread = ", "background_spread = -1 #", ["background_spread", "0 or more"]),
+        ("background = ", "background = [0.0, 0.0, 0.0, 7.0] #", ["background", "4 numbers"]),
+        ("background_spread", "# background_spread", ["background_spread: ", "missing"]),
+        ("iterations = 2", "iterations = 2\ntime = 9.0", ["time", "one of both"]),
         ("background_confidence = ", "background_confidence = 2 #", ["confidence", "0 to 1"]),
     ] {
         assert!(right.contains(entry), "{entry} in {right}");

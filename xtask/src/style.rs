@@ -63,7 +63,8 @@ fn check_lines(name: &str, text: &str, findings: &mut Vec<String>) {
         if width > WIDTH {
             report(format!("{width} characters wide, at most {WIDTH}"));
         }
-        if name.ends_with(".rs") && comment(line).is_some_and(has_what_clause) {
+        let prose = if name.ends_with(".md") { Some(line) } else { comment(line) };
+        if prose.is_some_and(has_what_clause) {
             report("a clause with \"what\" in place of a noun: name the thing".to_owned());
         }
     }
@@ -79,13 +80,22 @@ fn comment(line: &str) -> Option<&str> {
     Some(text.trim_start_matches(['/', '!']).trim_start())
 }
 
-/// Whether a comment starts with a clause whose subject or object is "what".
-fn has_what_clause(comment: &str) -> bool {
-    let mut words = comment.split_whitespace();
-    let first = words.next().unwrap_or_default();
-    let capitalised = first.chars().next().is_some_and(char::is_uppercase);
+/// Words before a clause whose subject or object is "what".
+const BEFORE_CLAUSE: [&str; 16] = [
+    "of", "on", "with", "from", "to", "by", "for", "in", "is", "are", "as", "and", "than", "like",
+    "at", "about",
+];
+
+/// Whether a line of prose has a clause with "what" in place of a noun.
+fn has_what_clause(prose: &str) -> bool {
+    let words: Vec<&str> = prose.split_whitespace().collect();
     let what = |word: &str| word == "what" || word == "What";
-    what(first) || (capitalised && words.next().is_some_and(what))
+    let capitalised = |word: &str| word.chars().next().is_some_and(char::is_uppercase);
+    words.first().is_some_and(|first| what(first))
+        || words.windows(2).enumerate().any(|(i, pair)| {
+            let starts = i == 0 && capitalised(pair[0]);
+            what(pair[1]) && (starts || BEFORE_CLAUSE.contains(&pair[0]))
+        })
 }
 
 #[cfg(test)]
@@ -100,6 +110,9 @@ mod tests {
         check_lines("a.rs", &text, &mut findings);
         assert_eq!(findings.len(), 2, "{findings:?}");
         assert!(findings[0].starts_with("a.rs:1:") && findings[1].starts_with("a.rs:3:"));
+        findings.clear();
+        check_lines("a.md", "It depends on what it is for.\nIt says what.\n", &mut findings);
+        assert_eq!(findings.len(), 1, "{findings:?}");
         findings.clear();
         check_lines("a.rs", &"x\n".repeat(501), &mut findings);
         assert_eq!(findings, ["a.rs: 501 lines, at most 500"]);

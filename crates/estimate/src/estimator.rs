@@ -80,6 +80,9 @@ pub trait Estimator<R: Real>: Send + Sync {
 
     /// Samples the pixels of a batch. The same batch and mask give the same bits.
     ///
+    /// The batch may have no pixels. The record names pixels by their index in the batch, and has
+    /// one radiance per pixel.
+    ///
     /// `mask` is empty, or has one flag per pixel from earlier samples of the same pixels.
     /// An estimator that tests which pixels a silhouette may cross adds flags to it; others ignore
     /// it.

@@ -111,7 +111,13 @@ impl Default for Registry {
 
 impl Registry {
     /// Adds an estimator. It replaces an estimator of the same name.
+    ///
+    /// # Panics
+    /// If the name is empty, has white space, or is `fd`, the finite differences of the program.
     pub fn add(&mut self, entry: Entry) {
+        let name = entry.name;
+        let usable = !name.is_empty() && !name.contains(char::is_whitespace) && name != "fd";
+        assert!(usable, "{name:?} cannot be the name of an estimator");
         self.entries.retain(|known| known.name != entry.name);
         self.entries.push(entry);
     }

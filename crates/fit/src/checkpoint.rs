@@ -27,6 +27,9 @@ pub(crate) struct State {
     pub(crate) steps: u64,
 }
 
+/// The most iterations: 2^53, the integers that double precision holds.
+const MOST_STEPS: u64 = 1 << 53;
+
 impl State {
     /// Writes the state to `path`. The file is replaced as a whole: an interrupted write leaves the
     /// old file.
@@ -57,7 +60,7 @@ impl State {
     ///
     /// # Errors
     /// If the file cannot be read, is cut short, has another number of parameters, or has a number
-    /// that is not finite.
+    /// that is not finite or out of range.
     pub(crate) fn load(path: &Path, count: usize) -> anyhow::Result<State> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
@@ -70,9 +73,14 @@ impl State {
         let tensors = SafeTensors::deserialize(&bytes).map_err(corrupt)?;
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(corrupt)?;
         let metadata = header.metadata().clone().unwrap_or_default();
+        let text = |key: &str| metadata.get(key).map_or("nothing", String::as_str);
+        let count_of = |key: &str| {
+            let number = text(key).parse::<u64>().ok().filter(|n| *n <= MOST_STEPS);
+            number.ok_or_else(|| error(key, text(key).to_owned(), "an integer from 0 to 2^53"))
+        };
         let number = |key: &str| {
-            let text = metadata.get(key).map_or("nothing", String::as_str);
-            text.parse::<f64>().map_err(|_| error(key, text.to_owned(), "a number"))
+            let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
+            number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
         };
         let vector = |name: &str| {
             let view = tensors.tensor(name).map_err(corrupt)?;
@@ -93,13 +101,13 @@ impl State {
             }
         };
         Ok(State {
-            iteration: number("iteration")? as u64,
+            iteration: count_of("iteration")?,
             seconds: number("seconds")?,
             usual_norm: number("usual_norm")? as f32,
             parameters: vector("parameters")?,
             first: vector("first")?,
             second: vector("second")?,
-            steps: number("steps")? as u64,
+            steps: count_of("steps")?,
         })
     }
 }

@@ -68,6 +68,7 @@ pub struct FitOptions {
     pub edge_samples: u32,
     /// The options of the published warp.
     #[command(flatten)]
+    #[serde(deserialize_with = "warp_of_fit")]
     pub warp: WarpOptions,
     /// Weight of the eikonal term (|∇f| − 1)²
     #[arg(long, default_value_t = Self::default().eikonal)]
@@ -81,6 +82,29 @@ pub struct FitOptions {
     /// Iterations between preview pictures
     #[arg(long, default_value_t = Self::default().preview_every)]
     pub preview_every: u64,
+}
+
+/// The `[warp]` table of a `fit.toml`. Absent entries have the values of [`WarpOptions::FIT`], and
+/// not those of derivative images.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WarpTable {
+    steps: Option<usize>,
+    top_k: Option<usize>,
+    gamma: Option<f64>,
+    lambda_d: Option<f64>,
+    epsilon: Option<f64>,
+}
+
+fn warp_of_fit<'de, D: serde::Deserializer<'de>>(table: D) -> Result<WarpOptions, D::Error> {
+    let (table, fit) = (WarpTable::deserialize(table)?, WarpOptions::FIT);
+    Ok(WarpOptions {
+        steps: table.steps.unwrap_or(fit.steps),
+        top_k: table.top_k.unwrap_or(fit.top_k),
+        gamma: table.gamma.unwrap_or(fit.gamma),
+        lambda_d: table.lambda_d.unwrap_or(fit.lambda_d),
+        epsilon: table.epsilon.unwrap_or(fit.epsilon),
+    })
 }
 
 /// The number of iterations without `--iterations` and without `--time`.

@@ -66,24 +66,21 @@ impl RunFile {
         let text = std::fs::read_to_string(&path)
             .map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
         let file: RunFile = toml::from_str(&text).map_err(|e| {
-            InputError::new(&path, key_at(&text, e.span()), e.message(), "the options of a fit")
+            InputError::new(&path, key_of(&text, &e), e.message(), "the entries of a fit.toml")
         })?;
-        file.refuse_missing(&path, &text)?;
+        file.refuse_differences(&path, &text)?;
         file.refuse_out_of_range(&path)?;
         Ok(file)
     }
 
-    /// Refuses a file without one of the entries that [`RunFile::save`] writes: a default in its
-    /// place would change the run.
-    fn refuse_missing(&self, path: &Path, text: &str) -> Result<(), InputError> {
+    /// Refuses a file without one of the entries that [`RunFile::save`] writes, since a default in
+    /// its place would change the run, and a list with too many numbers.
+    fn refuse_differences(&self, path: &Path, text: &str) -> Result<(), InputError> {
         let (Ok(complete), Ok(given)) = (toml::Table::try_from(self), text.parse()) else {
             return Ok(());
         };
-        match missing_key(&complete, &given) {
-            Some((key, value)) => {
-                let expected = format!("an entry, by default {value}");
-                Err(InputError::new(path, key, "nothing", expected))
-            }
+        match difference(&complete, &given) {
+            Some((key, found, expected)) => Err(InputError::new(path, key, found, expected)),
             None => Ok(()),
         }
     }
@@ -93,7 +90,10 @@ impl RunFile {
         let sphere = self.sphere();
         let positive =
             sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;
+        let FitOptions { iterations, time, .. } = self.options;
+        let budget = format!("{iterations:?} iterations and the time {time:?}");
         let checks = [
+            ("time", budget, iterations.is_none() || time.is_none(), "one of both"),
             ("bounds", format!("{:?}", self.bounds), positive, "x, y, z and a radius above 0"),
             (
                 "background",
@@ -130,27 +130,34 @@ impl RunFile {
     }
 }
 
-/// The key on the line that a TOML error is about; the name of the file if there is none.
-fn key_at(text: &str, span: Option<std::ops::Range<usize>>) -> String {
-    let line = span.filter(|span| text.get(span.clone()).is_some_and(|s| !s.contains('\n')));
-    let line = line.and_then(|span| {
-        let start = text.get(..span.start)?.rfind('\n').map_or(0, |end| end + 1);
-        text.get(start..)?.lines().next()
-    });
-    let key = line.and_then(|line| line.split_once('=')).map(|(key, _)| key.trim().to_owned());
-    key.unwrap_or_else(|| "fit.toml".to_owned())
+/// The key that a TOML error is about; "line N" if there is none.
+fn key_of(text: &str, error: &toml::de::Error) -> String {
+    if let Some((_, rest)) = error.message().split_once("missing field `")
+        && let Some((key, _)) = rest.split_once('`')
+    {
+        return key.to_owned();
+    }
+    let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+    let line = text.get(before.rfind('\n').map_or(0, |end| end + 1)..).unwrap_or_default();
+    let key = line.lines().next().and_then(|line| line.split_once('='));
+    let number = before.matches('\n').count() + 1;
+    key.map_or(format!("line {number}"), |(key, _)| key.trim().to_owned())
 }
 
-/// The first entry of `complete` that `given` lacks, also in tables inside, with its value.
-fn missing_key<'a>(
-    complete: &'a toml::Table,
-    given: &toml::Table,
-) -> Option<(&'a String, &'a toml::Value)> {
+/// The first entry of `complete` that `given` lacks, or of which `given` has a list of another
+/// length, also in tables inside: its key, the finding, and the expectation.
+fn difference(complete: &toml::Table, given: &toml::Table) -> Option<(String, String, String)> {
+    use toml::Value::{Array, Table};
     complete.iter().find_map(|(key, value)| match (value, given.get(key)) {
-        (toml::Value::Table(complete), Some(toml::Value::Table(given))) => {
-            missing_key(complete, given)
+        (Table(complete), Some(Table(given))) => difference(complete, given),
+        (Array(complete), Some(Array(given))) if complete.len() != given.len() => {
+            let found = format!("{} numbers", given.len());
+            Some((key.clone(), found, format!("{} numbers", complete.len())))
         }
         (_, Some(_)) => None,
-        (value, None) => Some((key, value)),
+        (value, None) => {
+            let expected = format!("an entry, by default {value}");
+            Some((key.clone(), "nothing".to_owned(), expected))
+        }
     })
 }

@@ -10,8 +10,7 @@ use crate::weighting::PublishedWeighting;
 /// `dsdf gradient` starts from [`WarpOptions::IMAGE`], `dsdf fit` from [`WarpOptions::FIT`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct WarpOptions {
     /// N: points of the quadrature along a ray (only the warps use this and the next four options)
     #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.steps))]

@@ -9,6 +9,7 @@ use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
+use super::interrupt::Interrupt;
 use estimate::Registry;
 use io::InputError;
 
@@ -19,8 +20,8 @@ pub(crate) struct Global {
     /// Print the result as one JSON object
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// Number of threads [default: all]
-    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..))]
+    /// Number of threads, 1 to 1024 [default: all]
+    #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Show no progress on standard error
     #[arg(long, global = true)]
@@ -31,6 +32,9 @@ pub(crate) struct Global {
     /// The estimators that `--estimator` can name.
     #[arg(skip)]
     pub(crate) registry: Registry,
+    /// The requests of Ctrl-C.
+    #[arg(skip)]
+    pub(crate) interrupt: Interrupt,
 }
 
 impl Global {
@@ -47,6 +51,13 @@ impl Global {
                 Err(error).context("cannot write to standard output")
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Prints a line about the progress to standard error, unless `--quiet` is given.
+    pub(crate) fn say(&self, line: &str) {
+        if !self.quiet {
+            eprintln!("{line}");
         }
     }
 

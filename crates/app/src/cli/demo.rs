@@ -81,9 +81,10 @@ impl Demo {
         if run.exists() {
             std::fs::remove_dir_all(&run)?;
         }
-        eprintln!("rendering {} views of the embedded scene", self.views);
+        global.say(&format!("rendering {} views of the embedded scene", self.views));
         self.synthesise(&data, global)?;
-        eprintln!("reconstructing it from those images alone, {} s", self.time.as_secs());
+        let seconds = self.time.as_secs();
+        global.say(&format!("reconstructing it from those images alone, {seconds} s"));
         let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
         let (dataset, file) = new_run(&data, &options)?;
         let fitted = fit(dataset, file, &run, Segment::default(), global)?;

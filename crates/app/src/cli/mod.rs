@@ -6,6 +6,7 @@ mod eval;
 mod fit;
 mod gradient;
 mod inspect;
+mod interrupt;
 mod mesh;
 mod preset;
 mod query;
@@ -176,10 +177,7 @@ fn end_with(_parent: Option<u32>) -> anyhow::Result<()> {
 fn execute(cli: Cli) -> anyhow::Result<()> {
     let global = cli.global;
     end_with(global.end_with)?;
-    // A fit writes a checkpoint first; the demo fits.
-    if !matches!(cli.command, Command::Fit(_) | Command::Demo(_)) {
-        ctrlc::set_handler(|| std::process::exit(130))?;
-    }
+    global.interrupt.install()?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(global.threads.map_or(0, usize::from))
         .build()?;

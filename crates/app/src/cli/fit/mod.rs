@@ -9,8 +9,6 @@ mod start;
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::Serialize;
 
@@ -83,9 +81,9 @@ pub(super) fn fit(
 ) -> anyhow::Result<FitReport> {
     let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
     run_folder::write_run_file(run, &fitting.file)?;
-    let interrupted = interrupt_flag()?;
-    let last = iterate(&mut fitting, run, segment, &interrupted, global)?;
-    if interrupted.load(Ordering::Relaxed) {
+    let interrupt = &global.interrupt;
+    let last = interrupt.while_iterating(|| iterate(&mut fitting, run, segment, global))?;
+    if interrupt.requested() {
         eprintln!("stopped after {} iterations; --resume continues", fitting.iteration);
         return Err(Interrupted.into());
     }
@@ -121,22 +119,20 @@ fn locked_fit(
     Ok((fitting, run_folder::lock(run)?))
 }
 
-/// Iterates until the budget is spent, `segment` ends or `interrupted` is set. Returns the metrics
-/// of the last iteration.
+/// Iterates until the budget is spent, `segment` ends or Ctrl-C is pressed. Returns the metrics of
+/// the last iteration.
 fn iterate(
     fitting: &mut Fitting,
     run: &Path,
     segment: Segment,
-    interrupted: &AtomicBool,
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let bar = progress::bar(global);
     let mut last: Option<Metrics> = None;
     let done = Cell::new(fitting.iteration);
-    let stop = || {
-        interrupted.load(Ordering::Relaxed) || segment.stop_after.is_some_and(|n| done.get() >= n)
-    };
+    let stop =
+        || global.interrupt.requested() || segment.stop_after.is_some_and(|n| done.get() >= n);
     fitting.run(&stop, &mut |metrics| {
         done.set(metrics.iteration);
         metrics_file.write(metrics)?;
@@ -146,17 +142,4 @@ fn iterate(
     })?;
     bar.finish_and_clear();
     Ok(last)
-}
-
-/// A flag that the first Ctrl-C sets. The second one ends the program at once, with exit status
-/// 130.
-fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let set = Arc::clone(&flag);
-    ctrlc::set_handler(move || {
-        if set.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })?;
-    Ok(flag)
 }

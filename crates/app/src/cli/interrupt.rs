@@ -1,0 +1,46 @@
+//! Ctrl-C: a fit ends with a checkpoint, every other command at once; both with status 130.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The state that the handler of Ctrl-C shares with the commands.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Interrupt(Arc<Flags>);
+
+#[derive(Debug, Default)]
+struct Flags {
+    /// A fit is iterating: it will see the request and stop.
+    iterating: AtomicBool,
+    /// Ctrl-C was pressed while it was.
+    requested: AtomicBool,
+}
+
+impl Interrupt {
+    /// Handles Ctrl-C from now on.
+    ///
+    /// # Errors
+    /// If the system refuses the handler.
+    pub(crate) fn install(&self) -> Result<(), ctrlc::Error> {
+        let flags = Arc::clone(&self.0);
+        ctrlc::set_handler(move || {
+            let waits = flags.iterating.load(Ordering::SeqCst);
+            if !waits || flags.requested.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        })
+    }
+
+    /// Runs the iterations of a fit. The first Ctrl-C during `iterate` is a request, which
+    /// [`requested`](Self::requested) reports; the second one ends the program.
+    pub(crate) fn while_iterating<T>(&self, iterate: impl FnOnce() -> T) -> T {
+        self.0.iterating.store(true, Ordering::SeqCst);
+        let result = iterate();
+        self.0.iterating.store(false, Ordering::SeqCst);
+        result
+    }
+
+    /// Whether a fit shall stop.
+    pub(crate) fn requested(&self) -> bool {
+        self.0.requested.load(Ordering::SeqCst)
+    }
+}
