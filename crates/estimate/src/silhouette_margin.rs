@@ -57,10 +57,10 @@ pub fn near_silhouettes<R: Real>(
 ) -> Vec<bool> {
     let mut near = vec![false; primary.samples.len()];
     mark_small_balls(scene, primary, &mut near);
-    let traced: Vec<_> = primary.samples.iter().map(|s| (s.sample, s.traced)).collect();
-    for passage in passages(scene, &traced, REACH) {
-        let pixel = pixel_of(&traced[passage.sample].0);
-        near[passage.sample] = passage.crosses(&traced[passage.sample].0, &pixel, margin);
+    let traced = primary.samples.iter().map(|s| (s.sample, s.traced.as_ref()));
+    for passage in passages(scene, traced, REACH) {
+        let sample = &primary.samples[passage.sample].sample;
+        near[passage.sample] = passage.crosses(sample, &pixel_of(sample), margin);
     }
     mark_grazing(scene, primary, margin, &mut near);
     near
@@ -99,26 +99,27 @@ pub(crate) struct Passage {
 }
 
 /// The surfaces that rays pass within `reach` pixels, at most one per ray: the closest.
-pub(crate) fn passages<R: Real>(
+pub(crate) fn passages<'a, R: Real>(
     scene: &Scene<'_, R>,
-    traced: &[(Sample, Option<TracedRay<R>>)],
+    traced: impl Iterator<Item = (Sample, Option<&'a TracedRay<R>>)>,
     reach: f64,
 ) -> Vec<Passage> {
     let (mut which, mut x) = (Vec::new(), Vec::new());
-    for (i, (sample, traced)) in traced.iter().enumerate() {
+    for (i, (sample, traced)) in traced.enumerate() {
         let reach = R::of(scene.cameras[sample.camera].pixel_angle() * reach);
         if let Some(TracedRay { ray, found }) = traced
             && found.clearance < reach
         {
-            which.push((i, *found));
+            which.push((i, sample, *found));
             x.push(ray.at(found.nearest));
         }
     }
     let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
     scene.field.value_gradient(&x, &mut f, &mut gradient);
     let mut passages = Vec::with_capacity(x.len());
-    for (((sample, found), f), gradient) in which.into_iter().zip(f).zip(gradient) {
-        let Sample { camera, u } = traced[sample].0;
+    for (((sample, Sample { camera, u }, found), f), gradient) in
+        which.into_iter().zip(f).zip(gradient)
+    {
         let camera = &scene.cameras[camera];
         let (_, du) = camera.direction_du(u);
         let film_gradient =

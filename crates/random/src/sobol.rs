@@ -24,7 +24,7 @@ impl Stream {
     /// one.
     pub fn sobol_points<const D: usize>(self, range: Range<u32>) -> SobolPoints<D> {
         let (point, scramble) = (unscrambled(range.start), self.scramble(range.start));
-        SobolPoints { stream: self, range, point, scramble }
+        SobolPoints { stream: self, last: range.start, range, point, scramble }
     }
 
     /// The scramble of the run that point `index` belongs to.
@@ -40,7 +40,9 @@ impl Stream {
 pub struct SobolPoints<const D: usize> {
     stream: Stream,
     range: Range<u32>,
-    /// The unscrambled point number `range.start`, and its scramble.
+    /// The index of the last point, or of the first one before any is made.
+    last: u32,
+    /// The unscrambled point of this index, and its scramble.
     point: Int4,
     scramble: Int4,
 }
@@ -50,15 +52,14 @@ impl<const D: usize> Iterator for SobolPoints<D> {
 
     fn next(&mut self) -> Option<[f64; D]> {
         let index = self.range.next()?;
-        let point = scrambled(self.point, self.scramble);
-        let next = index.wrapping_add(1);
+        if index / RUN != self.last / RUN {
+            self.scramble = self.stream.scramble(index);
+        }
         // A Sobol point is a sum modulo 2 over the bits of its index: only the bits that change
         // have to be added, two on average.
-        self.point ^= unscrambled(index ^ next);
-        if next % RUN == 0 {
-            self.scramble = self.stream.scramble(next);
-        }
-        Some(point)
+        self.point ^= unscrambled(index ^ self.last);
+        self.last = index;
+        Some(scrambled(self.point, self.scramble))
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {

@@ -157,8 +157,11 @@ fn distance_to_surface<R: Real>(field: &dyn Field<R>, eye: R::Vec3) -> R {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// The ray of every sample; `None` for a ray that misses the ball of rays.
-    fn rays<'a>(&'a self, samples: &'a [Sample]) -> impl Iterator<Item = Option<Ray<R>>> + 'a {
+    /// The ray of every sample, not yet traced; `None` for a ray that misses the ball of rays.
+    fn rays<'a>(
+        &'a self,
+        samples: &'a [Sample],
+    ) -> impl Iterator<Item = Option<TracedRay<R>>> + 'a {
         let mut surface_distance = FxHashMap::default();
         let radius = self.radius();
         samples.iter().map(move |sample| {
@@ -178,7 +181,7 @@ impl<R: Real> Scene<'_, R> {
             }
             let scale = self.tracing_scale(sample.camera, nearest);
             ray.scale = scale.max(radius * R::of(LEAST_SCALE));
-            Some(ray)
+            Some(TracedRay { ray, found: Intersection::unfinished() })
         })
     }
 
@@ -205,32 +208,29 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray.
     pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
-        self.trace_rows(samples, |_, traced| traced)
+        let mut rows: Vec<Option<TracedRay<R>>> = self.rays(samples).collect();
+        self.trace_rows(&mut rows, Option::as_mut, |i, _| samples[i])?;
+        Ok(rows)
     }
 
-    /// Traces a batch of samples and makes a row of each sample and its ray.
+    /// Traces the rays in rows. `sample` gives the sample of a row, by its number and itself.
     fn trace_rows<T>(
         &self,
-        samples: &[Sample],
-        row: impl Fn(Sample, Option<TracedRay<R>>) -> T,
-    ) -> Result<Vec<T>, InvalidField> {
-        let mut batch = Vec::with_capacity(samples.len());
-        let mut enter = |ray: Option<Ray<R>>| {
-            batch.extend(ray);
-            ray.is_some()
-        };
-        let entered: Vec<bool> = self.rays(samples).map(&mut enter).collect();
-        let mut intersections = Vec::with_capacity(batch.len());
-        trace::intersect(self.field, &batch, &self.tracing.options, &mut intersections);
-        if let Some(i) = intersections.iter().position(|found| found.outcome == Outcome::Invalid) {
-            let mut traced = samples.iter().zip(&entered).filter(|(_, entered)| **entered);
-            let sample = traced.nth(i).map_or(samples[0], |(sample, _)| *sample);
-            return Err(InvalidField::at(self.cameras, sample));
+        rows: &mut [T],
+        traced: impl for<'a> Fn(&'a mut T) -> Option<&'a mut TracedRay<R>>,
+        sample: impl Fn(usize, &T) -> Sample,
+    ) -> Result<(), InvalidField> {
+        trace::intersect_rows(
+            self.field,
+            rows,
+            |row| traced(row).map(|traced| (&traced.ray, &mut traced.found)),
+            &self.tracing.options,
+        );
+        let mut outcomes = rows.iter_mut().map(|row| traced(row).map(|row| row.found.outcome));
+        match outcomes.position(|outcome| outcome == Some(Outcome::Invalid)) {
+            Some(i) => Err(InvalidField::at(self.cameras, sample(i, &rows[i]))),
+            None => Ok(()),
         }
-        let mut rays = batch.into_iter().zip(intersections);
-        let mut next = || rays.next().map(|(ray, found)| TracedRay { ray, found });
-        let rows = samples.iter().zip(entered);
-        Ok(rows.map(|(sample, entered)| row(*sample, entered.then(&mut next).flatten())).collect())
     }
 
     /// Traces a batch of samples and shades the hits.
@@ -238,12 +238,12 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray, or a gradient with one at a hit.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
-        let background = self.background;
-        let mut samples = self.trace_rows(samples, |sample, traced| TracedSample {
-            sample,
-            traced,
-            radiance: background,
-        })?;
+        let radiance = self.background;
+        let row =
+            |(sample, traced): (&Sample, _)| TracedSample { sample: *sample, traced, radiance };
+        let mut samples: Vec<TracedSample<R>> =
+            samples.iter().zip(self.rays(samples)).map(row).collect();
+        self.trace_rows(&mut samples, |row| row.traced.as_mut(), |_, row| row.sample)?;
         let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());
         for (sample, row) in samples.iter().enumerate() {
             let Some(TracedRay { ray, found }) = &row.traced else { continue };
@@ -255,8 +255,9 @@ impl<R: Real> Scene<'_, R> {
         }
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
         self.field.value_gradient(&x, &mut f, &mut gradient);
-        let finite = |(f, g): (&R, &R::Vec3)| f.is_finite() && g.is_finite();
-        if let Some(i) = f.iter().zip(&gradient).position(|point| !finite(point)) {
+        let finite = |(f, g): (&R, &R::Vec3)| f.is_finite() & g.is_finite();
+        if !f.iter().zip(&gradient).fold(true, |all, point| all & finite(point)) {
+            let i = f.iter().zip(&gradient).position(|point| !finite(point)).unwrap_or(0);
             return Err(InvalidField::at(self.cameras, samples[hits[i].sample].sample));
         }
         hits.iter_mut().zip(&gradient).for_each(|(hit, gradient)| hit.gradient = *gradient);

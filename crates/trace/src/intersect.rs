@@ -2,7 +2,7 @@
 
 use field::{Field, Real};
 
-use crate::intersection::{Intersection, Outcome};
+use crate::intersection::Intersection;
 use crate::march::{RayState, Tracer};
 use crate::options::Options;
 use crate::ray::Ray;
@@ -20,36 +20,48 @@ pub fn intersect<R: Real>(
     options: &Options<R>,
     out: &mut Vec<Intersection<R>>,
 ) {
+    let mut rows: Vec<(&Ray<R>, Intersection<R>)> =
+        rays.iter().map(|ray| (ray, Intersection::unfinished())).collect();
+    intersect_rows(field, &mut rows, |row| Some((row.0, &mut row.1)), options);
     out.clear();
-    out.resize(rays.len(), unfinished());
-    let mut states: Vec<RayState<R>> =
-        rays.iter().map(|ray| RayState::new(ray.near, options)).collect();
-    // The unfinished rays. Their numbers are removed; the states are too large to be moved.
-    let mut active: Vec<usize> = (0..rays.len()).collect();
-    let (mut x, mut f) = (Vec::with_capacity(rays.len()), vec![R::zero(); rays.len()]);
+    out.extend(rows.into_iter().map(|(_, found)| found));
+}
+
+/// Like [`intersect`], for rays inside of rows of the caller, with each result in its row.
+///
+/// `parts` gives the ray of a row and the place of its result, [`Intersection::unfinished`] at the
+/// start; `None` for a row without a ray.
+pub fn intersect_rows<R: Real, T>(
+    field: &(impl Field<R> + ?Sized),
+    rows: &mut [T],
+    parts: impl for<'a> Fn(&'a mut T) -> Option<(&'a Ray<R>, &'a mut Intersection<R>)>,
+    options: &Options<R>,
+) {
+    // The unfinished rays: the numbers of their states, which are too large to be moved.
+    let (mut states, mut active, mut x) = (Vec::new(), Vec::new(), Vec::new());
+    for (number, row) in rows.iter_mut().enumerate() {
+        if let Some((ray, _)) = parts(row) {
+            active.push(states.len());
+            x.push(ray.at(ray.near));
+            states.push((number, RayState::new(ray.near, options)));
+        }
+    }
+    let mut f = vec![R::zero(); active.len()];
     while !active.is_empty() {
-        x.clear();
-        x.extend(active.iter().map(|i| rays[*i].at(states[*i].t)));
         let f = &mut f[..active.len()];
         field.value(&x, f);
+        x.clear();
         let mut values = f.iter();
         active.retain(|i| {
             let f = values.next().copied().unwrap_or(R::nan());
-            let (ray, found) = (&rays[*i], &mut out[*i]);
+            let (number, state) = &mut states[*i];
+            let Some((ray, found)) = parts(&mut rows[*number]) else { return false };
             let min_step = options.min_step * ray.scale;
-            Tracer { ray, options, min_step, found }.take_value(&mut states[*i], f)
+            let unfinished = Tracer { ray, options, min_step, found }.take_value(state, f);
+            if unfinished {
+                x.push(ray.at(state.t));
+            }
+            unfinished
         });
-    }
-}
-
-/// A result before the first evaluation.
-fn unfinished<R: Real>() -> Intersection<R> {
-    Intersection {
-        outcome: Outcome::Miss,
-        t: R::zero(),
-        f: R::infinity(),
-        clearance: R::infinity(),
-        nearest: R::zero(),
-        steps: 0,
     }
 }

@@ -1,5 +1,7 @@
 //! The result of tracing a ray.
 
+use field::Real;
+
 /// How a ray ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
@@ -32,4 +34,18 @@ pub struct Intersection<R> {
     pub nearest: R,
     /// The number of evaluations of f, at most `Options::step_limit` + 200.
     pub steps: u32,
+}
+
+impl<R: Real> Intersection<R> {
+    /// The result of a ray before its first evaluation: a miss.
+    pub fn unfinished() -> Self {
+        Intersection {
+            outcome: Outcome::Miss,
+            t: R::zero(),
+            f: R::infinity(),
+            clearance: R::infinity(),
+            nearest: R::zero(),
+            steps: 0,
+        }
+    }
 }

@@ -14,7 +14,7 @@ mod visit;
 
 pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_derivative, hit_vjp};
 pub use field;
-pub use intersect::intersect;
+pub use intersect::{intersect, intersect_rows};
 pub use intersection::{Intersection, Outcome};
 pub use options::{InvalidOptions, Options};
 pub use ray::Ray;

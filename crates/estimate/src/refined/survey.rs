@@ -57,7 +57,7 @@ pub(super) fn sample_unmarked<R: Real>(
 /// Whether a ray clears all surfaces by so much that no silhouette can cross its pixel.
 fn is_far<R: Real>(scene: &Scene<'_, R>, sample: &TracedSample<R>) -> bool {
     let far = R::of(scene.cameras[sample.sample.camera].pixel_angle() * FAR);
-    match sample.traced.map(|traced| traced.found) {
+    match sample.traced.as_ref().map(|traced| &traced.found) {
         Some(found) => {
             found.outcome == Outcome::Miss && found.clearance > far && found.clearance.is_finite()
         }
@@ -104,11 +104,11 @@ pub(super) fn mark_corners<R: Real>(
 ) -> Result<(), InvalidField> {
     let corners = Corners::of(which.iter().map(|&i| batch.pixels[i as usize]));
     let traced = scene.trace(&corners.samples)?;
-    let traced: Vec<_> = corners.samples.iter().copied().zip(traced).collect();
     record.rays += traced.len() as u64;
-    let hits = |i: usize| traced[i].1.is_some_and(|traced| traced.depth().is_some());
+    let hits = |i: usize| traced[i].as_ref().is_some_and(|traced| traced.depth().is_some());
     let mut passed: Vec<Option<Passage>> = traced.iter().map(|_| None).collect();
-    for passage in passages(scene, &traced, CORNER_REACH) {
+    let corner_rays = corners.samples.iter().copied().zip(traced.iter().map(Option::as_ref));
+    for passage in passages(scene, corner_rays, CORNER_REACH) {
         let sample = passage.sample;
         passed[sample] = Some(passage);
     }
@@ -116,7 +116,7 @@ pub(super) fn mark_corners<R: Real>(
         let pixel = &batch.pixels[index as usize];
         let close = |i: usize| {
             let passage = passed[i].as_ref();
-            passage.is_some_and(|p| p.crosses(&traced[i].0, pixel, SilhouetteMargin::SMALL))
+            passage.is_some_and(|p| p.crosses(&corners.samples[i], pixel, SilhouetteMargin::SMALL))
         };
         mask.may_cross[index as usize] = four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
     }
