@@ -113,10 +113,10 @@ impl Registry {
     /// Adds an estimator. It replaces an estimator of the same name.
     ///
     /// # Panics
-    /// If the name is empty, has white space, or is `fd`, the finite differences of the program.
+    /// If the name is empty or has white space.
     pub fn add(&mut self, entry: Entry) {
         let name = entry.name;
-        let usable = !name.is_empty() && !name.contains(char::is_whitespace) && name != "fd";
+        let usable = !name.is_empty() && !name.contains(char::is_whitespace);
         assert!(usable, "{name:?} cannot be the name of an estimator");
         self.entries.retain(|known| known.name != entry.name);
         self.entries.push(entry);

@@ -138,8 +138,8 @@ impl Default for FitOptions {
     }
 }
 
-/// One option with its value, whether the value is valid, and the valid values.
-struct Check {
+/// One entry with its value, whether the value is valid, and the valid values.
+pub(crate) struct Check {
     name: &'static str,
     found: String,
     holds: bool,
@@ -147,8 +147,23 @@ struct Check {
 }
 
 impl Check {
-    fn new(name: &'static str, found: impl ToString, holds: bool, expected: &'static str) -> Self {
+    pub(crate) fn new(
+        name: &'static str,
+        found: impl ToString,
+        holds: bool,
+        expected: &'static str,
+    ) -> Self {
         Check { name, found: found.to_string(), holds, expected }
+    }
+
+    /// The error of the first check that fails. `source` is the origin of the values.
+    pub(crate) fn all(source: &Path, checks: Vec<Check>) -> Result<(), InputError> {
+        match checks.into_iter().find(|check| !check.holds) {
+            Some(Check { name, found, expected, .. }) => {
+                Err(InputError::new(source, name, found, expected))
+            }
+            None => Ok(()),
+        }
     }
 
     fn positive(name: &'static str, value: f64) -> Self {
@@ -191,9 +206,7 @@ impl FitOptions {
             let expected = format!("one of {}", registry.names());
             return Err(InputError::new(source, "estimator", &self.estimator, expected));
         }
-        if let Some(check) = self.checks().into_iter().find(|check| !check.holds) {
-            return Err(InputError::new(source, check.name, check.found, check.expected));
-        }
+        Check::all(source, self.checks())?;
         let warp = self.warp.validate();
         warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))
     }

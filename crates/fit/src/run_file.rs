@@ -9,7 +9,7 @@ use io::{InputError, atomic_write};
 use serde::{Deserialize, Serialize};
 
 use crate::background::BackgroundModel;
-use crate::options::FitOptions;
+use crate::options::{Check, FitOptions};
 
 /// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,32 +92,36 @@ impl RunFile {
             sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;
         let FitOptions { iterations, time, .. } = self.options;
         let budget = format!("{iterations:?} iterations and the time {time:?}");
-        let checks = [
-            ("time", budget, iterations.is_none() || time.is_none(), "one of both"),
-            ("bounds", format!("{:?}", self.bounds), positive, "x, y, z and a radius above 0"),
-            (
-                "background",
-                format!("{color:?}"),
-                color.iter().all(|c| c.is_finite() && *c >= 0.0),
-                "three numbers, 0 or more",
-            ),
-            (
-                "background_spread",
-                spread.to_string(),
-                spread.is_finite() && spread >= 0.0,
-                "0 or more",
-            ),
-            (
-                "background_confidence",
-                confidence.to_string(),
-                (0.0..=1.0).contains(&confidence),
-                "0 to 1",
-            ),
-        ];
-        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
-            Some((field, found, _, expected)) => Err(InputError::new(path, field, found, expected)),
-            None => Ok(()),
-        }
+        Check::all(
+            path,
+            vec![
+                Check::new("time", budget, iterations.is_none() || time.is_none(), "one of both"),
+                Check::new(
+                    "bounds",
+                    format!("{:?}", self.bounds),
+                    positive,
+                    "x, y, z and a radius above 0",
+                ),
+                Check::new(
+                    "background",
+                    format!("{color:?}"),
+                    color.iter().all(|c| c.is_finite() && *c >= 0.0),
+                    "three numbers, 0 or more",
+                ),
+                Check::new(
+                    "background_spread",
+                    spread,
+                    spread.is_finite() && spread >= 0.0,
+                    "0 or more",
+                ),
+                Check::new(
+                    "background_confidence",
+                    confidence,
+                    (0.0..=1.0).contains(&confidence),
+                    "0 to 1",
+                ),
+            ],
+        )
     }
 
     /// Writes the `fit.toml` of a run folder.

@@ -209,16 +209,16 @@ impl<R: Real> Scene<'_, R> {
     /// If the field gives a NaN or an infinity along a ray.
     pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
         let mut rows: Vec<Option<TracedRay<R>>> = self.rays(samples).collect();
-        self.trace_rows(&mut rows, Option::as_mut, |i, _| samples[i])?;
+        self.trace_rows(samples, &mut rows, Option::as_mut)?;
         Ok(rows)
     }
 
-    /// Traces the rays in rows. `sample` gives the sample of a row, by its number and itself.
+    /// Traces the rays in rows, one row for each sample.
     fn trace_rows<T>(
         &self,
+        samples: &[Sample],
         rows: &mut [T],
         traced: impl for<'a> Fn(&'a mut T) -> Option<&'a mut TracedRay<R>>,
-        sample: impl Fn(usize, &T) -> Sample,
     ) -> Result<(), InvalidField> {
         trace::intersect_rows(
             self.field,
@@ -228,7 +228,7 @@ impl<R: Real> Scene<'_, R> {
         );
         let mut outcomes = rows.iter_mut().map(|row| traced(row).map(|row| row.found.outcome));
         match outcomes.position(|outcome| outcome == Some(Outcome::Invalid)) {
-            Some(i) => Err(InvalidField::at(self.cameras, sample(i, &rows[i]))),
+            Some(i) => Err(InvalidField::at(self.cameras, samples[i])),
             None => Ok(()),
         }
     }
@@ -241,11 +241,11 @@ impl<R: Real> Scene<'_, R> {
         let radiance = self.background;
         let row =
             |(sample, traced): (&Sample, _)| TracedSample { sample: *sample, traced, radiance };
-        let mut samples: Vec<TracedSample<R>> =
+        let mut rows: Vec<TracedSample<R>> =
             samples.iter().zip(self.rays(samples)).map(row).collect();
-        self.trace_rows(&mut samples, |row| row.traced.as_mut(), |_, row| row.sample)?;
+        self.trace_rows(samples, &mut rows, |row| row.traced.as_mut())?;
         let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());
-        for (sample, row) in samples.iter().enumerate() {
+        for (sample, row) in rows.iter().enumerate() {
             let Some(TracedRay { ray, found }) = &row.traced else { continue };
             if found.outcome == Outcome::Hit {
                 hits.push(Hit { sample, t: found.t, gradient: R::Vec3::zero() });
@@ -258,15 +258,15 @@ impl<R: Real> Scene<'_, R> {
         let finite = |(f, g): (&R, &R::Vec3)| f.is_finite() & g.is_finite();
         if !f.iter().zip(&gradient).fold(true, |all, point| all & finite(point)) {
             let i = f.iter().zip(&gradient).position(|point| !finite(point)).unwrap_or(0);
-            return Err(InvalidField::at(self.cameras, samples[hits[i].sample].sample));
+            return Err(InvalidField::at(self.cameras, samples[hits[i].sample]));
         }
         hits.iter_mut().zip(&gradient).for_each(|(hit, gradient)| hit.gradient = *gradient);
         let surface = Surface { normal: normals::<R>(&gradient), x, direction };
         let mut rgb = vec![R::Vec3::zero(); hits.len()];
         self.shader.radiance(&surface.batch(), &mut rgb);
         for (hit, rgb) in hits.iter().zip(rgb) {
-            samples[hit.sample].radiance = rgb;
+            rows[hit.sample].radiance = rgb;
         }
-        Ok(Primary { samples, hits, surface })
+        Ok(Primary { samples: rows, hits, surface })
     }
 }

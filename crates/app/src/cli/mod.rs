@@ -75,7 +75,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 /// Like [`run`], with the estimators of `registry`.
 ///
 /// A program that adds an estimator to `dsdf` calls this function.
+///
+/// # Panics
+/// If an estimator has the name `fd`, that of finite differences.
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
+    let fd = gradient::FINITE_DIFFERENCES;
+    assert!(registry.get(fd).is_none(), "{fd:?} cannot be the name of an estimator");
     let cli = match parse(arguments, registry) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {

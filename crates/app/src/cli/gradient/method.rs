@@ -8,7 +8,7 @@ use crate::cli::common::ARGUMENTS;
 
 /// The name of finite differences on the command line. They are not in the registry: an estimator
 /// differentiates one scene, and finite differences render changed scenes.
-const FINITE_DIFFERENCES: &str = "fd";
+pub(in crate::cli) const FINITE_DIFFERENCES: &str = "fd";
 
 /// The line of finite differences in the help of `--estimator`.
 pub(in crate::cli) const FD_HELP: &str =

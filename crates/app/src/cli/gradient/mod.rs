@@ -17,7 +17,7 @@ use super::common::{Global, PrecisionArg, bar_mover, check_extension, color};
 use method::Method;
 use report::GradientReport;
 
-pub(super) use method::FD_HELP;
+pub(super) use method::{FD_HELP, FINITE_DIFFERENCES};
 pub(crate) use options::Gradient;
 
 impl GradientReport {
