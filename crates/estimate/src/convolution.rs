@@ -9,7 +9,7 @@ use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::gaussian_samples::gaussian_samples;
-use record::{Area, AreaWarp, FilmWarpWithDivergence, Record, chart};
+use record::{Area, AreaWarp, FilmWarpWithDivergence, Record, WarpedSample, chart};
 
 /// The standard deviation of the cloud of auxiliary rays, in pixels.
 const DEVIATION: f64 = 0.2;
@@ -231,12 +231,13 @@ impl<R: Real> Estimator<R> for Convolution {
         let (samples, filter_du) = gaussian_samples(batch.pixels, spp, batch.seed);
         let primary = scene.primary(&samples)?;
         let film_warp = self.warp(scene, &samples, batch.seed)?;
-        let radiance_minus_baseline =
-            primary.samples.iter().map(|s| s.radiance - scene.background).collect();
+        let warped = primary.samples.iter().zip(filter_du).map(|(s, filter_du)| {
+            let radiance_minus_baseline = s.radiance - scene.background;
+            WarpedSample { radiance_minus_baseline, filter_du }
+        });
+        let warp = Some(AreaWarp { film_warp, samples: warped.collect() });
         let radiance = primary.pixel_means(spp);
         let rays = samples.len() as u64 * u64::from(1 + self.rays);
-        let filter_du = Some(filter_du);
-        let warp = Some(AreaWarp { film_warp, radiance_minus_baseline, filter_du });
         let area = vec![Area { warp, ..Area::uniform(primary, spp) }];
         Ok(Record { radiance, rays, area, ..Record::default() })
     }

@@ -10,7 +10,8 @@ use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::gaussian_samples::gaussian_samples;
 use crate::options::{Baseline, EstimatorOptions};
 use record::{
-    Area, AreaWarp, Border, BorderSample, Record, warp_samples, warp_samples_with_divergence,
+    Area, AreaWarp, Border, BorderSample, Record, WarpedSample, warp_samples,
+    warp_samples_with_divergence,
 };
 
 /// Samples in the areas of pixels with the warp from N points of the sphere tracer, and for the box
@@ -61,21 +62,26 @@ impl WarpedArea {
             && samples.iter().all(|sample| sample.traced.is_some())
     }
 
-    /// L − c of area samples. The baseline c of a sample does not depend on the sample itself.
-    fn radiance_minus_baseline<R: Real>(
+    /// The rows of area samples, from ∇_u ln k of the filter at each.
+    ///
+    /// The baseline of a sample does not depend on the sample itself.
+    fn warped_samples<R: Real>(
         &self,
         scene: &Scene<'_, R>,
         primary: &Primary<R>,
         spp: usize,
-    ) -> Vec<R::Vec3> {
+        filter_du: Vec<[R; 2]>,
+    ) -> Vec<WarpedSample<R>> {
         let share = R::one() / R::of((spp - usize::from(spp > 1)) as f64);
+        let mut filter_du = filter_du.into_iter();
         let mut out = Vec::with_capacity(primary.samples.len());
         for own in primary.samples.chunks(spp) {
             let sum = own.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance);
             let own_baseline = self.has_own_baseline(own);
-            out.extend(own.iter().map(|s| {
+            out.extend(own.iter().zip(&mut filter_du).map(|(s, filter_du)| {
                 let others = (sum - s.radiance) * share;
-                s.radiance - if own_baseline { others } else { scene.background }
+                let baseline = if own_baseline { others } else { scene.background };
+                WarpedSample { radiance_minus_baseline: s.radiance - baseline, filter_du }
             }));
         }
         out
@@ -124,26 +130,25 @@ impl<R: Real> Estimator<R> for WarpedArea {
         let spp = batch.counts.spp;
         let (samples, filter_du) = match self.filter {
             Filter::Box => {
-                (pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed), None)
+                let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+                let zero = vec![[R::zero(); 2]; samples.len()];
+                (samples, zero)
             }
-            Filter::Gaussian => {
-                let (samples, du) = gaussian_samples(batch.pixels, spp, batch.seed);
-                (samples, Some(du))
-            }
+            Filter::Gaussian => gaussian_samples(batch.pixels, spp, batch.seed),
         };
         let primary = scene.primary(&samples)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
         let (points, k) = (self.options.steps, self.options.top_k);
         let film_warp =
             warp_samples_with_divergence(scene, &primary.samples, points, &weighting, k);
-        let radiance_minus_baseline = self.radiance_minus_baseline(scene, &primary, spp as usize);
+        let warped = self.warped_samples(scene, &primary, spp as usize, filter_du);
         let border = match self.filter {
             Filter::Box => Some(self.border(scene, batch, &primary)?),
             Filter::Gaussian => None,
         };
         let border_rays = border.as_ref().map_or(0, |border| border.samples.len());
         let radiance = primary.pixel_means(spp);
-        let warp = Some(AreaWarp { film_warp, radiance_minus_baseline, filter_du });
+        let warp = Some(AreaWarp { film_warp, samples: warped });
         let area = vec![Area { warp, ..Area::uniform(primary, spp) }];
         let rays = (samples.len() + border_rays) as u64;
         Ok(Record { radiance, rays, area, border, ..Record::default() })

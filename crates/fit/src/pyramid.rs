@@ -16,14 +16,26 @@ const SMALLEST_SIDE: u32 = 24;
 pub(crate) struct Level {
     /// The camera of every view, at this size.
     pub(crate) cameras: Vec<Camera>,
-    /// The image of every view, at this size.
-    pub(crate) images: Vec<Film>,
-    /// The mask of every view at this size, if the view has one.
-    pub(crate) masks: Vec<Option<Film>>,
+    /// The photograph of every view, at this size.
+    pub(crate) photographs: Vec<Photograph>,
     /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
     foreground: Vec<Pixel>,
     /// The pixels of all views whose rays meet the bounding sphere and that are certain background.
     background: Vec<Pixel>,
+}
+
+/// The photograph of a view at one size.
+pub(crate) struct Photograph {
+    /// Its image.
+    pub(crate) image: Film,
+    /// Its mask, if the view has one.
+    pub(crate) mask: Option<Film>,
+}
+
+impl Photograph {
+    fn halved(&self) -> Self {
+        Photograph { image: self.image.halved(), mask: self.mask.as_ref().map(Film::halved) }
+    }
 }
 
 /// A drawn pixel of a view.
@@ -40,15 +52,11 @@ pub(crate) struct Pixel {
 }
 
 impl Level {
-    fn new(
-        cameras: Vec<Camera>,
-        images: Vec<Film>,
-        masks: Vec<Option<Film>>,
-        model: &BackgroundModel,
-    ) -> Self {
+    fn new(cameras: Vec<Camera>, photographs: Vec<Photograph>, model: &BackgroundModel) -> Self {
         let (mut foreground, mut background) = (Vec::new(), Vec::new());
-        for (view, camera) in cameras.iter().enumerate() {
-            let mut certain = model.certain(&images[view], masks[view].as_ref()).into_iter();
+        for (view, (camera, photograph)) in cameras.iter().zip(&photographs).enumerate() {
+            let certain = model.certain(&photograph.image, photograph.mask.as_ref());
+            let mut certain = certain.into_iter();
             for y in 0..camera.height as u16 {
                 for x in 0..camera.width as u16 {
                     let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -60,20 +68,20 @@ impl Level {
                 }
             }
         }
-        Level { cameras, images, masks, foreground, background }
+        Level { cameras, photographs, foreground, background }
     }
 
     /// The next level, at half the size.
     fn halved(&self, model: &BackgroundModel) -> Self {
-        let images: Vec<Film> = self.images.iter().map(Film::halved).collect();
-        let masks = self.masks.iter().map(|m| m.as_ref().map(Film::halved)).collect();
+        let photographs: Vec<Photograph> =
+            self.photographs.iter().map(Photograph::halved).collect();
         // If a side is odd, its last pixel averages fewer pixels. The camera is scaled by exactly
         // 1/2.
         let cameras = self
             .cameras
             .iter()
-            .zip(&images)
-            .map(|(c, image)| Camera {
+            .zip(&photographs)
+            .map(|(c, Photograph { image, .. })| Camera {
                 width: image.width,
                 height: image.height,
                 focal: c.focal / 2.0,
@@ -81,7 +89,7 @@ impl Level {
                 ..*c
             })
             .collect();
-        Level::new(cameras, images, masks, model)
+        Level::new(cameras, photographs, model)
     }
 
     /// The number of pixels whose rays meet the bounding sphere.
@@ -153,19 +161,19 @@ fn permute(i: u64, n: u64, seed: u64) -> u64 {
 /// It ends before a level with a side below [`SMALLEST_SIDE`], or without a pixel whose ray meets
 /// the bounding sphere.
 pub(crate) fn pyramid(views: &[View], model: &BackgroundModel, levels: usize) -> Vec<Level> {
-    let masks = views.iter().map(|v| {
-        v.mask.as_ref().map(|mask| Film {
-            width: v.image.width,
-            height: v.image.height,
+    let photograph = |view: &View| {
+        let mask = view.mask.as_ref().map(|mask| Film {
+            width: view.image.width,
+            height: view.image.height,
             pixels: mask.iter().map(|&m| [m; 3]).collect(),
-        })
-    });
+        });
+        Photograph { image: view.image.clone(), mask }
+    };
     let cameras = views.iter().map(|v| v.camera).collect();
-    let images = views.iter().map(|v| v.image.clone()).collect();
-    let mut out = vec![Level::new(cameras, images, masks.collect(), model)];
+    let mut out = vec![Level::new(cameras, views.iter().map(photograph).collect(), model)];
     while out.len() < levels {
         let last = &out[out.len() - 1];
-        if last.images.iter().any(|i| i.width.min(i.height) < 2 * SMALLEST_SIDE) {
+        if last.photographs.iter().any(|p| p.image.width.min(p.image.height) < 2 * SMALLEST_SIDE) {
             break;
         }
         let next = last.halved(model);

@@ -31,10 +31,17 @@ pub struct Area<R: Real> {
 pub struct AreaWarp<R: Real> {
     /// V and ∇_u·V at the samples.
     pub film_warp: FilmWarpWithDivergence<R>,
-    /// L − c of each sample, linear RGB, with the baseline c of its pixel.
-    pub radiance_minus_baseline: Vec<R::Vec3>,
-    /// ∇_u ln k of the pixel filter k at each sample, per pixel; `None` if k is constant.
-    pub filter_du: Option<Vec<[R; 2]>>,
+    /// One row per sample.
+    pub samples: Vec<WarpedSample<R>>,
+}
+
+/// The quantities at a film sample that its warp is multiplied by.
+#[derive(Clone, Copy, Debug)]
+pub struct WarpedSample<R: Real> {
+    /// L − c, linear RGB, with the baseline c of the pixel.
+    pub radiance_minus_baseline: R::Vec3,
+    /// ∇_u ln k of the pixel filter k, per pixel; zero for a box filter.
+    pub filter_du: [R; 2],
 }
 
 /// For each sample: the adjoints of ∇_u·V and of V, and the sum of its coefficients of f.
@@ -100,11 +107,11 @@ impl<R: Real> Area<R> {
             (film[hit.sample], total[hit.sample]) = (surface.film, surface.alpha);
         }
         if let Some(warp) = &self.warp {
-            for i in 0..n {
-                divergence[i] = delta[i].dot(warp.radiance_minus_baseline[i]);
-                if let Some(du) = &warp.filter_du {
-                    film[i] = std::array::from_fn(|e| film[i][e] + divergence[i] * du[i][e]);
-                }
+            for (i, WarpedSample { radiance_minus_baseline, filter_du }) in
+                warp.samples.iter().enumerate()
+            {
+                divergence[i] = delta[i].dot(*radiance_minus_baseline);
+                film[i] = std::array::from_fn(|e| film[i][e] + divergence[i] * filter_du[e]);
             }
         }
         SampleAdjoints { divergence, film, total }

@@ -10,7 +10,7 @@ mod silhouettes;
 mod surface;
 
 pub use adjoints::{Adjoints, PointAdjoint};
-pub use area::{Area, AreaWarp, Share};
+pub use area::{Area, AreaWarp, Share, WarpedSample};
 pub use border::{Border, BorderSample};
 pub use film_warp::{
     FilmWarp, FilmWarpWithDivergence, chart, warp_samples, warp_samples_with_divergence,

@@ -5,18 +5,29 @@ use field::{Field, Real, Vector3};
 use crate::ray::Ray;
 
 /// The visited points of a batch of rays: at most N points per ray.
+///
+/// The quantities of points are apart, since a warp reads them as slices: it knows no tracer.
 #[derive(Clone, Debug, Default)]
 pub struct Visits<R: Real> {
     /// N: the number of slots per ray.
     points: usize,
-    /// The number of filled slots of each ray.
-    count: Vec<usize>,
-    valid: Vec<bool>,
-    clamped: Vec<bool>,
+    /// One element per ray.
+    records: Vec<RecordEnd>,
     t: Vec<R>,
     f: Vec<R>,
     gradient: Vec<R::Vec3>,
     step: Vec<R>,
+}
+
+/// The end of the record of one ray.
+#[derive(Clone, Copy, Debug)]
+struct RecordEnd {
+    /// The number of filled slots.
+    count: usize,
+    /// See [`Visited::clamped`].
+    clamped: bool,
+    /// See [`Visited::valid`].
+    valid: bool,
 }
 
 /// The visited points of one ray, in order. The slices have one length, at most N.
@@ -44,25 +55,26 @@ impl<R: Real> Visits<R> {
     /// # Panics
     /// If there is no ray `i`.
     pub fn ray(&self, i: usize) -> Visited<'_, R> {
-        let span = i * self.points..i * self.points + self.count[i];
+        let RecordEnd { count, clamped, valid } = self.records[i];
+        let span = i * self.points..i * self.points + count;
         Visited {
             t: &self.t[span.clone()],
             f: &self.f[span.clone()],
             gradient: &self.gradient[span.clone()],
             step: &self.step[span],
-            clamped: self.clamped[i],
-            valid: self.valid[i],
+            clamped,
+            valid,
         }
     }
 
     /// The number of rays.
     pub fn len(&self) -> usize {
-        self.count.len()
+        self.records.len()
     }
 
     /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
-        self.count.is_empty()
+        self.records.is_empty()
     }
 }
 
@@ -85,9 +97,7 @@ pub fn visit<R: Real>(
     let slots = rays.len() * points;
     let mut v = Visits {
         points,
-        count: vec![0; rays.len()],
-        valid: vec![true; rays.len()],
-        clamped: vec![false; rays.len()],
+        records: vec![RecordEnd { count: 0, clamped: false, valid: true }; rays.len()],
         t: vec![R::zero(); slots],
         f: vec![R::zero(); slots],
         gradient: vec![R::Vec3::zero(); slots],
@@ -104,7 +114,8 @@ pub fn visit<R: Real>(
         let mut values = f.iter().zip(gradient.iter());
         active.retain_mut(|(ray, t)| {
             let Some((f, gradient)) = values.next() else { return false };
-            let next = v.record(*ray, index, *t, *f, *gradient, rays[*ray].far, relaxation);
+            let left = (rays[*ray].far - *t).max(R::zero());
+            let next = v.record([*ray, index], (*t, *f, *gradient), left, relaxation);
             next.is_some_and(|next| {
                 let moves = next != *t;
                 *t = next;
@@ -119,30 +130,25 @@ pub fn visit<R: Real>(
 }
 
 impl<R: Real> Visits<R> {
-    /// Stores the point `index` of a ray; returns the distance of the next point, if the ray goes
-    /// on.
-    #[allow(clippy::too_many_arguments, reason = "a point and its ray")]
+    /// Stores a point of a ray, with t, f and ∇f, and the rest `left` of the interval behind it.
+    /// Returns the distance of the next point, if the ray goes on.
     fn record(
         &mut self,
-        ray: usize,
-        index: usize,
-        t: R,
-        f: R,
-        gradient: R::Vec3,
-        far: R,
+        [ray, index]: [usize; 2],
+        (t, f, gradient): (R, R, R::Vec3),
+        left: R,
         relaxation: R,
     ) -> Option<R> {
+        let record = &mut self.records[ray];
         if !f.is_finite() || !gradient.is_finite() {
-            self.valid[ray] = false;
+            record.valid = false;
             return None;
         }
-        let slot = ray * self.points + index;
-        let left = (far - t).max(R::zero());
         let step = relaxation * f;
-        self.clamped[ray] = step >= left;
-        self.count[ray] = index + 1;
+        (record.count, record.clamped) = (index + 1, step >= left);
+        let slot = ray * self.points + index;
         (self.t[slot], self.f[slot], self.gradient[slot]) = (t, f, gradient);
         self.step[slot] = step.abs().min(left);
-        (!self.clamped[ray]).then_some(t + step)
+        (step < left).then_some(t + step)
     }
 }

@@ -8,7 +8,7 @@ use render::{Sample, Scene};
 
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric, squared_error};
-use crate::pyramid::{Level, Pixel};
+use crate::pyramid::{Level, Photograph, Pixel};
 use crate::schedule::Weights;
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
@@ -103,7 +103,11 @@ impl<'a> Chunk<'a> {
 
     /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
     pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
-        let target = Target::of(&self.batch.level.images[p.view as usize], p.x.into(), p.y.into());
+        let target = Target::of(
+            &self.batch.level.photographs[p.view as usize].image,
+            p.x.into(),
+            p.y.into(),
+        );
         let (loss, adjoint) = photometric(radiance, &target);
         let count = f64::from(p.count);
         self.stats.photometric += f64::from(loss) * count;
@@ -114,7 +118,7 @@ impl<'a> Chunk<'a> {
     /// The probability that a pixel shows the background.
     pub(super) fn background_probability(&self, p: Pixel) -> f32 {
         let (level, view) = (&self.batch.level, p.view as usize);
-        let mask = level.masks[view].as_ref();
-        self.batch.background.probability(&level.images[view], mask, p.x.into(), p.y.into())
+        let Photograph { image, mask } = &level.photographs[view];
+        self.batch.background.probability(image, mask.as_ref(), p.x.into(), p.y.into())
     }
 }
