@@ -36,7 +36,7 @@ struct Approach<R: Real> {
 fn approaches<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>) -> Vec<Approach<R>> {
     let mut found = Vec::new();
     for (i, sample) in primary.samples.iter().enumerate() {
-        let Some(TracedRay { ray, found: hit }) = &sample.traced else { continue };
+        let Some(TracedRay { ray, found: hit }) = primary.ray_of(sample) else { continue };
         if hit.clearance.is_infinite() {
             continue;
         }

@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use render::{Pixel, Primary, Sample, Scene, TracedRay};
+use render::{Camera, Pixel, Primary, Sample, Scene, TracedRay, TracedSample};
 use trace::Outcome;
 
 /// The largest distance, in pixels, from a sample to a silhouette that crosses the sample's pixel.
@@ -57,7 +57,7 @@ pub fn near_silhouettes<R: Real>(
 ) -> Vec<bool> {
     let mut near = vec![false; primary.samples.len()];
     mark_small_balls(scene, primary, &mut near);
-    let traced = primary.samples.iter().map(|s| (s.sample, s.traced.as_ref()));
+    let traced = primary.samples.iter().map(|s| (s.sample, primary.ray_of(s)));
     for passage in passages(scene, traced, REACH) {
         let sample = &primary.samples[passage.sample].sample;
         near[passage.sample] = passage.crosses(sample, &pixel_of(sample), margin);
@@ -75,14 +75,19 @@ fn pixel_of(Sample { camera, u }: &Sample) -> Pixel {
 /// between the samples.
 fn mark_small_balls<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, near: &mut [bool]) {
     let ball = &scene.tracing.ball;
-    let misses = primary.samples.iter().enumerate().filter(|(_, s)| s.traced.is_none());
-    for (i, sample) in misses {
-        let camera = &scene.cameras[sample.sample.camera];
-        let reach = R::of(camera.pixel_angle() * REACH);
-        if ball.radius < reach * (ball.center - R::Vec3::of(camera.eye)).length() {
-            let (nearest, clearance) = scene.passing(&sample.sample);
-            near[i] = clearance < reach && ball.radius < reach * nearest;
-        }
+    let reach = |camera: &Camera| R::of(camera.pixel_angle() * REACH);
+    let is_small = |camera: &Camera| {
+        ball.radius < reach(camera) * (ball.center - R::Vec3::of(camera.eye)).length()
+    };
+    let small: Vec<bool> = scene.cameras.iter().map(is_small).collect();
+    if !small.contains(&true) {
+        return;
+    }
+    let misses = primary.samples.iter().enumerate().filter(|(_, s)| s.ray.is_none());
+    for (i, TracedSample { sample, .. }) in misses.filter(|(_, s)| small[s.sample.camera]) {
+        let reach = reach(&scene.cameras[sample.camera]);
+        let (nearest, clearance) = scene.passing(sample);
+        near[i] = clearance < reach && ball.radius < reach * nearest;
     }
 }
 

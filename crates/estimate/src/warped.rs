@@ -59,7 +59,7 @@ impl WarpedArea {
     fn has_own_baseline<R: Real>(&self, samples: &[TracedSample<R>]) -> bool {
         self.baseline == Baseline::PixelMean
             && samples.len() > 1
-            && samples.iter().all(|sample| sample.traced.is_some())
+            && samples.iter().all(|sample| sample.ray.is_some())
     }
 
     /// The rows of area samples, from ∇_u ln k of the filter at each.
@@ -102,11 +102,12 @@ impl WarpedArea {
             .map(|(mean, own)| if self.has_own_baseline(own) { mean } else { scene.background })
             .collect();
         let (positions, edges) = border_samples(scene, batch.pixels, count, batch.seed);
-        let samples = scene.primary(&positions)?.samples;
+        let primary = scene.primary(&positions)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
         let (points, k) = (self.options.steps, self.options.top_k);
-        let film_warp = warp_samples(scene, &samples, points, &weighting, k);
-        let samples = samples
+        let film_warp = warp_samples(scene, &primary, points, &weighting, k);
+        let samples = primary
+            .samples
             .into_iter()
             .zip(edges)
             .map(|(sample, edge)| BorderSample { edge, radiance: sample.radiance })
@@ -139,8 +140,7 @@ impl<R: Real> Estimator<R> for WarpedArea {
         let primary = scene.primary(&samples)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
         let (points, k) = (self.options.steps, self.options.top_k);
-        let film_warp =
-            warp_samples_with_divergence(scene, &primary.samples, points, &weighting, k);
+        let film_warp = warp_samples_with_divergence(scene, &primary, points, &weighting, k);
         let warped = self.warped_samples(scene, &primary, spp as usize, filter_du);
         let border = match self.filter {
             Filter::Box => Some(self.border(scene, batch, &primary)?),

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::{BufReader, BufWriter, ErrorKind, Write};
 use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
@@ -78,10 +78,13 @@ fn array_error(path: &Path, found: impl Display) -> InputError {
 pub fn write_npy(path: &Path, shape: &[usize], data: &[f32]) -> anyhow::Result<()> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     atomic_write(path, |out| {
+        // `npyz` writes number by number, and every call of a `dyn Write` has a cost.
+        let mut out = BufWriter::new(out);
         let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+            npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut out).begin_nd()?;
         writer.extend(data.iter().copied())?;
-        Ok(writer.finish()?)
+        writer.finish()?;
+        Ok(out.flush()?)
     })
 }
 

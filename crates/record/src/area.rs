@@ -148,7 +148,7 @@ impl<R: Real> Area<R> {
     fn silhouette_coefficient(&self, scene: &Scene<'_, R>, i: usize, delta: R::Vec3) -> R {
         let sample = &self.primary.samples[i];
         let camera = &scene.cameras[sample.sample.camera];
-        let t = sample.traced.map_or(R::infinity(), |traced| traced.found.t);
+        let t = self.primary.ray_of(sample).map_or(R::infinity(), |traced| traced.found.t);
         R::of(camera.focal.max_element()) / t.max(R::min_positive_value()) * delta.length()
     }
 

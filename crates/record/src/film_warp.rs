@@ -1,7 +1,7 @@
 //! The warp at film samples: from the tracer's record to coefficients of f and ∇f.
 
 use field::{Real, Sphere, Vector3};
-use render::{Camera, Scene, TracedSample};
+use render::{Camera, Primary, Sample, Scene};
 use trace::{Ray, Visits, entry_derivative, exit_derivative, visit};
 use warp::{
     Pinhole, Warp, WarpWithDivergence, WarpedRay, Weighting, evaluate, evaluate_with_divergence,
@@ -32,7 +32,7 @@ pub fn chart(camera: &Camera) -> Pinhole {
 /// The rays of film samples, with the N points that plain sphere tracing visits along each.
 struct VisitedRays<'a, R: Real> {
     scene: &'a Scene<'a, R>,
-    samples: &'a [TracedSample<R>],
+    primary: &'a Primary<R>,
     /// The samples that have a ray.
     with_ray: Vec<usize>,
     rays: Vec<Ray<R>>,
@@ -41,19 +41,22 @@ struct VisitedRays<'a, R: Real> {
 }
 
 impl<'a, R: Real> VisitedRays<'a, R> {
-    fn new(scene: &'a Scene<'a, R>, samples: &'a [TracedSample<R>], points: usize) -> Self {
-        let (with_ray, rays): (Vec<usize>, Vec<Ray<R>>) = samples
-            .iter()
-            .enumerate()
-            .filter_map(|(i, sample)| sample.traced.map(|traced| (i, traced.ray)))
-            .unzip();
+    fn new(scene: &'a Scene<'a, R>, primary: &'a Primary<R>, points: usize) -> Self {
+        let samples = primary.samples.iter().enumerate();
+        let with_ray = samples.filter(|(_, s)| s.ray.is_some()).map(|(i, _)| i).collect();
+        let rays: Vec<Ray<R>> = primary.rays.iter().map(|traced| traced.ray).collect();
         let visits = visit(scene.field, &rays, points, scene.tracing.options.relaxation);
         let charts = scene.cameras.iter().map(chart).collect();
-        VisitedRays { scene, samples, with_ray, rays, visits, charts }
+        VisitedRays { scene, primary, with_ray, rays, visits, charts }
     }
 
     fn charts(&self) -> Vec<&Pinhole> {
-        self.with_ray.iter().map(|&i| &self.charts[self.samples[i].sample.camera]).collect()
+        (0..self.rays.len()).map(|r| &self.charts[self.sample(r).camera]).collect()
+    }
+
+    /// The sample of ray `r`.
+    fn sample(&self, r: usize) -> Sample {
+        self.primary.samples[self.with_ray[r]].sample
     }
 
     fn warped(&self) -> Vec<WarpedRay<'_, R>> {
@@ -62,7 +65,7 @@ impl<'a, R: Real> VisitedRays<'a, R> {
     }
 
     fn warped_ray(&self, r: usize, ball: &Sphere<R>) -> WarpedRay<'_, R> {
-        let (ray, sample) = (&self.rays[r], self.samples[self.with_ray[r]].sample);
+        let (ray, sample) = (&self.rays[r], self.sample(r));
         let (_, du) = self.scene.cameras[sample.camera].direction_du(sample.u);
         let du = du.map(|du| R::Vec3::of(du));
         let visited = self.visits.ray(r);
@@ -83,29 +86,29 @@ impl<'a, R: Real> VisitedRays<'a, R> {
     }
 }
 
-/// V at film samples, from `points` points per ray, of which the `k` of largest weight are used.
+/// V at the samples of `primary`, from `points` points per ray, of which the `k` of largest weight are used.
 pub fn warp_samples<R: Real>(
     scene: &Scene<'_, R>,
-    samples: &[TracedSample<R>],
+    primary: &Primary<R>,
     points: usize,
     weighting: &dyn Weighting<R>,
     k: usize,
 ) -> FilmWarp<R> {
-    let visited = VisitedRays::new(scene, samples, points);
+    let visited = VisitedRays::new(scene, primary, points);
     let warp = evaluate(weighting, k, &visited.charts(), &visited.warped());
     FilmWarp { warp, sample: visited.with_ray }
 }
 
-/// V and ∇_u·V at film samples, from `points` points per ray, of which the `k` of largest weight
+/// V and ∇_u·V at the samples of `primary`, from `points` points per ray, of which the `k` of largest weight
 /// are used.
 pub fn warp_samples_with_divergence<R: Real>(
     scene: &Scene<'_, R>,
-    samples: &[TracedSample<R>],
+    primary: &Primary<R>,
     points: usize,
     weighting: &dyn Weighting<R>,
     k: usize,
 ) -> FilmWarpWithDivergence<R> {
-    let visited = VisitedRays::new(scene, samples, points);
+    let visited = VisitedRays::new(scene, primary, points);
     let (charts, rays) = (visited.charts(), visited.warped());
     let warp = evaluate_with_divergence(scene.field, weighting, k, &charts, &rays);
     FilmWarpWithDivergence { warp, sample: visited.with_ray }

@@ -22,15 +22,20 @@ impl<R: Real> TracedRay<R> {
     pub fn depth(&self) -> Option<R> {
         (self.found.outcome == Outcome::Hit).then_some(self.found.t)
     }
+
+    /// Whether the field was a NaN or an infinity along the ray.
+    fn is_invalid(&self) -> bool {
+        self.found.outcome == Outcome::Invalid
+    }
 }
 
-/// A film sample with its ray and its radiance.
+/// A film sample with its radiance.
 #[derive(Clone, Copy, Debug)]
 pub struct TracedSample<R: Real> {
     /// The sample.
     pub sample: Sample,
-    /// Its ray; `None` if the ray misses the ball of rays.
-    pub traced: Option<TracedRay<R>>,
+    /// The number of its ray in [`Primary::rays`]; `None` if the ray misses the ball of rays.
+    pub ray: Option<u32>,
     /// The radiance along the ray, linear RGB: of the first hit, or else the background.
     pub radiance: R::Vec3,
 }
@@ -51,6 +56,8 @@ pub struct Hit<R: Real> {
 pub struct Primary<R: Real> {
     /// The samples.
     pub samples: Vec<TracedSample<R>>,
+    /// The rays that meet the ball of rays, in the order of their samples.
+    pub rays: Vec<TracedRay<R>>,
     /// The hits, in the order of their samples.
     pub hits: Vec<Hit<R>>,
     /// The surface at the hits, with one element per hit.
@@ -95,6 +102,11 @@ impl<R: Real> Surface<R> {
 }
 
 impl<R: Real> Primary<R> {
+    /// The ray of a sample; `None` if it misses the ball of rays.
+    pub fn ray_of(&self, sample: &TracedSample<R>) -> Option<&TracedRay<R>> {
+        sample.ray.map(|ray| &self.rays[ray as usize])
+    }
+
     /// For every sample, whether it hits.
     pub fn hit_mask(&self) -> Vec<bool> {
         let mut mask = vec![false; self.samples.len()];
@@ -119,6 +131,8 @@ impl<R: Real> Primary<R> {
     /// # Panics
     /// If `keep` is too short to have a flag for every sample that hits.
     pub fn retain(&mut self, keep: &[bool]) {
+        let with_ray = self.samples.iter().zip(keep).filter(|(sample, _)| sample.ray.is_some());
+        let kept_rays: Vec<bool> = with_ray.map(|(_, keep)| *keep).collect();
         let kept_hits: Vec<bool> = self.hits.iter().map(|hit| keep[hit.sample]).collect();
         let mut kept_before = 0;
         let number: Vec<usize> = keep
@@ -129,11 +143,20 @@ impl<R: Real> Primary<R> {
             })
             .collect();
         retain_flagged(&mut self.samples, keep);
+        number_rays(&mut self.samples);
+        retain_flagged(&mut self.rays, &kept_rays);
         retain_flagged(&mut self.hits, &kept_hits);
         retain_flagged(&mut self.surface.x, &kept_hits);
         retain_flagged(&mut self.surface.normal, &kept_hits);
         retain_flagged(&mut self.surface.direction, &kept_hits);
         self.hits.iter_mut().for_each(|hit| hit.sample = number[hit.sample]);
+    }
+}
+
+/// Numbers the rays of samples anew, in order.
+fn number_rays<R: Real>(samples: &mut [TracedSample<R>]) {
+    for (number, ray) in samples.iter_mut().filter_map(|sample| sample.ray.as_mut()).enumerate() {
+        *ray = number as u32;
     }
 }
 
@@ -209,27 +232,15 @@ impl<R: Real> Scene<'_, R> {
     /// If the field gives a NaN or an infinity along a ray.
     pub fn trace(&self, samples: &[Sample]) -> Result<Vec<Option<TracedRay<R>>>, InvalidField> {
         let mut rows: Vec<Option<TracedRay<R>>> = self.rays(samples).collect();
-        self.trace_rows(samples, &mut rows, Option::as_mut)?;
-        Ok(rows)
-    }
-
-    /// Traces the rays in rows, one row for each sample.
-    fn trace_rows<T>(
-        &self,
-        samples: &[Sample],
-        rows: &mut [T],
-        traced: impl for<'a> Fn(&'a mut T) -> Option<&'a mut TracedRay<R>>,
-    ) -> Result<(), InvalidField> {
         trace::intersect_rows(
             self.field,
-            rows,
-            |row| traced(row).map(|traced| (&traced.ray, &mut traced.found)),
+            &mut rows,
+            |row| row.as_mut().map(|row| (&row.ray, &mut row.found)),
             &self.tracing.options,
         );
-        let mut outcomes = rows.iter_mut().map(|row| traced(row).map(|row| row.found.outcome));
-        match outcomes.position(|outcome| outcome == Some(Outcome::Invalid)) {
+        match rows.iter().position(|row| row.is_some_and(|row| row.is_invalid())) {
             Some(i) => Err(InvalidField::at(self.cameras, samples[i])),
-            None => Ok(()),
+            None => Ok(rows),
         }
     }
 
@@ -238,19 +249,34 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray, or a gradient with one at a hit.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
-        let radiance = self.background;
-        let row =
-            |(sample, traced): (&Sample, _)| TracedSample { sample: *sample, traced, radiance };
+        let (mut rays, radiance) = (Vec::new(), self.background);
+        let row = |(sample, ray): (&Sample, Option<TracedRay<R>>)| {
+            let number = ray.map(|ray| {
+                rays.push(ray);
+                rays.len() as u32 - 1
+            });
+            TracedSample { sample: *sample, ray: number, radiance }
+        };
         let mut rows: Vec<TracedSample<R>> =
             samples.iter().zip(self.rays(samples)).map(row).collect();
-        self.trace_rows(samples, &mut rows, |row| row.traced.as_mut())?;
+        trace::intersect_rows(
+            self.field,
+            &mut rays,
+            |row| Some((&row.ray, &mut row.found)),
+            &self.tracing.options,
+        );
         let (mut x, mut direction, mut hits) = (Vec::new(), Vec::new(), Vec::new());
         for (sample, row) in rows.iter().enumerate() {
-            let Some(TracedRay { ray, found }) = &row.traced else { continue };
-            if found.outcome == Outcome::Hit {
-                hits.push(Hit { sample, t: found.t, gradient: R::Vec3::zero() });
-                x.push(ray.origin + ray.direction * found.t);
-                direction.push(ray.direction);
+            let Some(ray) = row.ray else { continue };
+            let TracedRay { ray, found } = &rays[ray as usize];
+            match found.outcome {
+                Outcome::Hit => {
+                    hits.push(Hit { sample, t: found.t, gradient: R::Vec3::zero() });
+                    x.push(ray.origin + ray.direction * found.t);
+                    direction.push(ray.direction);
+                }
+                Outcome::Invalid => return Err(InvalidField::at(self.cameras, row.sample)),
+                Outcome::Miss | Outcome::Inside => {}
             }
         }
         let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
@@ -267,6 +293,6 @@ impl<R: Real> Scene<'_, R> {
         for (hit, rgb) in hits.iter().zip(rgb) {
             rows[hit.sample].radiance = rgb;
         }
-        Ok(Primary { samples: rows, hits, surface })
+        Ok(Primary { samples: rows, rays, hits, surface })
     }
 }

@@ -7,11 +7,19 @@ use crate::march::{RayState, Tracer};
 use crate::options::Options;
 use crate::ray::Ray;
 
+/// The largest number of rays that are followed at the same time: where one ends, another starts.
+///
+/// Their states should stay in the caches (184 bytes a ray in double precision), and a network
+/// needs many points at once. With 256 and with 1024, images of a ball and of a network and
+/// derivatives of a ball take 0.96 to 1.03 times as long, which is the spread of repeated runs;
+/// with 128, derivatives of a ball take 1.02 times as long.
+const ON_THE_WAY: usize = 512;
+
 /// Finds the first crossing from f > 0 to f ≤ 0 of every ray.
 ///
-/// One call of [`Field::value`] evaluates all unfinished rays at once. `out` is cleared and gets
-/// one element per ray, in the order of `rays`. A ray costs at most `Options::step_limit`
-/// evaluations, and up to 200 more where it has to refine a root.
+/// One call of [`Field::value`] evaluates up to 512 rays. `out` is cleared and gets one element per
+/// ray, in the order of `rays`. A ray costs at most `Options::step_limit` evaluations, and up to
+/// 200 more where it has to refine a root.
 ///
 /// The options are not checked here; see [`Options::validate`].
 pub fn intersect<R: Real>(
@@ -37,31 +45,35 @@ pub fn intersect_rows<R: Real, T>(
     parts: impl for<'a> Fn(&'a mut T) -> Option<(&'a Ray<R>, &'a mut Intersection<R>)>,
     options: &Options<R>,
 ) {
-    // The unfinished rays: the numbers of their states, which are too large to be moved.
-    let (mut states, mut active, mut x) = (Vec::new(), Vec::new(), Vec::new());
-    for (number, row) in rows.iter_mut().enumerate() {
+    let mut next = 0;
+    let mut start = |rows: &mut [T]| loop {
+        let number = next;
+        let row = rows.get_mut(number)?;
+        next += 1;
         if let Some((ray, _)) = parts(row) {
-            active.push(states.len());
-            x.push(ray.at(ray.near));
-            states.push((number, RayState::new(ray.near, options)));
+            break Some(((number, RayState::new(ray.near, options)), ray.at(ray.near)));
         }
-    }
-    let mut f = vec![R::zero(); active.len()];
-    while !active.is_empty() {
-        let f = &mut f[..active.len()];
+    };
+    // The rays on the way, by the numbers of their rows, and the points of their next evaluations.
+    let (mut on_the_way, mut x): (Vec<_>, Vec<_>) =
+        std::iter::from_fn(|| start(rows)).take(ON_THE_WAY).unzip();
+    let mut f = vec![R::zero(); x.len()];
+    while !x.is_empty() {
+        let f = &mut f[..x.len()];
         field.value(&x, f);
-        x.clear();
-        let mut values = f.iter();
-        active.retain(|i| {
-            let f = values.next().copied().unwrap_or(R::nan());
-            let (number, state) = &mut states[*i];
-            let Some((ray, found)) = parts(&mut rows[*number]) else { return false };
+        // Backwards: the ray that takes the place of a finished one has had its value.
+        for (i, f) in f.iter().enumerate().rev() {
+            let (number, state) = &mut on_the_way[i];
+            let Some((ray, found)) = parts(&mut rows[*number]) else { continue };
             let min_step = options.min_step * ray.scale;
-            let unfinished = Tracer { ray, options, min_step, found }.take_value(state, f);
-            if unfinished {
-                x.push(ray.at(state.t));
+            if (Tracer { ray, options, min_step, found }).take_value(state, *f) {
+                x[i] = ray.at(state.t);
+            } else if let Some(started) = start(rows) {
+                (on_the_way[i], x[i]) = started;
+            } else {
+                on_the_way.swap_remove(i);
+                x.swap_remove(i);
             }
-            unfinished
-        });
+        }
     }
 }

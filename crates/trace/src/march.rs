@@ -106,14 +106,20 @@ impl<R: Real> Tracer<'_, R> {
         if !f.is_finite() {
             return self.end(Outcome::Invalid, here);
         }
-        match s.phase {
-            Phase::Root(bracket) => self.narrow_root(s, bracket.narrowed(here)),
+        match &mut s.phase {
+            Phase::Root(bracket) => {
+                bracket.narrow(here);
+                self.follow_root(&mut s.t, bracket)
+            }
             _ if f > R::zero() && self.at_limit() => {
                 self.note_lowest(here);
                 false
             }
             Phase::March => self.march(s, here),
-            Phase::Dip(search) => self.search_dip(s, search, here),
+            Phase::Dip(search) => {
+                let search = *search;
+                self.search_dip(s, search, here)
+            }
         }
     }
 
@@ -294,14 +300,17 @@ impl<R: Real> Tracer<'_, R> {
 
     fn enter_root(&mut self, s: &mut RayState<R>, outside: Point<R>, inside: Point<R>) -> bool {
         self.found.outcome = Outcome::Hit;
-        self.narrow_root(s, Bracket::new(outside, inside))
+        let mut bracket = Bracket::new(outside, inside);
+        let unfinished = self.follow_root(&mut s.t, &mut bracket);
+        s.phase = Phase::Root(bracket);
+        unfinished
     }
 
-    /// Goes on with a root, or ends the ray at the better side of its bracket.
-    fn narrow_root(&mut self, s: &mut RayState<R>, mut bracket: Bracket<R>) -> bool {
+    /// Sets `next`, the distance of the next evaluation of a root, or ends the ray at the better
+    /// side of its bracket.
+    fn follow_root(&mut self, next: &mut R, bracket: &mut Bracket<R>) -> bool {
         if let Some(t) = bracket.trial(self.options.tolerance * self.ray.scale) {
-            s.t = t;
-            s.phase = Phase::Root(bracket);
+            *next = t;
             return true;
         }
         let best = bracket.best();

@@ -77,9 +77,9 @@ impl<R: Real> Bracket<R> {
         Some(if t > from && t < to { t } else { middle })
     }
 
-    /// The bracket with `here` as one of its ends. Illinois: an end that stays for the second time
-    /// in a row counts with half of its value, so that it will move too.
-    pub(crate) fn narrowed(mut self, here: Point<R>) -> Self {
+    /// Makes `here` one of the ends. Illinois: an end that stays for the second time in a row counts
+    /// with half of its value, so that it will move too.
+    pub(crate) fn narrow(&mut self, here: Point<R>) {
         let moved = usize::from(here.f <= R::zero());
         if self.last_moved == Some(moved) {
             self.secant_values[1 - moved] *= R::of(0.5);
@@ -89,6 +89,5 @@ impl<R: Real> Bracket<R> {
         self.secant_values[moved] = here.f;
         *(if moved == 0 { &mut self.outside } else { &mut self.inside }) = here;
         self.last_moved = Some(moved);
-        self
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use field::Real;
-use render::{InvalidField, Pixel, Sample, Scene, TracedSample, pixel_samples};
+use render::{InvalidField, Pixel, Primary, Sample, Scene, TracedRay, TracedSample, pixel_samples};
 use rustc_hash::FxHashMap;
 use trace::Outcome;
 
@@ -43,7 +43,7 @@ pub(super) fn sample_unmarked<R: Real>(
         let own = i * count..(i + 1) * count;
         if near[own.clone()].contains(&true) || mixed(&hit[own.clone()]) {
             mask.may_cross[pixel as usize] = true;
-        } else if !primary.samples[own].iter().any(|sample| is_far(scene, sample)) {
+        } else if !primary.samples[own].iter().any(|sample| is_far(scene, &primary, sample)) {
             not_far.push(pixel);
         }
     }
@@ -55,10 +55,10 @@ pub(super) fn sample_unmarked<R: Real>(
 }
 
 /// Whether a ray clears all surfaces by so much that no silhouette can cross its pixel.
-fn is_far<R: Real>(scene: &Scene<'_, R>, sample: &TracedSample<R>) -> bool {
+fn is_far<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, sample: &TracedSample<R>) -> bool {
     let far = R::of(scene.cameras[sample.sample.camera].pixel_angle() * FAR);
-    match sample.traced.as_ref().map(|traced| &traced.found) {
-        Some(found) => {
+    match primary.ray_of(sample) {
+        Some(TracedRay { found, .. }) => {
             found.outcome == Outcome::Miss && found.clearance > far && found.clearance.is_finite()
         }
         None => scene.passing(&sample.sample).1 > far,

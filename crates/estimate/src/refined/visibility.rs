@@ -107,7 +107,7 @@ fn inside_edges<R: Real>(
 
 /// The depth just outside silhouette `i`; infinite for a miss.
 fn depth_outside<R: Real>(outside: &Primary<R>, i: usize) -> R {
-    match outside.samples[i].traced {
+    match outside.ray_of(&outside.samples[i]) {
         Some(traced) if traced.found.outcome != Outcome::Miss => traced.found.t,
         _ => R::infinity(),
     }

@@ -29,7 +29,7 @@ impl Chunk<'_> {
             let weight = each * f32::from(pixel.count);
             let probability = self.background_probability(*pixel);
             let disagreement = if hit[i].is_some() { probability } else { 1.0 - probability };
-            let traced = primary.samples[i].traced;
+            let traced = primary.ray_of(&primary.samples[i]);
             let inside = traced.is_some_and(|traced| traced.found.outcome == Outcome::Inside);
             if disagreement < NEGLIGIBLE && !inside {
                 continue;

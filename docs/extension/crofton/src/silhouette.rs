@@ -130,7 +130,7 @@ fn add_crossings<R: Real>(
     let x: Vec<R::Vec3> = open
         .iter()
         .zip(&outside.samples)
-        .map(|(interval, sample)| match sample.traced {
+        .map(|(interval, sample)| match outside.ray_of(sample) {
             Some(traced) if traced.found.clearance.is_finite() => {
                 traced.ray.at(traced.found.nearest)
             }
