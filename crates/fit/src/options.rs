@@ -167,11 +167,11 @@ impl Check {
     }
 
     fn positive(name: &'static str, value: f64) -> Self {
-        Self::new(name, value, value > 0.0 && value.is_finite(), "a number above 0")
+        Self::new(name, value, value > 0.0 && value.is_finite(), "a finite number above 0")
     }
 
     fn not_negative(name: &'static str, value: f64) -> Self {
-        Self::new(name, value, value >= 0.0 && value.is_finite(), "0 or more")
+        Self::new(name, value, value >= 0.0 && value.is_finite(), "a finite number, 0 or more")
     }
 
     fn at_least_one(name: &'static str, value: u64) -> Self {

@@ -106,13 +106,13 @@ impl RunFile {
                     "background",
                     format!("{color:?}"),
                     color.iter().all(|c| c.is_finite() && *c >= 0.0),
-                    "three numbers, 0 or more",
+                    "three finite numbers, 0 or more",
                 ),
                 Check::new(
                     "background_spread",
                     spread,
                     spread.is_finite() && spread >= 0.0,
-                    "0 or more",
+                    "a finite number, 0 or more",
                 ),
                 Check::new(
                     "background_confidence",

@@ -59,6 +59,9 @@ fn from_target(object: &Object<'_>, intrinsics: &Intrinsics) -> Result<Camera> {
     let Intrinsics { width, height, focal, principal } = *intrinsics;
     let eye = DVec3::from(object.numbers("eye")?);
     let (target, up) = (DVec3::from(object.numbers("target")?), DVec3::from(object.numbers("up")?));
+    if (target - eye).try_normalize().is_none() {
+        return Err(object.error("target", "a point other than eye"));
+    }
     Camera::look_at(width, height, focal, principal, eye, target, up)
-        .ok_or_else(|| object.error("target", "a point other than eye, with up not along the view"))
+        .ok_or_else(|| object.error("up", "a direction other than from eye to target"))
 }

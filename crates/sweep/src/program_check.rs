@@ -159,9 +159,10 @@ impl DataCheck<'_> {
         if let Some(dataset) = &data.dataset {
             self.inspect(&self.base.join(dataset), binary)?;
         }
-        if data.views == 0 || data.size == 0 {
-            let expected = "1 or more, as for size";
-            return Err(Refusal::new(self.file, self.field("views"), "0", expected).into());
+        for (key, value) in [("views", data.views), ("size", data.size)] {
+            if value == 0 {
+                return Err(Refusal::new(self.file, self.field(key), "0", "1 or more").into());
+            }
         }
         Ok(())
     }

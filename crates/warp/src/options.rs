@@ -62,10 +62,11 @@ impl WarpOptions {
     /// # Errors
     /// On the first setting that cannot work.
     pub fn validate(&self) -> Result<(), InvalidOptions> {
+        const NOT_NEGATIVE: &str = "a finite number, 0 or more";
         let finite_from =
             |value: f64, zero: bool| value.is_finite() && (value > 0.0 || (zero && value == 0.0));
         let length =
-            |name, value: f64| (name, value.to_string(), finite_from(value, true), "0 or more");
+            |name, value: f64| (name, value.to_string(), finite_from(value, true), NOT_NEGATIVE);
         let checks = [
             ("steps", self.steps.to_string(), (1..=MAX_STEPS).contains(&self.steps), "1 to 65536"),
             (
@@ -74,7 +75,12 @@ impl WarpOptions {
                 self.top_k >= 2,
                 "2 or more: the smallest weight is subtracted, so one point alone keeps none",
             ),
-            ("gamma", self.gamma.to_string(), finite_from(self.gamma, false), "a number above 0"),
+            (
+                "gamma",
+                self.gamma.to_string(),
+                finite_from(self.gamma, false),
+                "a finite number above 0",
+            ),
             length("lambda_d", self.lambda_d),
             length("epsilon", self.epsilon),
         ];
