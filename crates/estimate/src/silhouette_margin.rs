@@ -7,11 +7,14 @@ use trace::Outcome;
 
 /// The largest distance, in pixels, from a sample to a silhouette that crosses the sample's pixel.
 /// The sample may be in one corner and the silhouette in the opposite one, √2 away; the rest is a
-/// margin for the error of first order.
+/// margin for the error of first order. In the gradient suite `refined` has the same errors at 1.1
+/// and 3.2, with 0.987 and 1.004 times the evaluations.
 const REACH: f64 = 1.6;
 
 /// A hit whose cosine between reversed ray and normal is above this has no silhouette near it.
 /// At the distance s from a silhouette of radius r, cos² = 2 s/r, so this holds for r ≥ 8 pixels.
+/// In the gradient suite `refined` has the same errors at 0.5 and 0.8, with 0.966 and 1.023 times
+/// the evaluations.
 pub(crate) const GRAZING: f64 = 0.65;
 
 /// The margin for errors of the first-order position of a silhouette.

@@ -61,12 +61,17 @@ fn fill_and_rename(
 
 /// The error of a temporary file that cannot be created: wrong input unless the disk is full.
 fn folder_error(folder: &Path, error: std::io::Error) -> anyhow::Error {
-    match error.kind() {
+    let found = match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            anyhow::Error::from(error).context("cannot write")
+            return anyhow::Error::from(error).context("cannot write");
         }
-        _ => InputError::new(folder, "output folder", error, "a folder that can be written").into(),
-    }
+        // The text of the error would name the temporary file.
+        ErrorKind::NotFound => "no such folder".to_owned(),
+        ErrorKind::NotADirectory => "a file".to_owned(),
+        ErrorKind::PermissionDenied => "no permission".to_owned(),
+        _ => error.to_string(),
+    };
+    InputError::new(folder, "output folder", found, "a folder that can be written").into()
 }
 
 #[cfg(test)]

@@ -39,11 +39,18 @@ use survey::{mark_corners, sample_unmarked};
 #[derive(Clone, Copy, Debug)]
 pub struct Refined;
 
+// Evidence, here and in the modules below: one constant changed at a time, on the 59 derivative
+// images of the gradient suite, with 16 and with 256 samples per pixel. "Error" and "evaluations"
+// are geometric means, relative to those of the values in the code; where nothing is said they
+// change by less than 1 %.
+
 /// The first 1/SCOUTS of a pixel's samples test whether a silhouette may cross it. If so, lines
-/// replace the other samples.
+/// replace the other samples. At 2 and at 8 the error is the same; a silhouette that no scout finds
+/// is found by a later sample.
 const SCOUTS: u32 = 4;
 
-/// Samples of the smooth part per pixel of length of a line.
+/// Samples of the smooth part per pixel of length of a line. At 1: error 1.09, evaluations 0.95. At
+/// 4: error 0.90 (0.95 with 16 samples), evaluations 1.10.
 const SEGMENT_SAMPLES: u32 = 2;
 
 impl<R: Real> Estimator<R> for Refined {

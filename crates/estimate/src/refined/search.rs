@@ -73,11 +73,14 @@ pub(super) struct KnownTangencies<R: Real> {
 const MAX_TANGENCIES: usize = 64;
 
 /// Two silhouettes of one line at the same film position, within the tolerance, are the same if
-/// their depths differ by less than this, in [`Scene::tracing_scale`].
+/// their depths differ by less than this, in [`Scene::tracing_scale`]. At 0.005 silhouettes of the
+/// smallest ball of the suite count twice: its error is 4.6 times as large. At 0.08 nothing
+/// changes; parts of a solid this far apart in depth would count as one.
 pub(super) const SAME_DEPTH: f64 = 0.02;
 
 /// The width of a minimum of f along a ray that searches assume at first, in bounding radii; the
-/// width of a pixel if that is less.
+/// width of a pixel if that is less. At 0.005: evaluations 1.014. At 0.08: the largest bias of the
+/// suite is 0.020 instead of 0.017.
 const FIRST_REACH: f64 = 0.02;
 
 /// The width of a minimum of f that searches assume at first at the distance `t`, in world units.

@@ -12,11 +12,13 @@ use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, pass
 use record::{Area, Record, Share};
 
 /// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels
-/// at the corner: every point of a pixel is within √½ pixels of a corner.
+/// at the corner: every point of a pixel is within √½ pixels of a corner. At 0.5 and 1.5 the errors
+/// of the suite are the same; evaluations 0.999 and 1.004.
 const CORNER_REACH: f64 = 0.75;
 
 /// If a ray clears all surfaces by more than this, in pixels, no silhouette crosses its pixel.
-/// √2 is enough if f is a distance; the rest is a margin for other fields.
+/// √2 is enough if f is a distance; the rest is a margin for other fields. At 1.6 and 6.4 the errors
+/// and the evaluations of the suite, whose networks have slopes near 1, are the same.
 const FAR: f64 = 3.2;
 
 /// Adds the samples `range` of all unmarked pixels to the record, and marks the pixels that a

@@ -26,7 +26,8 @@ const BOUNDS_SLACK: f64 = 1e-3;
 const CHORD: f64 = 3.0;
 
 /// The distance on the film between a silhouette and the rays beside it, in tolerances: 1e-3
-/// pixels, or 1e-2 pixels in single precision.
+/// pixels, or 1e-2 pixels in single precision. At 3: error 1.01 (2.0 for one weight of a network),
+/// evaluations 1.01. At 30: error 1.03 (1.4 at worst), evaluations 0.99.
 const ASIDE: f64 = 10.0;
 
 /// The visible ones among silhouettes, with their contrast.
