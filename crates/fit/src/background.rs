@@ -4,11 +4,13 @@ use dataset::Background;
 use field::Sphere;
 use film::Film;
 
-/// A pixel with more than this probability counts as certain background.
+/// A pixel with more than this probability counts as certain background. At 0.9 and 0.999: distance
+/// 1.00 and 1.04 (see the evidence in `schedule.rs`).
 const CERTAIN: f32 = 0.99;
 
 /// The margin around a pixel that must also be certain background, as the fraction 1/MARGIN of the
-/// longer side of the image. Silhouettes come to rest inside such a margin.
+/// longer side of the image. Silhouettes come to rest inside such a margin. At 1/16 and 1/64:
+/// distance 1.01 and 1.05.
 const MARGIN: u32 = 32;
 
 /// Without masks, pixels are certain only if the confidence in the background is above this.

@@ -29,10 +29,12 @@ const LEVELS: usize = 4;
 /// The norm to which the gradient of an iteration is clipped, as a multiple of its running mean.
 ///
 /// Clipping by the norm: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent
-/// neural networks", ICML 2013.
+/// neural networks", ICML 2013. At 1.5 and 10: distance 1.06 and 1.04 (see the evidence in
+/// `schedule.rs`).
 const CLIP: f32 = 3.0;
 
-/// The weight of an iteration in the running mean of the gradient's norm.
+/// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15: distance
+/// 1.05 and 1.01.
 const NORM_SHARE: f32 = 0.05;
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.

@@ -4,13 +4,20 @@ use optim::Schedule;
 
 use crate::options::FitOptions;
 
-/// The progress at which each finer level of the pyramid starts, the finest last.
+// Evidence, here and for the other constants of this crate: one constant changed at a time, 1000
+// iterations on the demo's scene and on the stool of the sweeps (24 views of 128 × 128 pixels), two
+// seeds each. "Distance" is the geometric mean of the four Chamfer distances, relative to that of
+// the values in the code; its standard error is about 0.05. So a value within 0.9 to 1.1 cannot be
+// told apart from the chosen one.
+
+/// The progress at which each finer level of the pyramid starts, the finest last. At half and at
+/// one and a half times these numbers: distance 1.06 and 1.11.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
 /// On the finest level, one draw stands for a group of this many certain background pixels: their
 /// rays miss by then, and have no gradient. On coarser levels these pixels carve the object; with
 /// groups from the start, the Chamfer distance after 1000 iterations was 1.1 % of the bounding
-/// radius instead of 0.9 %.
+/// radius instead of 0.9 %. Groups of 4 and 16 on the finest level: distance 0.97 and 0.95.
 const BACKGROUND_GROUP: usize = 8;
 
 /// The number of background pixels that one draw stands for.
@@ -18,16 +25,18 @@ pub(crate) fn background_group(progress: f64) -> usize {
     if progress < LEVEL_ENDS[2] { 1 } else { BACKGROUND_GROUP }
 }
 
-/// The progress from which all octaves of the encodings have their full weight.
+/// The progress from which all octaves of the encodings have their full weight. From 0.25 and from
+/// 0.8: distance 1.02 and 1.03.
 const BANDS_ON: f64 = 0.5;
 
-/// The number of octaves with full weight at the start.
+/// The number of octaves with full weight at the start. With 1 and 4: distance 1.03 and 0.97.
 const FIRST_BANDS: f64 = 2.0;
 
-/// The learning rate at the end, as a fraction of the largest learning rate.
+/// The learning rate at the end, as a fraction of the largest learning rate. At 0.01 and 0.1: distance
+/// 1.01 and 1.20.
 const FINAL_RATE: f64 = 0.03;
 
-/// The progress up to which the learning rate rises.
+/// The progress up to which the learning rate rises. At 0.003 and 0.05: distance 1.06 and 1.09.
 const WARM_UP: f64 = 0.01;
 
 /// The level of a pyramid of `levels` levels: the coarsest at the start, 0 at the end.
@@ -58,10 +67,12 @@ pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
 
 /// The progress at which the trust in the estimated background starts to fall, and at which it has
 /// fallen to [`LAST_TRUST`]. Early, the background separates the object from its surroundings.
-/// Later, the photographs decide the position of the outline.
+/// Later, the photographs decide the position of the outline. From 0.1 to 0.5 and from 0.5 to 0.9:
+/// distance 1.04 and 0.99.
 const TRUST: [f64; 2] = [0.3, 0.7];
 
-/// The trust at the end, as a fraction: it keeps empty space empty.
+/// The trust at the end, as a fraction: it keeps empty space empty. At 0 and 0.2: distance
+/// 1.02 and 1.00.
 const LAST_TRUST: f64 = 0.05;
 
 /// The weights of the terms of the loss, at one progress of the schedule.
