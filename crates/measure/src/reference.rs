@@ -61,16 +61,18 @@ fn refine_film(camera: &mut Value) -> anyhow::Result<[usize; 2]> {
     let scale = FINE as f64;
     camera["width"] = json!((width + 2 * REACH) * FINE);
     camera["height"] = json!((height + 2 * REACH) * FINE);
-    camera["focal"] = json!(number(camera, "focal")? * scale);
-    let principal: Vec<f64> = camera["principal"]
-        .as_array()
-        .context("camera/principal")?
-        .iter()
-        .filter_map(Value::as_f64)
-        .collect();
-    camera["principal"] =
-        json!([(principal[0] + REACH as f64) * scale, (principal[1] + REACH as f64) * scale]);
+    // One focal length, or one for each axis.
+    let focal = pair(camera, "focal").or_else(|_| number(camera, "focal").map(|f| [f, f]))?;
+    camera["focal"] = json!(focal.map(|f| f * scale));
+    let principal = pair(camera, "principal")?;
+    camera["principal"] = json!(principal.map(|c| (c + REACH as f64) * scale));
     Ok([width, height])
+}
+
+/// A pair of numbers of the camera.
+fn pair(camera: &Value, key: &str) -> anyhow::Result<[f64; 2]> {
+    let at = |i: usize| camera[key][i].as_f64().with_context(|| format!("camera/{key}/{i}"));
+    Ok([at(0)?, at(1)?])
 }
 
 /// The Gaussian's weights for the fine pixels along one axis, from `REACH` pixels before a pixel
@@ -99,4 +101,24 @@ fn filtered(fine: &Image, width: usize, height: usize) -> Image {
         pixels.push(sum);
     }
     Image { width, pixels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn films_with_one_focal_length_and_with_two_are_refined() {
+        for focal in [json!(24.0), json!([24.0, 24.0])] {
+            let mut camera =
+                json!({"width": 4, "height": 3, "focal": focal, "principal": [2.0, 1.5]});
+            assert_eq!(refine_film(&mut camera).unwrap(), [4, 3]);
+            let fine = json!({
+                "width": 64, "height": 56, "focal": [192.0, 192.0], "principal": [32.0, 28.0]
+            });
+            assert_eq!(camera, fine);
+        }
+        let mut camera = json!({"width": 4, "height": 3, "focal": "wide", "principal": [2, 1]});
+        assert_eq!(refine_film(&mut camera).unwrap_err().to_string(), "camera/focal");
+    }
 }
