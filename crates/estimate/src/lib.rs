@@ -10,7 +10,6 @@ mod film_line;
 mod gaussian_samples;
 mod interior;
 mod options;
-mod ordered_sum;
 mod refined;
 mod registry;
 mod replicates;
@@ -29,7 +28,6 @@ pub use estimator::{
 };
 pub use interior::Interior;
 pub use options::{Baseline, EstimatorOptions};
-pub use ordered_sum::ordered_sum;
 pub use record;
 pub use refined::Refined;
 pub use registry::{Constructor, Entry, EstimatorPrecision, Registry};

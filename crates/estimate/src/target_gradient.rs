@@ -7,9 +7,8 @@ use render::{InvalidField, Scene, render};
 
 use crate::estimator::{Estimator, Filter, SilhouetteMask, Terms};
 use crate::gaussian_samples::gaussian_samples;
-use crate::ordered_sum::ordered_sum;
 use crate::replicates::{Image, Sampling, tiles};
-use record::{Adjoints, Pass};
+use record::{Adjoints, Pass, ordered_sum};
 
 /// The gradient of the loss ½ Σ (I − target)².
 #[derive(Clone, Debug)]

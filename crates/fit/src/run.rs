@@ -33,8 +33,8 @@ const LEVELS: usize = 4;
 /// `schedule.rs`).
 const CLIP: f32 = 3.0;
 
-/// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15: distance
-/// 1.05 and 1.01.
+/// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
+/// distance 1.05 and 1.01.
 const NORM_SHARE: f32 = 0.05;
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.

@@ -32,8 +32,8 @@ const BANDS_ON: f64 = 0.5;
 /// The number of octaves with full weight at the start. With 1 and 4: distance 1.03 and 0.97.
 const FIRST_BANDS: f64 = 2.0;
 
-/// The learning rate at the end, as a fraction of the largest learning rate. At 0.01 and 0.1: distance
-/// 1.01 and 1.20.
+/// The learning rate at the end, as a fraction of the largest learning rate. At 0.01 and 0.1:
+/// distance 1.01 and 1.20.
 const FINAL_RATE: f64 = 0.03;
 
 /// The progress up to which the learning rate rises. At 0.003 and 0.05: distance 1.06 and 1.09.

@@ -86,7 +86,8 @@ impl<'a, R: Real> VisitedRays<'a, R> {
     }
 }
 
-/// V at the samples of `primary`, from `points` points per ray, of which the `k` of largest weight are used.
+/// V at the samples of `primary`, from `points` points per ray, of which the `k` of largest weight
+/// are used.
 pub fn warp_samples<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
@@ -99,8 +100,8 @@ pub fn warp_samples<R: Real>(
     FilmWarp { warp, sample: visited.with_ray }
 }
 
-/// V and ∇_u·V at the samples of `primary`, from `points` points per ray, of which the `k` of largest weight
-/// are used.
+/// V and ∇_u·V at the samples of `primary`, from `points` points per ray, of which the `k` of
+/// largest weight are used.
 pub fn warp_samples_with_divergence<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,

@@ -4,6 +4,7 @@ mod adjoints;
 mod area;
 mod border;
 mod film_warp;
+mod ordered_sum;
 mod pass;
 mod record;
 mod silhouettes;
@@ -15,6 +16,7 @@ pub use border::{Border, BorderSample};
 pub use film_warp::{
     FilmWarp, FilmWarpWithDivergence, chart, warp_samples, warp_samples_with_divergence,
 };
+pub use ordered_sum::ordered_sum;
 pub use pass::Pass;
 pub use record::Record;
 pub use silhouettes::{SilhouettePoint, Silhouettes};

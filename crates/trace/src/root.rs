@@ -77,8 +77,8 @@ impl<R: Real> Bracket<R> {
         Some(if t > from && t < to { t } else { middle })
     }
 
-    /// Makes `here` one of the ends. Illinois: an end that stays for the second time in a row counts
-    /// with half of its value, so that it will move too.
+    /// Makes `here` one of the ends. Illinois: an end that stays for the second time in a row
+    /// counts with half of its value, so that it will move too.
     pub(crate) fn narrow(&mut self, here: Point<R>) {
         let moved = usize::from(here.f <= R::zero());
         if self.last_moved == Some(moved) {

@@ -6,7 +6,8 @@ mod chunk;
 mod eikonal;
 mod photometric;
 
-use estimate::{SilhouetteMargin, near_silhouettes, ordered_sum};
+use estimate::record::ordered_sum;
+use estimate::{SilhouetteMargin, near_silhouettes};
 use random::{Purpose, Stream};
 use render::InvalidField;
 
