@@ -183,8 +183,8 @@ const LAST: &str = "\"paper\"]";
 const WRONG_SWEEPS: [WrongSweep; 16] = [
     ("width = 16", "wdth = 16", "fixed.wdth", "an option of `dsdf fit`"),
     (LAST, "\"paper\"]\ntop_k = [1, 7]", "parameters.top_k: found 1", "2 or more"),
-    (LAST, "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a number above 0"),
-    (LAST, "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a number above 0"),
+    (LAST, "\"paper\"]\ngamma = [0.0]", "parameters.gamma: found 0", "a finite number above 0"),
+    (LAST, "\"paper\"]\ngamma = [-2]", "parameters.gamma: found -2", "a finite number above 0"),
     (LAST, "\"paper\"]\nN = [0]", "parameters.N: found 0", "1 to 65536"),
     (LAST, "\"papre\"]", "parameters.estimator: found papre", "one of refined, paper"),
     (LAST, "\"paper\"]\npreset = [\"fats\"]", "parameters.preset: found fats", "one of fast"),
