@@ -66,10 +66,11 @@ fn folder_error(folder: &Path, error: std::io::Error) -> anyhow::Error {
             return anyhow::Error::from(error).context("cannot write");
         }
         // The text of the error would name the temporary file.
+        ErrorKind::NotFound if folder.exists() => "a folder that accepts no files".to_owned(),
         ErrorKind::NotFound => "no such folder".to_owned(),
         ErrorKind::NotADirectory => "a file".to_owned(),
         ErrorKind::PermissionDenied => "no permission".to_owned(),
-        _ => error.to_string(),
+        kind => kind.to_string(),
     };
     InputError::new(folder, "output folder", found, "a folder that can be written").into()
 }

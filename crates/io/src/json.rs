@@ -70,7 +70,10 @@ impl<'a> Object<'a> {
 
     /// The value at `key`, unchecked; `None` if the key is missing.
     pub fn optional(&self, key: &'static str) -> Option<&'a Value> {
-        self.known.borrow_mut().push(key);
+        let mut known = self.known.borrow_mut();
+        if !known.contains(&key) {
+            known.push(key);
+        }
         self.map.get(key)
     }
 

@@ -20,8 +20,8 @@ impl Stream {
         scrambled(unscrambled(index), self.scramble(index))
     }
 
-    /// The points number `range` of the sequence of [`Stream::sobol`], in less time than one by
-    /// one.
+    /// The points of [`Stream::sobol`] with the indices `range`. This takes less time than a call
+    /// for each point.
     pub fn sobol_points<const D: usize>(self, range: Range<u32>) -> SobolPoints<D> {
         let (point, scramble) = (unscrambled(range.start), self.scramble(range.start));
         SobolPoints { stream: self, last: range.start, range, point, scramble }

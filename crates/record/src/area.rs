@@ -38,7 +38,8 @@ pub struct AreaWarp<R: Real> {
 /// The quantities at a film sample that its warp is multiplied by.
 #[derive(Clone, Copy, Debug)]
 pub struct WarpedSample<R: Real> {
-    /// L − c, linear RGB, with the baseline c of the pixel.
+    /// L − c, linear RGB, with the baseline c: the background, or the mean of the pixel's other
+    /// samples.
     pub radiance_minus_baseline: R::Vec3,
     /// ∇_u ln k of the pixel filter k, per pixel; zero for a box filter.
     pub filter_du: [R; 2],

@@ -60,8 +60,9 @@ fn from_target(object: &Object<'_>, intrinsics: &Intrinsics) -> Result<Camera> {
     let eye = DVec3::from(object.numbers("eye")?);
     let (target, up) = (DVec3::from(object.numbers("target")?), DVec3::from(object.numbers("up")?));
     if (target - eye).try_normalize().is_none() {
-        return Err(object.error("target", "a point other than eye"));
+        return Err(object.error("target", "a point other than eye, at an ordinary distance"));
     }
-    Camera::look_at(width, height, focal, principal, eye, target, up)
-        .ok_or_else(|| object.error("up", "a direction other than from eye to target"))
+    Camera::look_at(width, height, focal, principal, eye, target, up).ok_or_else(|| {
+        object.error("up", "a direction of ordinary length, other than from eye to target")
+    })
 }

@@ -11,8 +11,7 @@ use crate::ray::Ray;
 ///
 /// Their states should stay in the caches (184 bytes a ray in double precision), and a network
 /// needs many points at once. With 256 and with 1024, images of a ball and of a network and
-/// derivatives of a ball take 0.96 to 1.03 times as long, which is the spread of repeated runs;
-/// with 128, derivatives of a ball take 1.02 times as long.
+/// derivatives of a ball take 0.96 to 1.03 times as long, which is the spread of repeated runs.
 const ON_THE_WAY: usize = 512;
 
 /// Finds the first crossing from f > 0 to f ≤ 0 of every ray.

@@ -6,7 +6,8 @@ use crate::ray::Ray;
 
 /// The visited points of a batch of rays: at most N points per ray.
 ///
-/// The quantities of points are apart, since a warp reads them as slices: it knows no tracer.
+/// Every quantity of the points has a vector of its own, because the crate `warp` reads slices and
+/// does not depend on this crate.
 #[derive(Clone, Debug, Default)]
 pub struct Visits<R: Real> {
     /// N: the number of slots per ray.

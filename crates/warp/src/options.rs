@@ -29,6 +29,9 @@ pub struct WarpOptions {
     pub epsilon: f64,
 }
 
+/// The largest γ, λ_d and ε: single precision ends at 3e38, and weights beyond it vanish.
+const LARGEST: f64 = 1e30;
+
 /// The largest N: as many samples as any other option accepts.
 const MAX_STEPS: usize = 65_536;
 
@@ -63,9 +66,9 @@ impl WarpOptions {
     /// # Errors
     /// On the first setting that cannot work.
     pub fn validate(&self) -> Result<(), InvalidOptions> {
-        const NOT_NEGATIVE: &str = "a finite number, 0 or more";
+        const NOT_NEGATIVE: &str = "a finite number, 0 or more, up to 1e30";
         let finite_from =
-            |value: f64, zero: bool| value.is_finite() && (value > 0.0 || (zero && value == 0.0));
+            |value: f64, zero: bool| value <= LARGEST && (value > 0.0 || (zero && value == 0.0));
         let length =
             |name, value: f64| (name, value.to_string(), finite_from(value, true), NOT_NEGATIVE);
         let checks = [
@@ -80,7 +83,7 @@ impl WarpOptions {
                 "gamma",
                 self.gamma.to_string(),
                 finite_from(self.gamma, false),
-                "a finite number above 0",
+                "a finite number above 0, up to 1e30",
             ),
             length("lambda_d", self.lambda_d),
             length("epsilon", self.epsilon),

@@ -11,7 +11,7 @@ pub(crate) struct Interrupt(Arc<Flags>);
 struct Flags {
     /// A fit is iterating: it will see the request and stop.
     iterating: AtomicBool,
-    /// Ctrl-C was pressed while it was.
+    /// Ctrl-C was pressed meanwhile.
     requested: AtomicBool,
 }
 
