@@ -9,7 +9,7 @@ use crate::estimator::FILTER_DEVIATION;
 
 /// `spp` samples per pixel, distributed as the Gaussian filter k of the pixel, and ∇_u ln k at
 /// each, per pixel.
-pub(crate) fn gaussian_samples<R: Real>(
+pub fn gaussian_samples<R: Real>(
     pixels: &[Pixel],
     spp: u32,
     seed: u64,

@@ -1,7 +1,8 @@
 use super::*;
-use estimate::{Direction, SampleCounts, Sampling, differentiate};
+use estimate::SampleCounts;
 use field::{Shape, Sphere};
 use glam::{DVec2, DVec3};
+use gradient::{Direction, Sampling, differentiate};
 use render::{Analytic, Camera, Formula};
 
 /// The derivative of the area of a ball on the film by its radius, in square pixels per world unit.

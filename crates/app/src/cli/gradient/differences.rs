@@ -4,9 +4,10 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use anyhow::Context;
-use estimate::{EstimatorPrecision, finite_difference};
+use estimate::EstimatorPrecision;
 use field::{Counted, Evaluations, Field};
 use film::Film;
+use gradient::finite_difference;
 use io::InputError;
 use render::{Scene, render};
 use scene::SceneFile;
@@ -30,7 +31,7 @@ impl Gradient {
     /// Computes central differences (I(+h) − I(−h))/2h of the image and writes them: a number of
     /// the scene file is changed by ±h, and both images have the same random samples.
     ///
-    /// The error is of second order in h; see `estimate::finite_difference` for the noise. The
+    /// The error is of second order in h; see `gradient::finite_difference` for the noise. The
     /// report has the evaluations of the changed scenes.
     pub(super) fn differences<R: EstimatorPrecision>(
         &self,

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use estimate::{Derivative, Direction, Entry, EstimatorPrecision, differentiate};
+use estimate::{Entry, EstimatorPrecision};
 use field::Evaluations;
+use gradient::{Derivative, Direction, differentiate};
 use io::{InputError, write_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{ArgMatches, Args};
-use estimate::{EstimatorOptions, SampleCounts, Sampling};
+use estimate::{EstimatorOptions, SampleCounts};
 use field::Real;
+use gradient::Sampling;
 use io::InputError;
 use warp::WarpOptions;
 

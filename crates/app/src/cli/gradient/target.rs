@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
-use estimate::{Entry, EstimatorPrecision, target_gradient};
+use estimate::{Entry, EstimatorPrecision};
 use field::Evaluations;
 use film::Film;
+use gradient::target_gradient;
 use io::{InputError, atomic_write, read_image};
 use render::Scene;
 use scene::{SceneFile, Sdf};

@@ -8,8 +8,8 @@ use random::{Purpose, Stream, gaussian};
 use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
-use crate::estimator::{Estimator, SilhouetteMask, Terms};
 use crate::replicates::{Image, Mean, Sampling, tiles};
+use estimate::{Estimator, SilhouetteMask, Terms};
 use record::{Adjoints, Area, Pass, PointAdjoint, Record};
 
 /// The number that an image is differentiated by.

@@ -4,7 +4,7 @@
 use random::{Purpose, Stream};
 use render::{Camera, Pixel};
 
-use crate::estimator::{Batch, SampleCounts, Terms};
+use estimate::{Batch, SampleCounts, Terms};
 
 /// Numbers of samples with their seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,9 @@ use film::Film;
 use random::{Purpose, Stream};
 use render::{InvalidField, Scene, render};
 
-use crate::estimator::{Estimator, Filter, SilhouetteMask, Terms};
-use crate::gaussian_samples::gaussian_samples;
 use crate::replicates::{Image, Sampling, tiles};
+use estimate::gaussian_samples;
+use estimate::{Estimator, Filter, SilhouetteMask, Terms};
 use record::{Adjoints, Pass, ordered_sum};
 
 /// The gradient of the loss ½ Σ (I − target)².

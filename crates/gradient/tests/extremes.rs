@@ -4,13 +4,11 @@
 
 mod fields;
 
-use estimate::{
-    Direction, EstimatorOptions, EstimatorPrecision, Registry, SampleCounts, Sampling,
-    differentiate,
-};
+use estimate::{EstimatorOptions, EstimatorPrecision, Registry, SampleCounts};
 use field::{Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
 use fields::{Altered, Constant, White};
 use glam::{DVec2, DVec3};
+use gradient::{Direction, Sampling, differentiate};
 use render::{Camera, Precision, Scene};
 use warp::WarpOptions;
 

@@ -5,7 +5,8 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use estimate::{Direction, EstimatorOptions, Registry, SampleCounts, Sampling, differentiate};
+use estimate::{EstimatorOptions, Registry, SampleCounts};
+use gradient::{Direction, Sampling, differentiate};
 use render::{Scene, render};
 use scene::SceneFile;
 use serde_json::json;

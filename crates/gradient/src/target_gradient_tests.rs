@@ -1,5 +1,6 @@
 use super::*;
-use crate::{Baseline, Batch, Direction, EstimatorOptions, Registry, SampleCounts, differentiate};
+use crate::{Direction, differentiate};
+use estimate::{Baseline, Batch, EstimatorOptions, Registry, SampleCounts};
 use glam::DVec3;
 use render::Pixel;
 use scene::SceneFile;

@@ -4,10 +4,8 @@
 
 use std::path::Path;
 
-use estimate::{
-    Contour, Direction, Refined, SampleCounts, Sampling, differentiate, random_unit,
-    target_gradient,
-};
+use estimate::{Contour, Refined, SampleCounts};
+use gradient::{Direction, Sampling, differentiate, random_unit, target_gradient};
 use render::{Scene, render};
 use scene::SceneFile;
 
