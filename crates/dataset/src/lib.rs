@@ -3,7 +3,6 @@
 mod background;
 mod bounds;
 mod carve;
-mod fibonacci;
 pub mod inspect;
 mod lens;
 mod load;

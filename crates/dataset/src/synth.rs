@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use field::{Field, Sphere};
+use field::{Field, Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
-use crate::fibonacci;
 use crate::split::HELD_OUT;
 use film::{Film, srgb_decode};
 use io::InputError;
@@ -68,7 +67,7 @@ pub fn cameras(
     let principal = DVec2::new(f64::from(width), f64::from(height)) / 2.0;
     (0..count)
         .filter_map(|i| {
-            let direction = fibonacci::direction(i, count, azimuth);
+            let direction = fibonacci_direction(i, count, azimuth);
             let up = if direction.z.abs() > POLAR { DVec3::X } else { DVec3::Z };
             let eye = center + direction * DISTANCE * radius;
             Camera::look_at(width, height, DVec2::splat(focal), principal, eye, center, up)
@@ -95,7 +94,7 @@ pub fn synthesise(
     options: &Options,
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<()> {
-    let field = scene.sdf.build::<f32>()?;
+    let field = scene.field::<f32>()?;
     let ball = bounding_ball(scene, source)?;
     let shader = scene.shader::<f32>(&*field)?;
     let background = DVec3::from(scene.background).as_vec3();
@@ -109,7 +108,8 @@ pub fn synthesise(
     for set in sets {
         set.create_folders(folder)?;
         let cameras = cameras(ball.center, ball.radius, set.views, options.size, set.azimuth);
-        let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, background);
+        let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, background)
+            .with_slope_of_field();
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             let progress = |p: f64| progress((done + p) / total);

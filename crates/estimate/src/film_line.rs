@@ -2,7 +2,7 @@
 
 use field::Real;
 use glam::DVec2;
-use render::Sample;
+use render::{Sample, Scene};
 
 /// A line across a pixel, parallel to a film axis. Its parameter s runs from 0 at one border of the
 /// pixel to 1 at the other, in pixels.
@@ -45,6 +45,35 @@ pub(crate) struct Crossing<R: Real> {
     pub(crate) film_gradient: [R; 2],
     /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
     pub(crate) contrast: R::Vec3,
+}
+
+/// The end of a segment of a line: a crossing with a silhouette or a crease.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SegmentEnd {
+    /// The line, by its number.
+    pub(crate) line: usize,
+    /// The parameter of the line.
+    pub(crate) s: f64,
+    /// Whether the derivative of the hit point grows as 1/√distance towards it: before it and after
+    /// it, in the direction of growing s.
+    pub(crate) steep: [bool; 2],
+}
+
+impl SegmentEnd {
+    /// A crossing with a silhouette, where the line leaves the solid, or enters it.
+    pub(crate) fn silhouette(line: usize, s: f64, leaves: bool) -> Self {
+        SegmentEnd { line, s, steep: [leaves, !leaves] }
+    }
+
+    /// A crossing with a crease.
+    pub(crate) fn crease(line: usize, s: f64) -> Self {
+        SegmentEnd { line, s, steep: [false; 2] }
+    }
+}
+
+/// Whether the radiance of a scene can jump at creases.
+pub(crate) fn has_visible_creases<R: Real>(scene: &Scene<'_, R>) -> bool {
+    scene.field.has_creases() && !scene.shader.is_uniform()
 }
 
 /// The tolerance of the position of a crossing, in pixels: 1e-4, or 1e-3 in single precision. An

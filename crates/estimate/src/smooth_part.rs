@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
 
-use crate::film_line::{Crossing, FilmLine};
+use crate::film_line::{FilmLine, SegmentEnd};
 use record::{Area, Record, Share};
 
 /// The stratification of samples along lines.
@@ -11,11 +11,11 @@ use record::{Area, Record, Share};
 pub(crate) struct Stratification<'a> {
     /// One number in [0, 1) per line: the position of its samples in their strata.
     pub(crate) offset: &'a [f64],
-    /// Samples per pixel of length. A segment between two silhouettes has at least one sample.
+    /// Samples per pixel of length. Every segment has at least one sample.
     pub(crate) per_pixel: u32,
 }
 
-/// Film samples on the segments of lines between silhouettes.
+/// Film samples on the segments of lines.
 #[derive(Default)]
 struct SegmentSamples<R> {
     samples: Vec<Sample>,
@@ -24,7 +24,8 @@ struct SegmentSamples<R> {
     axis: Vec<usize>,
 }
 
-/// Adds stratified samples of the segments of lines between silhouettes to the record.
+/// Adds stratified samples of the segments of lines to the record. Segments end at silhouettes, and
+/// at creases if the estimator finds them.
 ///
 /// At the distance s inside a silhouette the derivative of the hit point grows as 1/√s, and the
 /// mean of its square is infinite. The density of the samples also grows as 1/√s, so the product of
@@ -34,7 +35,7 @@ struct SegmentSamples<R> {
 /// projected unit normal. Lines along a silhouette do not cross it, and have little weight there.
 /// The two axes together have the weight 1, since n_x² + n_y² = 1.
 ///
-/// `crossings` are sorted by line, and along each line by s.
+/// `ends` are sorted by line, and along each line by s.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.
@@ -42,11 +43,11 @@ pub(crate) fn add_smooth_part<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
     stratification: Stratification<'_>,
-    crossings: &[Crossing<R>],
+    ends: &[SegmentEnd],
     record: &mut Record<R>,
 ) -> Result<(), InvalidField> {
     let SegmentSamples { samples, mut shares, axis } =
-        segment_samples::<R>(lines, stratification, crossings);
+        segment_samples::<R>(lines, stratification, ends);
     let primary = scene.primary(&samples)?;
     record.rays += samples.len() as u64;
     for (share, sample) in shares.iter_mut().zip(&primary.samples) {
@@ -71,10 +72,10 @@ pub(crate) fn add_smooth_part<R: Real>(
 fn segment_samples<R: Real>(
     lines: &[FilmLine],
     Stratification { offset, per_pixel }: Stratification<'_>,
-    crossings: &[Crossing<R>],
+    ends: &[SegmentEnd],
 ) -> SegmentSamples<R> {
     let mut out = SegmentSamples { samples: Vec::new(), shares: Vec::new(), axis: Vec::new() };
-    let mut next = crossings.iter().peekable();
+    let mut next = ends.iter().peekable();
     for (i, line) in lines.iter().enumerate() {
         let mut segment = |from: f64, to: f64, dense: [bool; 2]| {
             let count = ((to - from) * f64::from(per_pixel)).ceil().max(1.0);
@@ -87,9 +88,9 @@ fn segment_samples<R: Real>(
             }
         };
         let (mut from, mut dense) = (0.0, false);
-        while let Some(crossing) = next.next_if(|c| c.line == i) {
-            segment(from, crossing.s, [dense, crossing.leaves]);
-            (from, dense) = (crossing.s, !crossing.leaves);
+        while let Some(end) = next.next_if(|end| end.line == i) {
+            segment(from, end.s, [dense, end.steep[0]]);
+            (from, dense) = (end.s, end.steep[1]);
         }
         segment(from, 1.0, [dense, false]);
     }

@@ -86,6 +86,13 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
     fn bounds(&self) -> Option<Sphere<R>> {
         self.inner.bounds()
     }
+    fn has_creases(&self) -> bool {
+        self.inner.has_creases()
+    }
+    fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
+        count(&self.value, x.len());
+        self.inner.faces(x, face);
+    }
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
         count(&self.value, x.len());
         self.inner.value(x, f);
@@ -123,6 +130,12 @@ macro_rules! implement_for_pointer {
             }
             fn bounds(&self) -> Option<Sphere<R>> {
                 (**self).bounds()
+            }
+            fn has_creases(&self) -> bool {
+                (**self).has_creases()
+            }
+            fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
+                (**self).faces(x, face);
             }
             fn value(&self, x: &[R::Vec3], f: &mut [R]) {
                 (**self).value(x, f);

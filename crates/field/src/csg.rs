@@ -109,6 +109,31 @@ impl<R: Real + Scalar<Real = R>> Csg<R> {
         })
     }
 
+    /// Values of all children: that of child i at point p has the index i n + p, with n the number
+    /// of points.
+    fn child_values(&self, x: &[R::Vec3]) -> Vec<R> {
+        let mut f = vec![R::zero(); x.len() * self.children.len()];
+        for (child, f) in self.children.iter().zip(f.chunks_mut(x.len().max(1))) {
+            child.value(x, f);
+        }
+        f
+    }
+
+    /// The value and the face of g for two children, from their values and faces.
+    fn joined(&self, a: (R, u32), b: (R, u32)) -> (R, u32) {
+        match self.operation {
+            Operation::Union if a.0 <= b.0 => a,
+            Operation::Intersection | Operation::Subtraction if a.0 >= b.0 => a,
+            Operation::SmoothUnion => {
+                let value = self.combine(self.blend, [a.0, b.0].into_iter());
+                let joint = Scalar::abs(a.0 - b.0) < self.blend;
+                let face = if joint { mixed(a.1, b.1) } else { (if a.0 <= b.0 { a } else { b }).1 };
+                (value, face)
+            }
+            _ => b,
+        }
+    }
+
     /// Values and gradients of all children: those of child i at point p have index i n + p, with n
     /// the number of points.
     fn evaluate_children(&self, x: &[R::Vec3]) -> (Vec<R>, Vec<R::Vec3>) {
@@ -175,12 +200,33 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         }
     }
 
-    fn value(&self, x: &[R::Vec3], f: &mut [R]) {
+    fn has_creases(&self) -> bool {
+        (self.operation != Operation::SmoothUnion && self.children.len() > 1)
+            || self.children.iter().any(|child| child.has_creases())
+    }
+
+    /// The face of the child that g takes its value from. In the joint of a smooth union, both
+    /// children's faces count.
+    fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
         let n = x.len();
-        let mut all = vec![R::zero(); n * self.children.len()];
-        for (child, f) in self.children.iter().zip(all.chunks_mut(n.max(1))) {
-            child.value(x, f);
+        let f = self.child_values(x);
+        let mut own = vec![0; f.len()];
+        for (child, own) in self.children.iter().zip(own.chunks_mut(n.max(1))) {
+            child.faces(x, own);
         }
+        for (p, face) in face.iter_mut().enumerate() {
+            let child = |i: usize| {
+                let f = f[i * n + p];
+                let negated = self.operation == Operation::Subtraction && i > 0;
+                (if negated { -f } else { f }, mixed(i as u32, own[i * n + p]))
+            };
+            let last = (0..self.children.len()).map(child).reduce(|a, b| self.joined(a, b));
+            *face = last.map_or(0, |(_, face)| face);
+        }
+    }
+
+    fn value(&self, x: &[R::Vec3], f: &mut [R]) {
+        let (n, all) = (x.len(), self.child_values(x));
         for (p, f) in f.iter_mut().enumerate() {
             *f = self.combine(self.blend, (0..self.children.len()).map(|i| all[i * n + p]));
         }
@@ -251,6 +297,13 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
             *last += blend_adjoint;
         }
     }
+}
+
+/// A number for two numbers: different pairs have different ones, but for rare chances.
+pub(crate) fn mixed(a: u32, b: u32) -> u32 {
+    let bits = (u64::from(a) << 32 | u64::from(b)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let bits = (bits ^ bits >> 32).wrapping_mul(0xd6e8_feb8_6659_fd93);
+    (bits ^ bits >> 32) as u32
 }
 
 /// The gradient of F: Σ_i slope_i ∇f_i.

@@ -26,6 +26,23 @@ pub trait Field<R: Real>: Send + Sync {
     /// field outside it.
     fn bounds(&self) -> Option<Sphere<R>>;
 
+    /// Whether the surface {f = 0} can have creases: curves across which ∇f jumps.
+    ///
+    /// `false` by default, for fields that are smooth near their surface.
+    fn has_creases(&self) -> bool {
+        false
+    }
+
+    /// Writes, for points near the surface, the numbers of the faces that they are on.
+    ///
+    /// A face is a part of the surface near which f is smooth. Two points have the same number only
+    /// if no crease separates their faces; different numbers need not mean a crease. By default
+    /// there is one face.
+    fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
+        debug_assert_eq!(x.len(), face.len());
+        face.fill(0);
+    }
+
     /// Writes the values f(x).
     fn value(&self, x: &[R::Vec3], f: &mut [R]);
 

@@ -1,8 +1,10 @@
 #![doc = include_str!("../README.md")]
 
+mod clipped;
 mod counted;
 mod csg;
 mod dual;
+mod fibonacci;
 #[allow(clippy::module_inception, reason = "the trait that the crate is named for")]
 mod field;
 mod real;
@@ -10,9 +12,11 @@ mod shape;
 mod sphere;
 mod surface;
 
+pub use clipped::Clipped;
 pub use counted::{Counted, Evaluations};
 pub use csg::{Csg, Operation};
 pub use dual::{Dual, Scalar};
+pub use fibonacci::fibonacci_direction;
 pub use field::Field;
 pub use real::{Real, Vector3};
 pub use shape::{Kind, Shape};

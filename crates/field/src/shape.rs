@@ -186,6 +186,28 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
         Some(Sphere { center, radius })
     }
 
+    fn has_creases(&self) -> bool {
+        self.kind == Kind::Box
+    }
+
+    fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
+        if self.kind != Kind::Box {
+            face.fill(0);
+            return;
+        }
+        let (center, half_size) = (self.vector(0), self.vector(3));
+        for (x, face) in x.iter().zip(face) {
+            let r = (*x - center).to_array();
+            let half_size = half_size.to_array();
+            // The side that the point is furthest out of.
+            let axis = (1..3).fold(0, |best, axis| {
+                let out = |axis: usize| Scalar::abs(r[axis]) - half_size[axis];
+                if out(axis) > out(best) { axis } else { best }
+            });
+            *face = 2 * axis as u32 + u32::from(r[axis] > R::zero());
+        }
+    }
+
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
         for (x, f) in x.iter().zip(f) {
             *f = distance(self.kind, &self.parameters, x.to_array());

@@ -48,6 +48,8 @@ pub enum Purpose {
     OffsetDirections,
     /// The lengths of these offsets.
     OffsetLengths,
+    /// Points at which the slope of a field is measured.
+    Slopes,
     /// Points on a mesh.
     SurfacePoints,
     /// A purpose outside dsdf, by a number of its own.
@@ -56,7 +58,7 @@ pub enum Purpose {
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 22] = [
+    pub const ALL: [Purpose; 23] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -78,6 +80,7 @@ impl Purpose {
         Purpose::EikonalPoints,
         Purpose::OffsetDirections,
         Purpose::OffsetLengths,
+        Purpose::Slopes,
         Purpose::SurfacePoints,
     ];
 
@@ -105,6 +108,7 @@ impl Purpose {
             Purpose::OffsetDirections => 19,
             Purpose::OffsetLengths => 20,
             Purpose::SurfacePoints => 21,
+            Purpose::Slopes => 23,
             Purpose::InitialRadiance => 22,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }

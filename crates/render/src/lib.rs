@@ -7,6 +7,7 @@ mod primary;
 mod sample;
 mod scene;
 mod shader;
+mod slope;
 
 pub use camera::Camera;
 pub use image::{Render, render};
@@ -15,3 +16,4 @@ pub use primary::{Hit, Primary, Surface, TracedRay, TracedSample, normals, retai
 pub use sample::{Pixel, Sample, pixel_samples};
 pub use scene::{Scene, Tracing};
 pub use shader::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
+pub use slope::slope;

@@ -6,7 +6,8 @@ mod sdf;
 
 use std::path::Path;
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Clipped, Field, Real, Sphere, Vector3};
+use glam::DVec3;
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
@@ -29,6 +30,8 @@ pub struct SceneFile {
     pub background: [f64; 3],
     /// The sphere in which rays are traced, world units.
     pub bounds: Sphere<f64>,
+    /// The ball that an unbounded solid is clipped to, world units; `None` for a bounded solid.
+    pub clip: Option<Sphere<f64>>,
 }
 
 /// Radius of the tracing sphere of an analytic solid, in radii of the solid's own bounding ball.
@@ -73,8 +76,24 @@ impl SceneFile {
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
         let background = root.light("background")?;
         root.finish()?;
-        let bounds = bounds(&sdf, &camera)?;
-        Ok(SceneFile { camera, sdf, appearance, background, bounds })
+        let clip = match sdf.build::<f64>()?.bounds() {
+            Some(_) => None,
+            None => Some(unbounded_ball(&camera)),
+        };
+        let bounds = bounds(&sdf, clip)?;
+        Ok(SceneFile { camera, sdf, appearance, background, bounds, clip })
+    }
+
+    /// Builds the field in single or double precision.
+    ///
+    /// # Errors
+    /// If a model file cannot be used.
+    pub fn field<R: Precision>(&self) -> Result<Box<dyn Field<R>>> {
+        let field = self.sdf.build::<R>()?;
+        Ok(match &self.clip {
+            Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
+            None => field,
+        })
     }
 
     /// Builds the shader of the appearance.
@@ -88,22 +107,29 @@ impl SceneFile {
         &self,
         occluders: &'a dyn Field<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
-        let bounds = Sphere {
-            center: <R::Vec3 as Vector3<R>>::of(self.bounds.center),
-            radius: <R as Real>::of(self.bounds.radius),
-        };
-        self.appearance.build(occluders, bounds)
+        self.appearance.build(occluders, in_precision(&self.bounds))
     }
 }
 
-/// The tracing sphere: around a bounded solid, else around the eye.
-fn bounds(sdf: &Sdf, camera: &Camera) -> Result<Sphere<f64>> {
-    let field = sdf.build::<f64>()?;
-    Ok(match field.bounds() {
-        Some(ball) if matches!(sdf, Sdf::Neural { .. }) => ball,
-        Some(ball) => ball.scaled(BOUNDS_MARGIN),
-        None => {
-            Sphere { center: camera.eye, radius: UNBOUNDED_REACH * camera.eye.length().max(1.0) }
-        }
-    })
+/// The tracing sphere: it has room around the solid, but for a network inside of its own ball.
+fn bounds(sdf: &Sdf, clip: Option<Sphere<f64>>) -> Result<Sphere<f64>> {
+    let ball = match clip {
+        Some(ball) => ball,
+        None => sdf.build::<f64>()?.bounds().unwrap_or(Sphere { center: DVec3::ZERO, radius: 1.0 }),
+    };
+    let margin =
+        if matches!(sdf, Sdf::Neural { clipped: false, .. }) { 1.0 } else { BOUNDS_MARGIN };
+    Ok(ball.scaled(margin))
+}
+
+/// The ball of an unbounded solid, far outside the camera.
+fn unbounded_ball(camera: &Camera) -> Sphere<f64> {
+    Sphere { center: camera.eye, radius: UNBOUNDED_REACH * camera.eye.length().max(1.0) }
+}
+
+fn in_precision<R: Precision>(ball: &Sphere<f64>) -> Sphere<R> {
+    Sphere {
+        center: <R::Vec3 as Vector3<R>>::of(ball.center),
+        radius: <R as Real>::of(ball.radius),
+    }
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use field::{Csg, Field, Kind, Operation, Shape};
+use field::{Clipped, Csg, Field, Kind, Operation, Shape, fibonacci_direction};
+use glam::DVec3;
 use sdf_nn::Network;
 
 use io::InputError;
@@ -25,6 +26,8 @@ pub enum Sdf {
         path: PathBuf,
         /// The bytes of the model file.
         bytes: Vec<u8>,
+        /// Whether the solid may reach the ball of the network, and is clipped to it.
+        clipped: bool,
     },
 }
 
@@ -99,8 +102,8 @@ impl Sdf {
         let path = folder.join(object.string("weights")?);
         let bytes = std::fs::read(&path)
             .map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
-        network::<f32>(&path, &bytes)?;
-        Ok(Sdf::Neural { path, bytes })
+        let clipped = may_reach_its_ball(&network::<f64>(&path, &bytes)?);
+        Ok(Sdf::Neural { path, bytes, clipped })
     }
 
     /// Builds the field in single or double precision.
@@ -117,7 +120,13 @@ impl Sdf {
                     _ => Csg::new(*operation, children?),
                 })
             }
-            Sdf::Neural { path, bytes } => Box::new(network::<R>(path, bytes)?),
+            Sdf::Neural { path, bytes, clipped } => {
+                let network = network::<R>(path, bytes)?;
+                match network.bounds().filter(|_| *clipped) {
+                    Some(ball) => Box::new(Clipped::new(network, ball)),
+                    None => Box::new(network),
+                }
+            }
         })
     }
 
@@ -148,13 +157,32 @@ impl Sdf {
                     out.push(Some(format!("{at}/k")));
                 }
             }
-            Sdf::Neural { path, bytes } => {
+            Sdf::Neural { path, bytes, .. } => {
                 let count =
                     network::<f32>(path, bytes).map_or(0, |n| Field::<f32>::parameter_count(&n));
                 out.extend((0..count).map(|_| None));
             }
         }
     }
+}
+
+/// Points of the network's sphere at which f is taken. They are at most 0.045 radii from any other.
+const SPHERE_POINTS: usize = 4096;
+
+/// The largest distance of a point of a sphere from one of the [`SPHERE_POINTS`], in radii, with a
+/// third more for slopes that grow between them.
+const SPHERE_GAP: f64 = 0.06;
+
+/// Whether the solid of a network may reach the network's ball: f may fall to zero between points
+/// of the sphere.
+fn may_reach_its_ball(network: &Network<f64>) -> bool {
+    let Some(ball) = Field::<f64>::bounds(network) else { return false };
+    let point = |i| ball.center + fibonacci_direction(i, SPHERE_POINTS, 0.0) * ball.radius;
+    let x: Vec<DVec3> = (0..SPHERE_POINTS).map(point).collect();
+    let (mut f, mut gradient) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
+    network.value_gradient(&x, &mut f, &mut gradient);
+    let gap = SPHERE_GAP * ball.radius;
+    f.iter().zip(&gradient).any(|(f, gradient)| *f <= gap * gradient.length())
 }
 
 /// Builds a network from the bytes of a model file; `path` is for error messages.

@@ -53,6 +53,8 @@ pub struct Tangency<R: Real> {
     pub weights: [R; 2],
     /// ∇f at the minimum, orthogonal to the ray.
     pub gradient: R::Vec3,
+    /// ∇f at the first of the two points: a ray just inside enters the solid with this normal.
+    pub front: R::Vec3,
     /// ∂m/∂s of m(s) = min_t f, in world units per unit of s: positive where the ray leaves the
     /// solid as s grows.
     pub slope: R,

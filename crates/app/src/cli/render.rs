@@ -99,11 +99,12 @@ impl Render {
     /// Renders a scene file.
     fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let file = SceneFile::load(&self.scene)?;
-        let field = Counted::new(file.sdf.build::<R>()?);
+        let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
         let background = color::<R>(file.background);
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
+        let scene = scene.with_slope_of_field();
         let bar = global.progress("render");
         let start = Instant::now();
         let image = render(&scene, 0, self.spp, self.seed, &bar_mover(&bar))

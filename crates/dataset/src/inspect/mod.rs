@@ -5,13 +5,13 @@ mod overlay;
 mod tests;
 mod text;
 
-use field::Sphere;
+use field::{Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 pub use overlay::overlay;
 
-use crate::{Background, Dataset, View, fibonacci, looks_away};
+use crate::{Background, Dataset, View, looks_away};
 
 /// A report on a data set; lengths in its own units.
 #[derive(Clone, Debug, Serialize)]
@@ -153,7 +153,7 @@ fn passes_through(view: &View, bounds: &Sphere<f64>) -> bool {
 fn surrounded(to_center: &[DVec3]) -> f64 {
     let near = CAP.to_radians().cos();
     let covered = (0..DIRECTIONS).filter(|&i| {
-        let direction = fibonacci::direction(i, DIRECTIONS, 0.0);
+        let direction = fibonacci_direction(i, DIRECTIONS, 0.0);
         to_center.iter().any(|d| -d.normalize_or_zero().dot(direction) > near)
     });
     covered.count() as f64 / DIRECTIONS as f64

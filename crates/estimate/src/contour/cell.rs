@@ -1,13 +1,13 @@
-//! The pieces of silhouettes in a cell of the grid.
+//! The pieces of silhouettes and creases in a cell of the grid.
 
 use field::Real;
 
-use super::edge::SilhouetteEvent;
+use super::edge::Event;
 
-/// A piece of a silhouette in one cell.
+/// A piece of a silhouette or a crease in one cell.
 pub(super) struct Piece<R: Real> {
-    /// The events at its ends. A piece that ends behind another silhouette has the same one twice.
-    pub(super) ends: [SilhouetteEvent<R>; 2],
+    /// The events at its ends. A piece that ends inside the cell has the same one twice.
+    pub(super) ends: [Event<R>; 2],
     /// Its length, in pixels.
     pub(super) length: f64,
 }
@@ -16,10 +16,10 @@ pub(super) struct Piece<R: Real> {
 /// when events are paired: the depth decides.
 const DEPTH_WEIGHT: f64 = 1e3;
 
-/// The pieces of silhouettes between the events on the edges of a cell.
+/// The pieces of curves between events of one kind on the edges of a cell.
 ///
 /// Events are paired by the least mismatch. A cell with one event has no piece.
-pub(super) fn pieces<R: Real>(events: &[SilhouetteEvent<R>]) -> Vec<Piece<R>> {
+pub(super) fn pieces<R: Real>(events: &[Event<R>]) -> Vec<Piece<R>> {
     match events.len() {
         2 => vec![piece(events, 0, 1)],
         3 => three(events),
@@ -38,17 +38,18 @@ pub(super) fn pieces<R: Real>(events: &[SilhouetteEvent<R>]) -> Vec<Piece<R>> {
 }
 
 /// The mismatch of two events as the ends of one piece, in pixels.
-fn mismatch<R: Real>(events: &[SilhouetteEvent<R>], a: usize, b: usize) -> f64 {
+fn mismatch<R: Real>(events: &[Event<R>], a: usize, b: usize) -> f64 {
     let (a, b) = (&events[a], &events[b]);
     (a.t - b.t).abs().to_double() * DEPTH_WEIGHT + (a.u - b.u).length()
 }
 
-fn piece<R: Real>(events: &[SilhouetteEvent<R>], a: usize, b: usize) -> Piece<R> {
+fn piece<R: Real>(events: &[Event<R>], a: usize, b: usize) -> Piece<R> {
     Piece { ends: [events[a], events[b]], length: (events[a].u - events[b].u).length() }
 }
 
-/// Three events: one silhouette ends behind another, and its last piece reaches the other's chord.
-fn three<R: Real>(events: &[SilhouetteEvent<R>]) -> Vec<Piece<R>> {
+/// Three events: one curve ends at another or behind it, and its last piece reaches the other's
+/// chord.
+fn three<R: Real>(events: &[Event<R>]) -> Vec<Piece<R>> {
     let options = [(0, 1, 2), (0, 2, 1), (1, 2, 0)];
     let best = options
         .into_iter()

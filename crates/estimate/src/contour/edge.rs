@@ -20,31 +20,37 @@ const BESIDE: f64 = 1e-4;
 /// times as wide as the one before.
 const STRADDLE_TRIES: u32 = 6;
 
-/// A crossing of an edge of a cell with a silhouette.
+/// The kind of curve that an edge of a cell crosses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum EventKind {
+    /// A silhouette. `leaves` says whether the edge leaves the solid here.
+    Silhouette { leaves: bool },
+    /// A crease.
+    Crease,
+}
+
+/// A crossing of an edge of a cell with a curve along which the radiance jumps.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SilhouetteEvent<R: Real> {
+pub(super) struct Event<R: Real> {
+    pub(super) kind: EventKind,
     pub(super) u: DVec2,
-    /// The depth of the silhouette, in world units.
+    /// The depth of the curve, in world units.
     pub(super) t: R,
-    /// Two points of the ray that enclose its minimum of f, in world units.
+    /// Two points whose values of f move the curve: of the ray, around its minimum of f, or on the
+    /// two faces. In world units.
     pub(super) points: [R::Vec3; 2],
-    /// Their weights, which sum to 1.
-    pub(super) weights: [R; 2],
-    /// |∇_u m| of m = min_t f, in world units per pixel.
-    pub(super) film_slope: R,
-    /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
-    pub(super) contrast: R::Vec3,
-    /// Whether the edge leaves the solid here.
-    pub(super) leaves: bool,
+    /// −∂(pixel value)/∂f at the points for a curve of one pixel of length, linear RGB per world
+    /// unit.
+    pub(super) rgb: [R::Vec3; 2],
 }
 
 /// An edge of the grid.
 pub(super) struct GridEdge<R: Real> {
-    camera: usize,
+    pub(super) camera: usize,
     /// The film positions of its ends.
     pub(super) ends: [DVec2; 2],
-    /// Its crossing with a silhouette, if there is one.
-    pub(super) event: Option<SilhouetteEvent<R>>,
+    /// Its crossing with a silhouette or a crease, if there is one.
+    pub(super) event: Option<Event<R>>,
 }
 
 impl<R: Real> GridEdge<R> {
@@ -150,14 +156,16 @@ fn describe<R: Real>(
         let eye = R::Vec3::of(camera.eye);
         let Some(minimum) = minimum_around(scene, eye, R::Vec3::of(d), t, scale) else { continue };
         let film = du.map(|du| minimum.gradient.dot(R::Vec3::of(du)) * t);
-        edges[interval.edge].event = Some(SilhouetteEvent {
+        // |∇_u m| of m = min_t f, in world units per pixel.
+        let slope = (film[0] * film[0] + film[1] * film[1]).sqrt();
+        let contrast = (front.samples[k].radiance - back.samples[k].radiance)
+            * (R::one() / slope.max(R::min_positive_value()));
+        edges[interval.edge].event = Some(Event {
+            kind: EventKind::Silhouette { leaves: interval.near() == 0 },
             u,
             t,
             points: minimum.points,
-            weights: minimum.weights,
-            film_slope: (film[0] * film[0] + film[1] * film[1]).sqrt(),
-            contrast: front.samples[k].radiance - back.samples[k].radiance,
-            leaves: interval.near() == 0,
+            rgb: minimum.weights.map(|weight| contrast * weight),
         });
     }
     Ok(())

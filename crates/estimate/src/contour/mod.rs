@@ -1,6 +1,7 @@
-//! The reference `contour`: silhouettes traced on a fine grid of the film.
+//! The reference `contour`: silhouettes and creases traced on a fine grid of the film.
 
 mod cell;
+mod crease;
 mod edge;
 
 use field::Real;
@@ -8,10 +9,10 @@ use glam::DVec2;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use crate::film_line::{Crossing, FilmLine};
+use crate::film_line::{FilmLine, SegmentEnd, has_visible_creases};
 use crate::smooth_part::{Stratification, add_smooth_part};
 use cell::{Piece, pieces};
-use edge::{GridEdge, SilhouetteEvent, locate};
+use edge::{Event, EventKind, GridEdge};
 use record::Record;
 
 /// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
@@ -66,7 +67,7 @@ impl Grid {
         ((axis * (n + 1) + line) * n + along) as usize
     }
 
-    /// Adds the pieces of silhouettes in every cell of one pixel.
+    /// Adds the pieces of silhouettes and creases in every cell of one pixel.
     fn add_cells<R: Real>(self, pixel: u32, edges: &[GridEdge<R>], record: &mut Record<R>) {
         for y in 0..self.cells {
             for x in 0..self.cells {
@@ -76,9 +77,13 @@ impl Grid {
                     self.index(0, y + 1, x),
                     self.index(1, x, y),
                 ];
-                let events: Vec<SilhouetteEvent<R>> =
-                    four.iter().filter_map(|&e| edges[e].event).collect();
-                pieces(&events).iter().for_each(|piece| add_piece(pixel, piece, record));
+                let (creases, silhouettes): (Vec<Event<R>>, Vec<Event<R>>) = four
+                    .iter()
+                    .filter_map(|&e| edges[e].event)
+                    .partition(|event| event.kind == EventKind::Crease);
+                for events in [silhouettes, creases] {
+                    pieces(&events).iter().for_each(|piece| add_piece(pixel, piece, record));
+                }
             }
         }
     }
@@ -91,7 +96,7 @@ impl Grid {
         edges: &[Vec<GridEdge<R>>],
         record: &mut Record<R>,
     ) -> Result<(), InvalidField> {
-        let (mut lines, mut crossings) = (Vec::new(), Vec::new());
+        let (mut lines, mut ends) = (Vec::new(), Vec::new());
         for (index, (pixel, edges)) in pixels.iter().zip(edges).enumerate() {
             for (axis, line) in
                 (0..2).flat_map(|axis| (0..=self.cells).map(move |line| (axis, line)))
@@ -99,7 +104,15 @@ impl Grid {
                 let of_line = (0..self.cells).map(|along| self.index(axis, line, along));
                 let events = of_line.filter_map(|index| edges[index].event);
                 let number = lines.len();
-                crossings.extend(events.map(|e| crossing(number, axis as usize, pixel, &e)));
+                ends.extend(events.map(|event| {
+                    let s = (event.u - pixel.corner())[axis as usize];
+                    match event.kind {
+                        EventKind::Silhouette { leaves } => {
+                            SegmentEnd::silhouette(number, s, leaves)
+                        }
+                        EventKind::Crease => SegmentEnd::crease(number, s),
+                    }
+                }));
                 let end = line == 0 || line == self.cells;
                 lines.push(FilmLine {
                     pixel: index as u32,
@@ -112,29 +125,15 @@ impl Grid {
         }
         let stratification =
             Stratification { offset: &vec![0.5; lines.len()], per_pixel: self.cells };
-        add_smooth_part(scene, &lines, stratification, &crossings, record)
+        add_smooth_part(scene, &lines, stratification, &ends, record)
     }
 }
 
-/// The crossing of a line of the grid at an event. Its film gradient is unused, and zero.
-fn crossing<R: Real>(
-    line: usize,
-    axis: usize,
-    pixel: &Pixel,
-    event: &SilhouetteEvent<R>,
-) -> Crossing<R> {
-    let SilhouetteEvent { u, points, weights, contrast, leaves, .. } = *event;
-    let s = (u - pixel.corner())[axis];
-    Crossing { line, s, leaves, points, weights, film_gradient: [R::zero(); 2], contrast }
-}
-
-/// Adds ΔL/|∇_u m| times the length of a piece, half at each of its ends.
+/// Adds a piece, with half of its length at each of its ends.
 fn add_piece<R: Real>(pixel: u32, piece: &Piece<R>, record: &mut Record<R>) {
     for event in &piece.ends {
-        let slope = event.film_slope.max(R::min_positive_value());
-        let rgb = event.contrast * (R::of(0.5 * piece.length) / slope);
-        for (x, weight) in event.points.into_iter().zip(event.weights) {
-            record.silhouettes.push(pixel, x, rgb * weight);
+        for (x, rgb) in event.points.into_iter().zip(event.rgb) {
+            record.silhouettes.push(pixel, x, rgb * R::of(0.5 * piece.length));
         }
     }
 }
@@ -151,7 +150,10 @@ impl<R: Real> Estimator<R> for Contour {
         let mut all = Vec::with_capacity(batch.pixels.len());
         for (index, pixel) in batch.pixels.iter().enumerate() {
             let mut edges = grid.edges::<R>(pixel);
-            locate(scene, &mut edges)?;
+            edge::locate(scene, &mut edges)?;
+            if has_visible_creases(scene) {
+                crease::locate(scene, &mut edges)?;
+            }
             grid.add_cells(index as u32, &edges, &mut record);
             all.push(edges);
         }

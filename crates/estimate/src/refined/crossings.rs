@@ -3,11 +3,13 @@
 use field::Real;
 use render::{InvalidField, Scene};
 
+use super::face_changes::FaceChange;
 use super::neighbours::Neighbours;
 use super::probes::{Place, Probes};
-use super::search::KnownTangencies;
+use super::search::{KnownTangencies, Searches, first_reach};
 use super::visibility::visible;
-use crate::film_line::{Crossing, FilmLine};
+use crate::film_line::{Crossing, FilmLine, tolerance};
+use trace::Start;
 
 /// Crossings of lines with visible silhouettes, and the number of rays of the search.
 pub(super) struct Crossings<R: Real> {
@@ -60,4 +62,32 @@ pub(super) fn crossings<R: Real>(
     }
     let rays = probes.rays + known.count() as u64;
     Ok(Crossings { crossings, rays })
+}
+
+/// The crossings with the silhouettes at known places: those of changes from one face to another
+/// that does not meet it there.
+///
+/// [`crossings`] takes two depths for those of one surface if a ball as large as the solid could
+/// have both. So it misses silhouettes in front of a surface close behind, and these are among
+/// them.
+pub(super) fn crossings_at<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    places: &[FaceChange<R>],
+) -> Result<Crossings<R>, InvalidField> {
+    let mut searches = Searches::new();
+    let margin = tolerance::<R>();
+    for place in places {
+        let [(from, first), (to, second)] = place.ends;
+        let (s, t) = if first.t < second.t { (from, first.t) } else { (to, second.t) };
+        let reach = first_reach(scene, lines[place.line].camera, t);
+        let range = [R::zero(); 2];
+        let start = Start { s: R::of(s), t, range, reach, steepest: R::one() };
+        searches.push(place.line, [from - margin, to + margin], start);
+    }
+    let mut known = KnownTangencies::new(lines.len());
+    known.search(scene, lines, &searches);
+    let visible = visible(scene, lines, known.since(0))?;
+    let rays = known.count() as u64;
+    Ok(Crossings { crossings: visible.into_iter().map(|v| v.crossing).collect(), rays })
 }

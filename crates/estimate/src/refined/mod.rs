@@ -1,7 +1,9 @@
 //! The estimator `refined`, the default: a curve integral over silhouettes, which are found along
 //! random lines on the film.
 
+mod creases;
 mod crossings;
+mod face_changes;
 mod neighbours;
 mod probes;
 mod search;
@@ -13,9 +15,11 @@ use random::Purpose;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
-use crate::film_line::{Crossing, FilmLine};
+use crate::film_line::{Crossing, FilmLine, SegmentEnd, has_visible_creases};
 use crate::smooth_part::{Stratification, add_smooth_part};
-use crossings::{Crossings, crossings};
+use creases::{add_crease, is_crease};
+use crossings::{Crossings, crossings, crossings_at};
+use face_changes::face_changes;
 use record::Record;
 use survey::{mark_corners, sample_unmarked};
 
@@ -141,8 +145,26 @@ fn add_silhouettes<R: Real>(
         return Ok(());
     }
     crossings.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
+    let mut ends: Vec<SegmentEnd> =
+        crossings.iter().map(|c| SegmentEnd::silhouette(c.line, c.s, c.leaves)).collect();
+    if has_visible_creases(scene) {
+        let changes = face_changes(scene, &lines, &offset, &crossings, record)?;
+        let (creases, silhouettes): (Vec<_>, Vec<_>) =
+            changes.into_iter().partition(|change| is_crease(scene, &lines, change));
+        for crease in &creases {
+            add_crease(scene, &lines, crease, record);
+            ends.push(SegmentEnd::crease(crease.line, crease.middle()));
+        }
+        let Crossings { crossings, rays } = crossings_at(scene, &lines, &silhouettes)?;
+        record.rays += rays;
+        for crossing in &crossings {
+            add_crossing(&lines[crossing.line], crossing, record);
+            ends.push(SegmentEnd::silhouette(crossing.line, crossing.s, crossing.leaves));
+        }
+        ends.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
+    }
     let stratification = Stratification { offset: &offset, per_pixel: SEGMENT_SAMPLES };
-    add_smooth_part(scene, &lines, stratification, &crossings, record)
+    add_smooth_part(scene, &lines, stratification, &ends, record)
 }
 
 /// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing.

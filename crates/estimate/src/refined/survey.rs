@@ -8,6 +8,7 @@ use rustc_hash::FxHashMap;
 use trace::Outcome;
 
 use crate::estimator::{Batch, SilhouetteMask};
+use crate::film_line::has_visible_creases;
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
 use record::{Area, Record, Share};
 
@@ -37,13 +38,13 @@ pub(super) fn sample_unmarked<R: Real>(
     let primary = scene.primary(&pixel_samples(pixels, &range, batch.seed))?;
     record.rays += primary.samples.len() as u64;
     let near = near_silhouettes(scene, &primary, SilhouetteMargin::SMALL);
-    let hit = primary.hit_mask();
+    let seen = seen_faces(scene, &primary);
     let count = range.len();
-    let mixed = |own: &[bool]| own.contains(&true) && own.contains(&false);
+    let mixed = |own: &[Option<u32>]| own.iter().any(|face| *face != own[0]);
     let mut not_far = Vec::new();
     for (i, &pixel) in unmarked.iter().enumerate() {
         let own = i * count..(i + 1) * count;
-        if near[own.clone()].contains(&true) || mixed(&hit[own.clone()]) {
+        if near[own.clone()].contains(&true) || mixed(&seen[own.clone()]) {
             mask.may_cross[pixel as usize] = true;
         } else if !primary.samples[own].iter().any(|sample| is_far(scene, &primary, sample)) {
             not_far.push(pixel);
@@ -54,6 +55,20 @@ pub(super) fn sample_unmarked<R: Real>(
     let shares = (0..primary.samples.len()).map(share).collect();
     record.area.push(Area { primary, shares, warp: None });
     Ok(not_far)
+}
+
+/// The face that every sample hits, `None` for a miss. All faces are the same if the radiance does
+/// not jump at creases.
+fn seen_faces<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>) -> Vec<Option<u32>> {
+    let mut face = vec![0; primary.hits.len()];
+    if has_visible_creases(scene) {
+        scene.field.faces(&primary.surface.x, &mut face);
+    }
+    let mut seen = vec![None; primary.samples.len()];
+    for (hit, face) in primary.hits.iter().zip(face) {
+        seen[hit.sample] = Some(face);
+    }
+    seen
 }
 
 /// Whether a ray clears all surfaces by so much that no silhouette can cross its pixel.
@@ -92,6 +107,23 @@ impl Corners {
     }
 }
 
+/// The face that every corner ray hits; see [`seen_faces`].
+fn corner_faces<R: Real>(
+    scene: &Scene<'_, R>,
+    traced: &[Option<TracedRay<R>>],
+) -> Vec<Option<u32>> {
+    let point = |traced: &TracedRay<R>| traced.depth().map(|t| traced.ray.at(t));
+    let x: Vec<Option<R::Vec3>> =
+        traced.iter().map(|traced| traced.as_ref().and_then(point)).collect();
+    let hits: Vec<R::Vec3> = x.iter().flatten().copied().collect();
+    let mut face = vec![0; hits.len()];
+    if has_visible_creases(scene) {
+        scene.field.faces(&hits, &mut face);
+    }
+    let mut face = face.into_iter();
+    x.iter().map(|x| x.and_then(|_| face.next())).collect()
+}
+
 /// Marks the pixels among `which` of whose corner rays some hit and some miss, or one passes a
 /// surface closely.
 ///
@@ -107,7 +139,7 @@ pub(super) fn mark_corners<R: Real>(
     let corners = Corners::of(which.iter().map(|&i| batch.pixels[i as usize]));
     let traced = scene.trace(&corners.samples)?;
     record.rays += traced.len() as u64;
-    let hits = |i: usize| traced[i].as_ref().is_some_and(|traced| traced.depth().is_some());
+    let seen = corner_faces(scene, &traced);
     let mut passed: Vec<Option<Passage>> = traced.iter().map(|_| None).collect();
     let corner_rays = corners.samples.iter().copied().zip(traced.iter().map(Option::as_ref));
     for passage in passages(scene, corner_rays, CORNER_REACH) {
@@ -120,7 +152,7 @@ pub(super) fn mark_corners<R: Real>(
             let passage = passed[i].as_ref();
             passage.is_some_and(|p| p.crosses(&corners.samples[i], pixel, SilhouetteMargin::SMALL))
         };
-        mask.may_cross[index as usize] = four.iter().any(|&i| hits(i) != hits(four[0]) || close(i));
+        mask.may_cross[index as usize] = four.iter().any(|&i| seen[i] != seen[four[0]] || close(i));
     }
     Ok(())
 }

@@ -2,7 +2,6 @@
 
 use field::{Real, Vector3};
 use render::{InvalidField, Primary, Sample, Scene, Surface};
-use rustc_hash::FxHashMap;
 use trace::{Outcome, Tangency};
 
 use super::search::{LineTangency, SAME_DEPTH};
@@ -33,8 +32,8 @@ const ASIDE: f64 = 10.0;
 /// The visible ones among silhouettes, with their contrast.
 ///
 /// A ray just outside each silhouette tests whether a surface in front hides it, and gives the
-/// radiance outside. The shader gives the radiance inside; at an edge of a solid, a ray just inside
-/// gives it.
+/// radiance outside. The shader gives the radiance inside; at an edge of a solid, for the face that
+/// a ray just inside meets first.
 pub(super) fn visible<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
@@ -43,9 +42,8 @@ pub(super) fn visible<R: Real>(
     let aside = ASIDE * tolerance::<R>();
     let outside: Vec<Sample> = found.iter().map(|f| beside(lines, f, aside)).collect();
     let outside = scene.primary(&outside)?;
-    let mut inside = inside_edges(scene, lines, found, aside)?;
     let mut out = Vec::with_capacity(found.len());
-    let (mut surface, mut inside_radiance) = (Surface::default(), Vec::new());
+    let mut surface = Surface::default();
     for (i, f) in found.iter().enumerate() {
         let (line, tangency) = (&lines[f.line], &f.tangency);
         let depth = depth_outside(&outside, i);
@@ -60,11 +58,9 @@ pub(super) fn visible<R: Real>(
         if is_outside_bounds(scene, point) {
             continue;
         }
-        let length = tangency.gradient.length().max(R::min_positive_value());
-        surface.push(point, tangency.gradient * (R::one() / length), d);
-        // A ray just inside a part thinner than `aside` misses it and hits a surface behind it.
-        let seen = inside.remove(&i).filter(|(t, _)| *t < depth);
-        inside_radiance.push(seen.map(|(_, rgb)| rgb));
+        let normal = if tangency.edge { tangency.front } else { tangency.gradient };
+        let length = normal.length().max(R::min_positive_value());
+        surface.push(point, normal * (R::one() / length), d);
         let crossing = Crossing {
             line: f.line,
             s: tangency.s.to_double(),
@@ -78,8 +74,8 @@ pub(super) fn visible<R: Real>(
     }
     let mut rgb = vec![R::Vec3::zero(); out.len()];
     scene.shader.radiance(&surface.batch(), &mut rgb);
-    for ((visible, rgb), inside) in out.iter_mut().zip(rgb).zip(inside_radiance) {
-        visible.crossing.contrast += inside.unwrap_or(rgb);
+    for (visible, rgb) in out.iter_mut().zip(rgb) {
+        visible.crossing.contrast += rgb;
     }
     Ok(out)
 }
@@ -88,22 +84,6 @@ pub(super) fn visible<R: Real>(
 fn beside<R: Real>(lines: &[FilmLine], f: &LineTangency<R>, away: f64) -> Sample {
     let away = if f.tangency.slope > R::zero() { away } else { -away };
     lines[f.line].at(f.tangency.s.to_double() + away)
-}
-
-/// Depth and radiance just inside the silhouettes that are edges of a solid, by their numbers. One
-/// of two faces is visible there, and a ray finds it.
-fn inside_edges<R: Real>(
-    scene: &Scene<'_, R>,
-    lines: &[FilmLine],
-    found: &[LineTangency<R>],
-    aside: f64,
-) -> Result<FxHashMap<usize, (R, R::Vec3)>, InvalidField> {
-    let edges: Vec<usize> = (0..found.len()).filter(|&i| found[i].tangency.edge).collect();
-    let samples: Vec<Sample> = edges.iter().map(|&i| beside(lines, &found[i], -aside)).collect();
-    let inside = scene.primary(&samples)?;
-    let view =
-        |hit: &render::Hit<R>| (edges[hit.sample], (hit.t, inside.samples[hit.sample].radiance));
-    Ok(inside.hits.iter().map(view).collect())
 }
 
 /// The depth just outside silhouette `i`; infinite for a miss.

@@ -192,7 +192,7 @@ impl<R: Real> Search<R> {
     ) -> SearchStep<R> {
         self.newton_steps += 1;
         let m = minimum.f;
-        *(if m > R::zero() { &mut self.outside } else { &mut self.inside }) = Some(self.s);
+        self.note_sign(m);
         if let Some(tangency) = self.unconfirmed {
             return confirmed(tangency, minimum);
         }
@@ -208,6 +208,20 @@ impl<R: Real> Search<R> {
         let to_surface = m.abs() / minimum.gradient.length().max(R::min_positive_value());
         self.restart_at(family, next, minimum.t, minimum.width().max(to_surface));
         SearchStep::Evaluate
+    }
+
+    /// Notes the sign of m at the current ray. It replaces that of an earlier estimate of the same
+    /// ray: the first one may come from points far apart.
+    fn note_sign(&mut self, m: R) {
+        let (same, other) = if m > R::zero() {
+            (&mut self.outside, &mut self.inside)
+        } else {
+            (&mut self.inside, &mut self.outside)
+        };
+        *same = Some(self.s);
+        if *other == *same {
+            *other = None;
+        }
     }
 
     /// Accepts a converged tangency at `s`, unless its points have to move closer to an edge or an
@@ -249,6 +263,7 @@ impl<R: Real> Search<R> {
             points: [at(a.t), at(b.t)],
             weights: [R::one() - minimum.weight, minimum.weight],
             gradient: minimum.gradient,
+            front: a.gradient,
             slope: minimum.slope,
             edge: on_different_faces(a, b),
             bend: (b.slope - a.slope) / (b.t - a.t).max(R::min_positive_value()),

@@ -111,7 +111,7 @@ impl Gradient {
 fn surface_distance(file: &SceneFile) -> Result<f64, InputError> {
     let eye = file.camera.eye;
     let mut nearest = [0.0];
-    file.sdf.build::<f64>()?.value(&[eye], &mut nearest);
+    file.field::<f64>()?.value(&[eye], &mut nearest);
     Ok(if nearest[0] > 0.0 { nearest[0] } else { (eye - file.bounds.center).length() })
 }
 
@@ -122,11 +122,11 @@ fn image<R: EstimatorPrecision>(
     spp: u32,
     seed: u64,
 ) -> anyhow::Result<(Film, Evaluations)> {
-    let field = Counted::new(file.sdf.build::<R>()?);
+    let field = Counted::new(file.field::<R>()?);
     let shader = file.shader::<R>(&field)?;
     let cameras = [file.camera];
     let background = color::<R>(file.background);
     let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
-    let image = render(&scene.with_options(tracing), 0, spp, seed, &|_| {})?;
+    let image = render(&scene.with_options(tracing).with_slope_of_field(), 0, spp, seed, &|_| {})?;
     Ok((image.film, field.evaluations()))
 }

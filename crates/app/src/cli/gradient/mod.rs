@@ -44,12 +44,12 @@ impl Gradient {
         let tracing = self.trace_options()?;
         check_extension(&self.output, self.extensions())?;
         let file = self.load()?;
-        let field = Counted::new(file.sdf.build::<R>()?);
+        let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
         let background = color::<R>(file.background);
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
-        let scene = scene.with_options(tracing);
+        let scene = scene.with_options(tracing).with_slope_of_field();
         let bar = global.progress("gradient");
         let progress = bar_mover(&bar);
         let mut report = match (&method, &self.target) {

@@ -27,7 +27,7 @@ impl Gradient {
         entry: &Entry,
         progress: &(dyn Fn(f64) + Sync),
     ) -> anyhow::Result<GradientReport> {
-        let Sdf::Neural { path: model, bytes } = &file.sdf else {
+        let Sdf::Neural { path: model, bytes, .. } = &file.sdf else {
             let (found, expected) = ("an analytic shape", "neural, for --target");
             return Err(InputError::new(&self.scene, "/sdf/type", found, expected).into());
         };

@@ -1,0 +1,214 @@
+//! Places on lines of the film where the visible surface goes from one face to another.
+
+use field::{Real, Vector3};
+use render::{InvalidField, Sample, Scene};
+
+use crate::film_line::{Crossing, FilmLine, tolerance};
+use record::Record;
+
+/// The visible surface at one place of a line.
+#[derive(Clone, Copy, Debug)]
+struct Place<R: Real> {
+    s: f64,
+    /// The hit of the ray there; `None` for a miss.
+    hit: Option<FaceHit<R>>,
+}
+
+/// A hit with its face.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FaceHit<R: Real> {
+    /// The number of the face; see [`field::Field::faces`].
+    face: u32,
+    /// The distance along the ray, in world units.
+    pub(super) t: R,
+    pub(super) x: R::Vec3,
+    /// ∇f at the hit.
+    pub(super) gradient: R::Vec3,
+    pub(super) radiance: R::Vec3,
+}
+
+/// A part of a line whose ends hit different faces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FaceChange<R: Real> {
+    /// The line, by its number.
+    pub(super) line: usize,
+    /// The parameter of the line and the hit at both ends.
+    pub(super) ends: [(f64, FaceHit<R>); 2],
+}
+
+/// The largest number of rounds. Each round divides an interval in two or three parts; every second
+/// one halves it.
+const ROUNDS: u32 = 28;
+
+/// The largest number of intervals per line, for fields that have a new face everywhere.
+const MAX_INTERVALS: usize = 16;
+
+impl<R: Real> FaceChange<R> {
+    /// The change between two places, if they hit different faces.
+    fn between(line: usize, a: &Place<R>, b: &Place<R>) -> Option<Self> {
+        let (first, second) = (a.hit?, b.hit?);
+        let ends = [(a.s, first), (b.s, second)];
+        (first.face != second.face).then_some(FaceChange { line, ends })
+    }
+
+    fn width(&self) -> f64 {
+        self.ends[1].0 - self.ends[0].0
+    }
+
+    /// The middle of the change, as a parameter of the line.
+    pub(super) fn middle(&self) -> f64 {
+        (self.ends[0].0 + self.ends[1].0) * 0.5
+    }
+
+    /// The place where the tangent planes of the two faces meet on the line, or the middle if they
+    /// meet outside of the interval.
+    fn expected(&self, scene: &Scene<'_, R>, lines: &[FilmLine]) -> f64 {
+        let line = &lines[self.line];
+        let camera = &scene.cameras[line.camera];
+        let eye = R::Vec3::of(camera.eye);
+        let height = self.ends.map(|(_, hit)| hit.gradient.dot(hit.x - eye));
+        // The difference of the distances of the planes along the ray at s.
+        let gap = |s: f64| {
+            let d = R::Vec3::of(camera.direction(line.at(s).u));
+            let [a, b] = [0, 1].map(|end| height[end] / self.ends[end].1.gradient.dot(d));
+            (a - b).to_double()
+        };
+        let [mut from, mut to] = self.ends.map(|(s, _)| s);
+        let (mut low, mut high) = (gap(from), gap(to));
+        let middle = (from + to) * 0.5;
+        if low * high >= 0.0 || !(low * high).is_finite() {
+            return middle;
+        }
+        let mut s = middle;
+        for _ in 0..8 {
+            s = from + (to - from) * (low / (low - high));
+            let here = gap(s);
+            if here * low > 0.0 {
+                (from, low) = (s, here);
+            } else {
+                (to, high) = (s, here);
+            }
+        }
+        s
+    }
+}
+
+/// Finds the places where lines go from face to face between silhouettes. Each result is two
+/// tolerances wide.
+///
+/// It can miss two changes between the same two faces that lie between all of a line's places: the
+/// ends of the line, both sides of silhouettes, and one inner place of each part between them.
+///
+/// `crossings` are sorted by line, and along each line by s. `inner` has one more place per line.
+pub(super) fn face_changes<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    inner: &[f64],
+    crossings: &[Crossing<R>],
+    record: &mut Record<R>,
+) -> Result<Vec<FaceChange<R>>, InvalidField> {
+    let mut found = Vec::new();
+    let mut open = first_intervals(scene, lines, inner, crossings, record)?;
+    let done = 2.0 * tolerance::<R>();
+    for round in 0..ROUNDS {
+        open.retain(|interval| {
+            let narrow = interval.width() <= 1.01 * done;
+            if narrow {
+                found.push(*interval);
+            }
+            !narrow
+        });
+        if open.is_empty() {
+            break;
+        }
+        open = divided(scene, lines, &open, round % 2 == 0, record)?;
+    }
+    Ok(found)
+}
+
+/// The intervals between the ends of lines, their inner places and both sides of silhouettes.
+fn first_intervals<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    inner: &[f64],
+    crossings: &[Crossing<R>],
+    record: &mut Record<R>,
+) -> Result<Vec<FaceChange<R>>, InvalidField> {
+    // Further from a silhouette than its own rays, so as not to hit the other side.
+    let aside = 20.0 * tolerance::<R>();
+    let mut next = crossings.iter().peekable();
+    // Pairs of places, without a silhouette between them.
+    let mut wanted: Vec<(usize, f64)> = Vec::new();
+    for (number, inner) in inner.iter().enumerate() {
+        let mut from = 0.0;
+        let mut segment = |from: f64, to: f64| {
+            let middle = if (from..to).contains(inner) { *inner } else { (from + to) * 0.5 };
+            if to > from {
+                wanted.extend([from, middle, middle, to].map(|s| (number, s)));
+            }
+        };
+        while let Some(crossing) = next.next_if(|crossing| crossing.line == number) {
+            segment(from, crossing.s - aside);
+            from = crossing.s + aside;
+        }
+        segment(from, 1.0);
+    }
+    let places = places(scene, lines, &wanted, record)?;
+    let pairs = wanted.chunks_exact(2).zip(places.chunks_exact(2));
+    Ok(pairs.filter_map(|(at, pair)| FaceChange::between(at[0].0, &pair[0], &pair[1])).collect())
+}
+
+/// Traces a ray at every place (line, s).
+fn places<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    wanted: &[(usize, f64)],
+    record: &mut Record<R>,
+) -> Result<Vec<Place<R>>, InvalidField> {
+    let samples: Vec<Sample> = wanted.iter().map(|(line, s)| lines[*line].at(*s)).collect();
+    let primary = scene.primary(&samples)?;
+    record.rays += samples.len() as u64;
+    let mut face = vec![0; primary.hits.len()];
+    scene.field.faces(&primary.surface.x, &mut face);
+    let mut places: Vec<Place<R>> =
+        wanted.iter().map(|(_, s)| Place { s: *s, hit: None }).collect();
+    for ((hit, x), face) in primary.hits.iter().zip(&primary.surface.x).zip(face) {
+        let radiance = primary.samples[hit.sample].radiance;
+        let (t, gradient) = (hit.t, hit.gradient);
+        places[hit.sample].hit = Some(FaceHit { face, t, x: *x, gradient, radiance });
+    }
+    Ok(places)
+}
+
+/// The parts of intervals that have a change: around the expected place, or halves.
+fn divided<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    open: &[FaceChange<R>],
+    expected: bool,
+    record: &mut Record<R>,
+) -> Result<Vec<FaceChange<R>>, InvalidField> {
+    let reach = tolerance::<R>();
+    let wanted: Vec<(usize, f64)> = open
+        .iter()
+        .flat_map(|interval| {
+            let [from, to] = interval.ends.map(|(s, _)| s);
+            let at = if expected { interval.expected(scene, lines) } else { (from + to) * 0.5 };
+            [(at - reach).max(from), (at + reach).min(to)].map(|s| (interval.line, s))
+        })
+        .collect();
+    let places = places(scene, lines, &wanted, record)?;
+    let mut of_line = vec![0; lines.len()];
+    let mut parts = Vec::new();
+    for (interval, inner) in open.iter().zip(places.chunks_exact(2)) {
+        let [first, last] = interval.ends.map(|(s, hit)| Place { s, hit: Some(hit) });
+        for pair in [[&first, &inner[0]], [&inner[0], &inner[1]], [&inner[1], &last]] {
+            let part = FaceChange::between(interval.line, pair[0], pair[1]);
+            if let Some(part) = part.filter(|_| of_line[interval.line] < MAX_INTERVALS) {
+                of_line[interval.line] += 1;
+                parts.push(part);
+            }
+        }
+    }
+    Ok(parts)
+}

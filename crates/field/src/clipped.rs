@@ -1,0 +1,124 @@
+//! A field clipped to a ball.
+
+use crate::csg::mixed;
+use crate::field::Field;
+use crate::real::{Real, Vector3};
+use crate::sphere::Sphere;
+
+/// The solid of a field inside a ball: F(x) = max(f(x), |x − c| − r).
+///
+/// The part of the ball's surface inside {f ≤ 0} is a surface of the solid, the cap. The ball has
+/// no parameters: the cap does not move, and its rim moves with f.
+#[derive(Clone, Copy, Debug)]
+pub struct Clipped<F, R: Real> {
+    inner: F,
+    ball: Sphere<R>,
+}
+
+impl<F: Field<R>, R: Real> Clipped<F, R> {
+    /// Clips `inner` to `ball`.
+    pub fn new(inner: F, ball: Sphere<R>) -> Self {
+        Clipped { inner, ball }
+    }
+
+    /// The signed distance to the sphere, and its gradient.
+    fn sphere(&self, x: R::Vec3) -> (R, R::Vec3) {
+        let away = x - self.ball.center;
+        let length = away.length();
+        (length - self.ball.radius, away * (R::one() / length.max(R::min_positive_value())))
+    }
+
+    /// The points where F is the distance to the sphere. `f` has the values of the inner field.
+    fn on_sphere<'a>(&'a self, x: &'a [R::Vec3], f: &'a [R]) -> impl Iterator<Item = bool> + 'a {
+        x.iter().zip(f).map(|(x, f)| self.sphere(*x).0 > *f)
+    }
+
+    fn inner_values(&self, x: &[R::Vec3]) -> Vec<R> {
+        let mut f = vec![R::zero(); x.len()];
+        self.inner.value(x, &mut f);
+        f
+    }
+}
+
+impl<F: Field<R>, R: Real> Field<R> for Clipped<F, R> {
+    fn parameter_count(&self) -> usize {
+        self.inner.parameter_count()
+    }
+
+    fn bounds(&self) -> Option<Sphere<R>> {
+        Some(self.ball)
+    }
+
+    fn has_creases(&self) -> bool {
+        true
+    }
+
+    fn faces(&self, x: &[R::Vec3], face: &mut [u32]) {
+        self.inner.faces(x, face);
+        let f = self.inner_values(x);
+        for (face, on_sphere) in face.iter_mut().zip(self.on_sphere(x, &f)) {
+            *face = if on_sphere { mixed(1, 0) } else { mixed(0, *face) };
+        }
+    }
+
+    fn value(&self, x: &[R::Vec3], f: &mut [R]) {
+        self.inner.value(x, f);
+        for (x, f) in x.iter().zip(f) {
+            let distance = self.sphere(*x).0;
+            if distance > *f {
+                *f = distance;
+            }
+        }
+    }
+
+    fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
+        self.inner.value_gradient(x, f, gradient);
+        for ((x, f), gradient) in x.iter().zip(f).zip(gradient) {
+            let (distance, normal) = self.sphere(*x);
+            if distance > *f {
+                (*f, *gradient) = (distance, normal);
+            }
+        }
+    }
+
+    fn hessian_vector(
+        &self,
+        x: &[R::Vec3],
+        p: &[R::Vec3],
+        gradient: &mut [R::Vec3],
+        product: &mut [R::Vec3],
+    ) {
+        self.inner.hessian_vector(x, p, gradient, product);
+        let f = self.inner_values(x);
+        for (i, on_sphere) in self.on_sphere(x, &f).enumerate() {
+            if on_sphere {
+                let (distance, normal) = self.sphere(x[i]);
+                let length = distance + self.ball.radius;
+                gradient[i] = normal;
+                product[i] = (p[i] - normal * normal.dot(p[i]))
+                    * (R::one() / length.max(R::min_positive_value()));
+            }
+        }
+    }
+
+    fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
+        let f = self.inner_values(x);
+        let (mut alpha, mut c) = (alpha.to_vec(), c.to_vec());
+        for (i, on_sphere) in self.on_sphere(x, &f).enumerate() {
+            if on_sphere {
+                (alpha[i], c[i]) = (R::zero(), R::Vec3::zero());
+            }
+        }
+        self.inner.parameter_vjp(x, &alpha, &c, adjoint);
+    }
+
+    fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
+        self.inner.parameter_jvp(x, tangent, f, gradient);
+        let values = self.inner_values(x);
+        for (i, on_sphere) in self.on_sphere(x, &values).enumerate() {
+            if on_sphere {
+                (f[i], gradient[i]) = (R::zero(), R::Vec3::zero());
+            }
+        }
+    }
+}
