@@ -45,6 +45,22 @@ pub(crate) struct Crossing<R: Real> {
     pub(crate) film_gradient: [R; 2],
     /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
     pub(crate) contrast: R::Vec3,
+    /// The surface at the silhouette, seen from inside.
+    pub(crate) rim: Rim<R>,
+}
+
+/// The surface at a silhouette.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rim<R: Real> {
+    /// The distance along the ray, in world units.
+    pub(crate) t: R,
+    pub(crate) x: R::Vec3,
+    /// ∇f there. At an edge of a solid, that of the face in front of it.
+    pub(crate) gradient: R::Vec3,
+    /// The radiance just inside, linear RGB.
+    pub(crate) radiance: R::Vec3,
+    /// Whether it is an edge of a solid.
+    pub(crate) edge: bool,
 }
 
 /// The end of a segment of a line: a crossing with a silhouette or a crease.

@@ -18,9 +18,11 @@ const DEPTH_WEIGHT: f64 = 1e3;
 
 /// The pieces of curves between events of one kind on the edges of a cell.
 ///
-/// Events are paired by the least mismatch. A cell with one event has no piece.
-pub(super) fn pieces<R: Real>(events: &[Event<R>]) -> Vec<Piece<R>> {
+/// Events are paired by the least mismatch. The curve of one event alone ends inside the cell: on
+/// average it has half the length `side` of the cell's sides there, in pixels.
+pub(super) fn pieces<R: Real>(events: &[Event<R>], side: f64) -> Vec<Piece<R>> {
     match events.len() {
+        1 => vec![Piece { ends: [events[0]; 2], length: 0.5 * side }],
         2 => vec![piece(events, 0, 1)],
         3 => three(events),
         4 => {

@@ -103,21 +103,28 @@ fn ends<R: Real>(
     Ok(ends)
 }
 
-/// Sets the event of every edge without one that crosses a crease.
+/// Adds the crossings of edges with creases: at most one on each side of a silhouette.
 pub(super) fn locate<R: Real>(
     scene: &Scene<'_, R>,
     edges: &mut [GridEdge<R>],
 ) -> Result<(), InvalidField> {
+    let parts: Vec<(usize, usize, [DVec2; 2])> = edges
+        .iter()
+        .enumerate()
+        .flat_map(|(i, edge)| edge.parts.iter().map(move |part| (i, edge.camera, *part)))
+        .collect();
     let at = |end: usize| {
-        let samples: Vec<Sample> =
-            edges.iter().map(|e| Sample { camera: e.camera, u: e.ends[end] }).collect();
-        ends(scene, &samples)
+        let sample = |(_, camera, part): &(usize, usize, [DVec2; 2])| Sample {
+            camera: *camera,
+            u: part[end],
+        };
+        ends(scene, &parts.iter().map(sample).collect::<Vec<_>>())
     };
     let (first, second) = (at(0)?, at(1)?);
     let mut open: Vec<Interval<R>> = Vec::new();
-    for (edge, (a, b)) in first.into_iter().zip(second).enumerate() {
-        if let (Some(a), Some(b), None) = (a, b, &edges[edge].event) {
-            open.push(Interval { edge, camera: edges[edge].camera, ends: [a, b] });
+    for ((edge, camera, _), (a, b)) in parts.into_iter().zip(first.into_iter().zip(second)) {
+        if let (Some(a), Some(b)) = (a, b) {
+            open.push(Interval { edge, camera, ends: [a, b] });
         }
     }
     open.retain(Interval::turns);
@@ -133,7 +140,7 @@ pub(super) fn locate<R: Real>(
         });
     }
     for interval in &open {
-        edges[interval.edge].event = interval.event(scene);
+        edges[interval.edge].events.extend(interval.event(scene));
     }
     Ok(())
 }

@@ -49,13 +49,15 @@ pub(super) struct GridEdge<R: Real> {
     pub(super) camera: usize,
     /// The film positions of its ends.
     pub(super) ends: [DVec2; 2],
-    /// Its crossing with a silhouette or a crease, if there is one.
-    pub(super) event: Option<Event<R>>,
+    /// Its crossings with silhouettes and creases.
+    pub(super) events: Vec<Event<R>>,
+    /// Its parts on both sides of a silhouette; the whole edge if there is none.
+    pub(super) parts: Vec<[DVec2; 2]>,
 }
 
 impl<R: Real> GridEdge<R> {
     pub(super) fn new(camera: usize, ends: [DVec2; 2]) -> Self {
-        GridEdge { camera, ends, event: None }
+        GridEdge { camera, ends, events: Vec::new(), parts: vec![ends] }
     }
 }
 
@@ -149,6 +151,8 @@ fn describe<R: Real>(
     let outside: Vec<Sample> = open.iter().map(|i| i.sample(1 - i.near())).collect();
     let (front, back) = (scene.primary(&inside)?, scene.primary(&outside)?);
     for (k, interval) in open.iter().enumerate() {
+        let [from, to] = edges[interval.edge].ends;
+        edges[interval.edge].parts = vec![[from, interval.ends[0]], [interval.ends[1], to]];
         let (t, u) = (interval.depth[interval.near()], interval.ends[interval.near()]);
         let camera = &scene.cameras[interval.camera];
         let (d, du) = camera.direction_du(u);
@@ -160,7 +164,7 @@ fn describe<R: Real>(
         let slope = (film[0] * film[0] + film[1] * film[1]).sqrt();
         let contrast = (front.samples[k].radiance - back.samples[k].radiance)
             * (R::one() / slope.max(R::min_positive_value()));
-        edges[interval.edge].event = Some(Event {
+        edges[interval.edge].events.push(Event {
             kind: EventKind::Silhouette { leaves: interval.near() == 0 },
             u,
             t,

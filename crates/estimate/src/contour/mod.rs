@@ -79,10 +79,11 @@ impl Grid {
                 ];
                 let (creases, silhouettes): (Vec<Event<R>>, Vec<Event<R>>) = four
                     .iter()
-                    .filter_map(|&e| edges[e].event)
+                    .flat_map(|&e| edges[e].events.iter().copied())
                     .partition(|event| event.kind == EventKind::Crease);
                 for events in [silhouettes, creases] {
-                    pieces(&events).iter().for_each(|piece| add_piece(pixel, piece, record));
+                    let side = 1.0 / f64::from(self.cells);
+                    pieces(&events, side).iter().for_each(|piece| add_piece(pixel, piece, record));
                 }
             }
         }
@@ -102,7 +103,7 @@ impl Grid {
                 (0..2).flat_map(|axis| (0..=self.cells).map(move |line| (axis, line)))
             {
                 let of_line = (0..self.cells).map(|along| self.index(axis, line, along));
-                let events = of_line.filter_map(|index| edges[index].event);
+                let events = of_line.flat_map(|index| &edges[index].events);
                 let number = lines.len();
                 ends.extend(events.map(|event| {
                     let s = (event.u - pixel.corner())[axis as usize];
@@ -123,6 +124,7 @@ impl Grid {
                 });
             }
         }
+        ends.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
         let stratification =
             Stratification { offset: &vec![0.5; lines.len()], per_pixel: self.cells };
         add_smooth_part(scene, &lines, stratification, &ends, record)

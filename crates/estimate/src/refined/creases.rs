@@ -5,7 +5,6 @@ use field::{Real, Vector3};
 use render::Scene;
 
 use super::face_changes::{FaceChange, FaceHit};
-use super::search::SAME_DEPTH;
 use crate::film_line::FilmLine;
 use record::Record;
 
@@ -41,8 +40,7 @@ pub(super) fn is_crease<R: Real>(
     };
     let rounding = a.t * R::epsilon() * R::of(ROUNDING);
     let most = (rate(&a) + rate(&b)) * R::of((to - from) * MEETING) + rounding;
-    let same = scene.tracing_scale(line.camera, a.t.min(b.t)) * R::of(SAME_DEPTH);
-    (a.t - b.t).abs() <= most.min(same)
+    (a.t - b.t).abs() <= most
 }
 
 /// Adds a crease to the record.

@@ -3,7 +3,8 @@
 use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
 
-use crate::film_line::{Crossing, FilmLine, tolerance};
+use super::visibility::INSIDE;
+use crate::film_line::{Crossing, FilmLine, Rim, tolerance};
 use record::Record;
 
 /// The visible surface at one place of a line.
@@ -107,7 +108,7 @@ pub(super) fn face_changes<R: Real>(
     crossings: &[Crossing<R>],
     record: &mut Record<R>,
 ) -> Result<Vec<FaceChange<R>>, InvalidField> {
-    let mut found = Vec::new();
+    let mut found = at_rims(scene, lines, crossings, record)?;
     let mut open = first_intervals(scene, lines, inner, crossings, record)?;
     let done = 2.0 * tolerance::<R>();
     for round in 0..ROUNDS {
@@ -126,6 +127,35 @@ pub(super) fn face_changes<R: Real>(
     Ok(found)
 }
 
+/// The changes between smooth silhouettes and the places beside them, inside the solid.
+///
+/// A face that is narrower than that between its silhouette and another face is in no ray. Where
+/// the two curves meet, they have a common tangent, so this is a large part of their last pixel.
+fn at_rims<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    crossings: &[Crossing<R>],
+    record: &mut Record<R>,
+) -> Result<Vec<FaceChange<R>>, InvalidField> {
+    let smooth: Vec<&Crossing<R>> =
+        crossings.iter().filter(|crossing| !crossing.rim.edge).collect();
+    let aside = INSIDE * tolerance::<R>();
+    let inside = |c: &&Crossing<R>| (c.line, if c.leaves { c.s - aside } else { c.s + aside });
+    let wanted: Vec<(usize, f64)> = smooth.iter().map(inside).collect();
+    let places = places(scene, lines, &wanted, record)?;
+    let x: Vec<R::Vec3> = smooth.iter().map(|crossing| crossing.rim.x).collect();
+    let mut face = vec![0; x.len()];
+    scene.field.faces(&x, &mut face);
+    let mut changes = Vec::new();
+    for ((crossing, place), face) in smooth.iter().zip(&places).zip(face) {
+        let Rim { t, x, gradient, radiance, .. } = crossing.rim;
+        let rim = Place { s: crossing.s, hit: Some(FaceHit { face, t, x, gradient, radiance }) };
+        let [a, b] = if crossing.leaves { [place, &rim] } else { [&rim, place] };
+        changes.extend(FaceChange::between(crossing.line, a, b));
+    }
+    Ok(changes)
+}
+
 /// The intervals between the ends of lines, their inner places and both sides of silhouettes.
 fn first_intervals<R: Real>(
     scene: &Scene<'_, R>,
@@ -134,8 +164,7 @@ fn first_intervals<R: Real>(
     crossings: &[Crossing<R>],
     record: &mut Record<R>,
 ) -> Result<Vec<FaceChange<R>>, InvalidField> {
-    // Further from a silhouette than its own rays, so as not to hit the other side.
-    let aside = 20.0 * tolerance::<R>();
+    let aside = INSIDE * tolerance::<R>();
     let mut next = crossings.iter().peekable();
     // Pairs of places, without a silhouette between them.
     let mut wanted: Vec<(usize, f64)> = Vec::new();

@@ -1,0 +1,189 @@
+//! Pixel values as integrals along rows of the film.
+
+use glam::{DVec2, DVec3};
+
+use super::camera::Camera;
+
+/// The surface along a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen {
+    /// The smooth part of the surface; 0 for the background.
+    pub(crate) face: u32,
+    /// The distance along the ray; infinite for the background.
+    pub(crate) t: f64,
+    pub(crate) radiance: DVec3,
+}
+
+/// Rows per pixel whose jumps are compared, to find rows between them where these change.
+const ROWS: usize = 12;
+
+/// Rays per pixel of a row that look for jumps.
+const RAYS: usize = 12;
+
+/// Jumps of the radiance along a row are known to this length, in pixels.
+const EXACT: f64 = 1e-11;
+
+/// Rows where the order of jumps changes are known to this length, in pixels.
+const EXACT_ROW: f64 = 1e-8;
+
+/// On one face, a jump of the depth by more than this between two rays is looked into, world units.
+const JUMP: f64 = 0.02;
+
+/// Abscissas and weights of Gauss's quadrature on [0, 1] with six points.
+const GAUSS: [(f64, f64); 6] = [
+    (0.033_765_242_898_424, 0.085_662_246_189_585),
+    (0.169_395_306_766_868, 0.180_380_786_524_069),
+    (0.380_690_406_958_402, 0.233_956_967_286_346),
+    (0.619_309_593_041_598, 0.233_956_967_286_346),
+    (0.830_604_693_233_132, 0.180_380_786_524_069),
+    (0.966_234_757_101_576, 0.085_662_246_189_585),
+];
+
+/// Calls `add` with the points and weights of a quadrature over an interval. It is accurate for
+/// functions that fall to 0 or grow to infinity at its ends as √distance or 1/√distance.
+fn integral([from, to]: [f64; 2], mut add: impl FnMut(f64, f64)) {
+    let length = to - from;
+    for (w, weight) in GAUSS {
+        let density = 6.0 * w * (1.0 - w);
+        add(from + length * w * w * (3.0 - 2.0 * w), weight * density * length);
+    }
+}
+
+/// Whether the radiance may jump between two rays.
+fn differ(a: &Seen, b: &Seen) -> bool {
+    a.face != b.face || (a.t - b.t).abs() > JUMP
+}
+
+/// A film, and the surfaces along its rays.
+struct Film<'a> {
+    camera: &'a Camera,
+    see: &'a dyn Fn(DVec3) -> Seen,
+}
+
+/// A row of the film with the places of its jumps and the faces behind them.
+#[derive(Clone, Debug)]
+struct Row {
+    y: f64,
+    jumps: Vec<(f64, u32)>,
+}
+
+impl Row {
+    /// The faces in their order, with the pixels where they begin.
+    fn order(&self) -> Vec<(u64, u32)> {
+        self.jumps.iter().map(|(x, face)| (*x as u64, *face)).collect()
+    }
+
+    /// Positions inside all parts between neighbouring jumps.
+    fn inner(&self) -> impl Iterator<Item = f64> {
+        let parts = self.jumps.windows(2).map(|pair| [pair[0].0, pair[1].0]);
+        parts.flat_map(|[a, b]| [0.2, 0.5, 0.8].map(|w| a + (b - a) * w))
+    }
+
+    /// A row between two others, with the jumps that a straight line between theirs would have.
+    fn between(a: &Row, b: &Row, y: f64) -> Row {
+        let share = (y - a.y) / (b.y - a.y);
+        let pairs = a.jumps.iter().zip(&b.jumps);
+        Row { y, jumps: pairs.map(|(a, b)| (a.0 + (b.0 - a.0) * share, a.1)).collect() }
+    }
+}
+
+impl Film<'_> {
+    fn at(&self, x: f64, y: f64) -> Seen {
+        (self.see)(self.camera.direction(DVec2::new(x, y)))
+    }
+
+    /// Adds the jumps between two positions of a row.
+    fn add_jumps(&self, row: &mut Row, a: (f64, Seen), b: (f64, Seen)) {
+        if !differ(&a.1, &b.1) {
+            return;
+        }
+        let middle = (a.0 + b.0) * 0.5;
+        if b.0 - a.0 < EXACT {
+            row.jumps.push((middle, b.1.face));
+            return;
+        }
+        let seen = (middle, self.at(middle, row.y));
+        self.add_jumps(row, a, seen);
+        self.add_jumps(row, seen, b);
+    }
+
+    /// The row at y. Rays inside the narrow parts of nearby rows find those of this one.
+    fn row(&self, y: f64, nearby: &[&Row]) -> Row {
+        let grid = (0..=self.camera.size[0] * RAYS).map(|ray| ray as f64 / RAYS as f64);
+        let mut x: Vec<f64> = grid.chain(nearby.iter().flat_map(|row| row.inner())).collect();
+        x.sort_by(f64::total_cmp);
+        let mut row = Row { y, jumps: Vec::new() };
+        let mut last = (0.0, self.at(0.0, y));
+        for x in x {
+            let next = (x, self.at(x, y));
+            self.add_jumps(&mut row, last, next);
+            last = next;
+        }
+        row
+    }
+
+    /// Adds the intervals between two rows in which the order of faces does not change.
+    fn add_intervals(&self, a: &Row, b: &Row, found: &mut Vec<[Row; 2]>) {
+        if a.order() == b.order() {
+            match found.last_mut() {
+                Some(last) if last[1].y == a.y && last[1].order() == a.order() => {
+                    last[1] = b.clone();
+                }
+                _ => found.push([a.clone(), b.clone()]),
+            }
+        } else if b.y - a.y > EXACT_ROW {
+            let middle = self.row((a.y + b.y) * 0.5, &[a, b]);
+            self.add_intervals(a, &middle, found);
+            self.add_intervals(&middle, b, found);
+        }
+    }
+
+    /// Adds `weight` times the integral of the radiance over a row to its pixels.
+    fn add_row(&self, row: &Row, weight: f64, pixels: &mut [DVec3]) {
+        for (x, pixel) in pixels.iter_mut().enumerate() {
+            let (left, right) = (x as f64, x as f64 + 1.0);
+            let inside = row.jumps.iter().map(|(s, _)| *s).filter(|s| (left..right).contains(s));
+            let ends: Vec<f64> = [left].into_iter().chain(inside).chain([right]).collect();
+            for pair in ends.windows(2) {
+                integral([pair[0], pair[1]], |s, part| {
+                    *pixel += self.at(s, row.y).radiance * (part * weight);
+                });
+            }
+        }
+    }
+
+    /// The mean radiance of every pixel, linear RGB.
+    fn image(&self) -> Vec<DVec3> {
+        let [width, height] = self.camera.size;
+        let mut pixels = vec![DVec3::ZERO; width * height];
+        let mut last = self.row(0.0, &[]);
+        for (y, pixels) in pixels.chunks_mut(width).enumerate() {
+            let mut intervals = Vec::new();
+            for part in 1..=ROWS {
+                let next = self.row(y as f64 + part as f64 / ROWS as f64, &[&last]);
+                self.add_intervals(&last, &next, &mut intervals);
+                last = next;
+            }
+            for [from, to] in &intervals {
+                integral([from.y, to.y], |y, weight| {
+                    let expected = Row::between(from, to, y);
+                    self.add_row(&self.row(y, &[&expected]), weight, pixels);
+                });
+            }
+        }
+        pixels
+    }
+}
+
+/// The central difference of the image of `see(parameter)` at ±`step`: rows of pixels, RGB.
+pub(crate) fn derivative<S: Fn(DVec3) -> Seen>(
+    camera: &Camera,
+    step: f64,
+    see: impl Fn(f64) -> S,
+) -> Vec<[f64; 3]> {
+    let [plus, minus] = [step, -step].map(|offset| {
+        let see = see(offset);
+        Film { camera, see: &see }.image()
+    });
+    plus.iter().zip(&minus).map(|(a, b)| ((*a - *b) / (2.0 * step)).to_array()).collect()
+}
