@@ -150,16 +150,17 @@ fn forward<R: Real>(
                     add_tangent(scene, row, &tangent, c, &mut image);
                 }
             }
-            Direction::Shader(index) => {
-                record.area.iter().for_each(|a| add_shader_parameter(scene, a, index, &mut image));
-            }
+            // All of them together, below.
+            Direction::Shader(_) => {}
             Direction::Background(c) => {
                 record.area.iter().for_each(|a| add_background(a, c, &mut image));
             }
         }
         image
     };
-    directions.iter().map(derivative).collect()
+    let mut images: Vec<Image> = directions.iter().map(derivative).collect();
+    record.area.iter().for_each(|a| add_shader_parameters(scene, a, directions, &mut images));
+    images
 }
 
 /// A random unit vector of `length` numbers, uniform in its direction; a function of `number`.
@@ -228,23 +229,31 @@ fn add_background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
     }
 }
 
-/// Adds the derivative of area samples by the shader's parameter `index`.
-fn add_shader_parameter<R: Real>(
+/// Adds the derivatives of area samples by parameters of the shader, in those of the directions
+/// that are such parameters. One reverse pass per hit and channel serves all of them.
+fn add_shader_parameters<R: Real>(
     scene: &Scene<'_, R>,
     area: &Area<R>,
-    index: usize,
-    image: &mut Image,
+    directions: &[Direction],
+    images: &mut [Image],
 ) {
+    if !directions.iter().any(|d| matches!(d, Direction::Shader(_))) {
+        return;
+    }
     let primary = &area.primary;
     let mut row = vec![R::zero(); scene.shader.parameter_count()];
     let mut ignored = SurfaceAdjoint::zeros(1);
     for (i, hit) in primary.hits.iter().enumerate() {
         let point: SurfaceBatch<'_, R> = primary.surface.batch().range(i..i + 1);
         let share = area.shares[hit.sample];
-        for (c, value) in image[share.pixel as usize].iter_mut().enumerate() {
+        for c in 0..3 {
             row.fill(R::zero());
             scene.shader.vjp(&point, &[channel::<R>(c)], &mut ignored, &mut row);
-            *value += (row[index] * share.weight).to_double();
+            for (image, direction) in images.iter_mut().zip(directions) {
+                if let Direction::Shader(index) = *direction {
+                    image[share.pixel as usize][c] += (row[index] * share.weight).to_double();
+                }
+            }
         }
     }
 }

@@ -36,7 +36,8 @@ pub const MAX_LIGHTS: usize = 64;
 /// The mask of lights where all lights reach the point.
 pub(super) const ALL_LIT: u64 = u64::MAX;
 
-/// A shader in closed form. Its derivatives are those of the same formula in dual numbers.
+/// A shader in closed form. Its derivatives cost as much as a few evaluations, for any number of
+/// parameters.
 pub struct Analytic<R> {
     /// The formula.
     pub formula: Formula,
@@ -50,11 +51,42 @@ fn dot<S: Scalar>(a: V<S>, b: V<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+fn times<S: Scalar>(a: V<S>, b: V<S>) -> V<S> {
+    std::array::from_fn(|c| a[c] * b[c])
+}
+
+fn constant<S: Scalar>(value: f64) -> S {
+    S::constant(S::Real::of(value))
+}
+
+/// The vector of three parameters from `start`.
+fn at<S: Copy>(parameters: &[S], start: usize) -> V<S> {
+    std::array::from_fn(|c| parameters[start + c])
+}
+
+/// Adds a vector to three numbers from `start`.
+fn add<S: Scalar>(sums: &mut [S], start: usize, v: V<S>) {
+    for (sum, v) in sums[start..].iter_mut().zip(v) {
+        *sum = *sum + v;
+    }
+}
+
+/// Independent variables: vector i has the directions from 3i.
+fn variables<S: Scalar>(vectors: [V<S>; 3]) -> [V<Dual<S, 9>>; 3] {
+    let variable = |i: usize| Dual::variable(vectors[i / 3][i % 3], i);
+    std::array::from_fn(|v| std::array::from_fn(|c| variable(3 * v + c)))
+}
+
+/// The lights that are set in the mask `lit`, with their indices.
+fn lit_lights(lights: &[Light], lit: u64) -> impl Iterator<Item = (usize, Light)> {
+    lights.iter().copied().enumerate().filter(move |(i, _)| lit >> i & 1 == 1)
+}
+
 /// The factor of a light's strength at x: max(0, n·l), over the squared distance for a point light.
 ///
 /// `p` is the direction or the position of the light.
 fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
-    let zero = S::constant(S::Real::of(0.0));
+    let zero = constant(0.0);
     match light {
         Light::Directional => (dot(n, p) / dot(p, p).sqrt()).max(zero),
         Light::Point => {
@@ -65,35 +97,76 @@ fn incident<S: Scalar>(light: Light, p: V<S>, x: V<S>, n: V<S>) -> S {
     }
 }
 
-impl<R: Precision> Analytic<R> {
+impl Formula {
     /// The radiance at x, in any arithmetic. Bit i of `lit` is set if light i reaches the point.
-    pub(super) fn shade<S: Scalar<Real = R>>(
-        &self,
-        parameter: impl Fn(usize) -> S,
-        x: V<S>,
-        n: V<S>,
-        lit: u64,
-    ) -> V<S> {
-        let at = |i: usize| -> V<S> { std::array::from_fn(|c| parameter(i + c)) };
-        match &self.formula {
-            Formula::Constant => at(0),
-            Formula::Normal => {
-                n.map(|c| (c + S::constant(R::one())) * S::constant(<R as Real>::of(0.5)))
-            }
+    #[inline]
+    fn radiance<S: Scalar>(&self, parameters: &[S], x: V<S>, n: V<S>, lit: u64) -> V<S> {
+        match self {
+            Formula::Constant => at(parameters, 0),
+            Formula::Normal => n.map(|c| (c + constant(1.0)) * constant(0.5)),
             Formula::Lambert { lights } => {
-                let (albedo, mut arriving) = (at(0), at(3));
-                for (i, light) in lights.iter().enumerate().filter(|(i, _)| lit >> i & 1 == 1) {
-                    let factor = incident(*light, at(6 + 6 * i), x, n);
-                    let strength = at(9 + 6 * i);
+                let (albedo, mut arriving) = (at(parameters, 0), at(parameters, 3));
+                for (i, light) in lit_lights(lights, lit) {
+                    let factor = incident(light, at(parameters, 6 + 6 * i), x, n);
+                    let strength = at(parameters, 9 + 6 * i);
                     arriving = std::array::from_fn(|c| arriving[c] + strength[c] * factor);
                 }
-                std::array::from_fn(|c| albedo[c] * arriving[c])
+                times(albedo, arriving)
             }
         }
+    }
+
+    /// VJP of (x, n; parameters) ↦ radiance, in any arithmetic: returns the adjoints of x and n,
+    /// and adds those of the parameters to `bars`.
+    ///
+    /// The cost is one evaluation of each light, for all parameters together.
+    fn vjp<S: Scalar>(
+        &self,
+        parameters: &[S],
+        [x, n]: [V<S>; 2],
+        lit: u64,
+        adjoint: V<S>,
+        bars: &mut [S],
+    ) -> [V<S>; 2] {
+        let zero = [constant(0.0); 3];
+        let lights = match self {
+            Formula::Constant => {
+                add(bars, 0, adjoint);
+                return [zero, zero];
+            }
+            Formula::Normal => return [zero, adjoint.map(|c| c * constant(0.5))],
+            Formula::Lambert { lights } => lights,
+        };
+        // radiance = albedo · arriving, with arriving = ambient + Σ strength · factor(p, x, n).
+        let of_arriving = times(adjoint, at(parameters, 0));
+        let (mut arriving, mut x_bar, mut n_bar) = (at(parameters, 3), zero, zero);
+        add(bars, 3, of_arriving);
+        for (i, light) in lit_lights(lights, lit) {
+            let strength = at(parameters, 9 + 6 * i);
+            let [p, x, n] = variables([at(parameters, 6 + 6 * i), x, n]);
+            let factor = incident(light, p, x, n);
+            let of_factor = dot(of_arriving, strength);
+            let by =
+                |start: usize| -> V<S> { std::array::from_fn(|c| of_factor * factor.d[start + c]) };
+            arriving = std::array::from_fn(|c| arriving[c] + strength[c] * factor.value);
+            add(bars, 6 + 6 * i, by(0));
+            add(bars, 9 + 6 * i, of_arriving.map(|c| c * factor.value));
+            add(&mut x_bar, 0, by(3));
+            add(&mut n_bar, 0, by(6));
+        }
+        add(bars, 0, times(adjoint, arriving));
+        [x_bar, n_bar]
     }
 }
 
 impl<R: Precision> Analytic<R> {
+    /// The radiance at one point. The lights in `lit` reach it.
+    #[inline]
+    pub(super) fn point_radiance(&self, x: R::Vec3, n: R::Vec3, lit: u64) -> R::Vec3 {
+        let (x, n) = (x.to_array(), n.to_array());
+        R::Vec3::from_array(self.formula.radiance(&self.parameters, x, n, lit))
+    }
+
     /// VJP of (x, n; parameters) ↦ radiance at one point: returns the adjoints of x and n, and adds
     /// that of the parameters to `parameters`. The lights in `lit` reach the point.
     pub(super) fn point_vjp(
@@ -104,21 +177,9 @@ impl<R: Precision> Analytic<R> {
         adjoint: R::Vec3,
         parameters: &mut [R],
     ) -> [R::Vec3; 2] {
-        let (at, normal) = (x.to_array(), n.to_array());
-        for (j, out) in parameters.iter_mut().enumerate() {
-            let parameter = |i: usize| {
-                let value = self.parameters[i];
-                if i == j { Dual::<R, 1>::variable(value, 0) } else { Dual::lift(value) }
-            };
-            let rgb = self.shade(parameter, at.map(Dual::lift), normal.map(Dual::lift), lit);
-            *out += R::Vec3::from_array(rgb.map(|c| c.d[0])).dot(adjoint);
-        }
-        let seed = |v: V<R>, start: usize| {
-            std::array::from_fn(|i| Dual::<R, 6>::variable(v[i], start + i))
-        };
-        let rgb = self.shade(|i| Dual::lift(self.parameters[i]), seed(at, 0), seed(normal, 3), lit);
-        let along = |j: usize| R::Vec3::from_array(rgb.map(|c| c.d[j])).dot(adjoint);
-        [R::Vec3::new(along(0), along(1), along(2)), R::Vec3::new(along(3), along(4), along(5))]
+        let at = [x.to_array(), n.to_array()];
+        let adjoint = adjoint.to_array();
+        self.formula.vjp(&self.parameters, at, lit, adjoint, parameters).map(R::Vec3::from_array)
     }
 }
 
@@ -133,12 +194,7 @@ impl<R: Precision> Shader<R> for Analytic<R> {
 
     fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         for ((x, n), rgb) in points.x.iter().zip(points.normal).zip(rgb) {
-            *rgb = R::Vec3::from_array(self.shade(
-                |i| self.parameters[i],
-                x.to_array(),
-                n.to_array(),
-                ALL_LIT,
-            ));
+            *rgb = self.point_radiance(*x, *n, ALL_LIT);
         }
     }
 
@@ -156,3 +212,7 @@ impl<R: Precision> Shader<R> for Analytic<R> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "analytic_tests.rs"]
+mod tests;

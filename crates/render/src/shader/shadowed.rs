@@ -69,11 +69,8 @@ impl<R: Precision> Shader<R> for Shadowed<'_, R> {
 
     fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         let SurfaceBatch { x, normal: n, .. } = *points;
-        let parameters = &self.analytic.parameters;
         for (i, lit) in self.lit(x, n).into_iter().enumerate() {
-            let shaded =
-                self.analytic.shade(|p| parameters[p], x[i].to_array(), n[i].to_array(), lit);
-            rgb[i] = R::Vec3::from_array(shaded);
+            rgb[i] = self.analytic.point_radiance(x[i], n[i], lit);
         }
     }
 
