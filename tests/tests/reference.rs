@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use tests::{dsdf_json, dsdf_ok, npy, shared};
+use tests::{dsdf, dsdf_json, dsdf_ok, npy, shared};
 
 /// The relative L2 error. A reference of one channel stands for all three.
 fn error(got: &[f32], want: &[f32]) -> f64 {
@@ -146,6 +146,43 @@ fn killed_fit_continues_with_the_same_bits() {
     dsdf_ok(&resume);
     let same = read(&whole, "model.safetensors") == read(&killed, "model.safetensors");
     assert!(same, "a finished run does not change");
+}
+
+/// Each protection of a fit has an effect, and a run keeps its own when it is resumed.
+#[test]
+fn protections_of_a_fit_are_options_that_a_resumed_run_keeps() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = synth(folder.path());
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let model = |run: &str| std::fs::read(Path::new(run).join("model.safetensors")).unwrap();
+    let fit = |name: &str, options: &[&str]| {
+        let run = path(name);
+        let fixed = ["--estimator=paper", "--gamma=8", "--batch=64", "--iterations=40"];
+        dsdf_ok(&[&["fit", &data, "-o", &run], &fixed[..], options].concat());
+        run
+    };
+    let none = ["--sample-limit=inf", "--baseline=none", "--clip=inf"];
+    let all = fit("all", &["--sample-limit=1", "--baseline=pixel-mean", "--clip=3"]);
+    assert!(model(&all) == model(&fit("default", &[])), "these are the defaults");
+    for option in none {
+        assert!(model(&all) != model(&fit(option, &[option])), "{option} has no effect");
+    }
+
+    let bare = fit("bare", &none);
+    let halves = fit("halves", &[&none[..], &["--stop-after=20"]].concat());
+    let toml = std::fs::read_to_string(Path::new(&halves).join("fit.toml")).unwrap();
+    for entry in ["sample_limit = inf\n", "baseline = \"none\"\n", "clip = inf\n"] {
+        assert!(toml.contains(entry), "no {entry} in {toml}");
+    }
+    let resume = ["fit", "-o", &halves, "--resume"];
+    for option in ["--sample-limit=1", "--baseline=background", "--clip=3"] {
+        let refused = dsdf(&[&resume[..], &[option]].concat());
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(2), "{option}: {message}");
+        assert!(message.contains("the value of this run"), "{option}: {message}");
+    }
+    dsdf_ok(&resume);
+    assert!(model(&bare) == model(&halves), "the resumed run differs");
 }
 
 #[test]

@@ -20,14 +20,19 @@ impl Default for EstimatorOptions {
 /// The baseline c: a constant per pixel that is subtracted from the radiance in the terms of a
 /// warp. It is a control variate.
 ///
-/// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel. The published
-/// estimator has c = 0.
+/// Any constant gives the same expectation, since ∫∇·(c V) = ∮ c V·n over a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Baseline {
+    /// The mean of the pixel's other samples, where the warp covers the whole pixel; the background
+    /// elsewhere. A pixel of constant radiance then has no variance.
+    PixelMean,
     /// The background, for all pixels. It is also correct at the outline of the bounding sphere,
     /// where V ends and all radiance is background.
     Background,
-    /// The mean of the pixel's other samples, where the warp covers the whole pixel. A pixel of
-    /// constant radiance then has no variance.
-    PixelMean,
+    /// c = 0, as published. Before a background that is not black, it is wrong at the outline of
+    /// the bounding sphere.
+    None,
 }

@@ -62,6 +62,14 @@ impl WarpedArea {
             && samples.iter().all(|sample| sample.ray.is_some())
     }
 
+    /// The baseline of a pixel without one of its own.
+    fn shared_baseline<R: Real>(&self, scene: &Scene<'_, R>) -> R::Vec3 {
+        match self.baseline {
+            Baseline::None => R::Vec3::zero(),
+            Baseline::Background | Baseline::PixelMean => scene.background,
+        }
+    }
+
     /// The rows of area samples, from ∇_u ln k of the filter at each.
     ///
     /// The baseline of a sample does not depend on the sample itself.
@@ -73,14 +81,14 @@ impl WarpedArea {
         filter_du: Vec<[R; 2]>,
     ) -> Vec<WarpedSample<R>> {
         let share = R::one() / R::of((spp - usize::from(spp > 1)) as f64);
-        let mut filter_du = filter_du.into_iter();
+        let (shared, mut filter_du) = (self.shared_baseline(scene), filter_du.into_iter());
         let mut out = Vec::with_capacity(primary.samples.len());
         for own in primary.samples.chunks(spp) {
             let sum = own.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance);
             let own_baseline = self.has_own_baseline(own);
             out.extend(own.iter().zip(&mut filter_du).map(|(s, filter_du)| {
                 let others = (sum - s.radiance) * share;
-                let baseline = if own_baseline { others } else { scene.background };
+                let baseline = if own_baseline { others } else { shared };
                 WarpedSample { radiance_minus_baseline: s.radiance - baseline, filter_du }
             }));
         }
@@ -95,11 +103,12 @@ impl WarpedArea {
         area: &Primary<R>,
     ) -> Result<Border<R>, InvalidField> {
         let (spp, count) = (batch.counts.spp, batch.counts.edge_samples);
+        let shared = self.shared_baseline(scene);
         let baseline = area
             .pixel_means(spp)
             .into_iter()
             .zip(area.samples.chunks(spp as usize))
-            .map(|(mean, own)| if self.has_own_baseline(own) { mean } else { scene.background })
+            .map(|(mean, own)| if self.has_own_baseline(own) { mean } else { shared })
             .collect();
         let (positions, edges) = border_samples(scene, batch.pixels, count, batch.seed);
         let primary = scene.primary(&positions)?;

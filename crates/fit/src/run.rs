@@ -21,20 +21,13 @@ use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::{background_group, band_window, learning_rate, level, weights};
-use crate::step::{Batch, BatchStats, LIMIT, gradient};
+use crate::step::{Batch, BatchStats, gradient};
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
 const LEVELS: usize = 4;
 
-/// The norm to which the gradient of an iteration is clipped, as a multiple of its running mean.
-///
-/// Clipping by the norm: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent
-/// neural networks", ICML 2013. At 1.5 and 10: distance 1.06 and 1.04 (see the evidence in
-/// `schedule.rs`).
-const CLIP: f32 = 3.0;
-
 /// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
-/// distance 1.05 and 1.01.
+/// distance 1.05 and 1.01 (see the evidence in `schedule.rs`).
 const NORM_SHARE: f32 = 0.05;
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.
@@ -243,18 +236,19 @@ impl Fit {
             weights: weights(self.progress(), options, confidence),
             estimator: &*self.estimator,
             counts: options.counts(),
-            limit: LIMIT,
+            pass: options.pass(),
             seed: Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits(),
         };
         let (gradient, stats) = gradient(&batch)?;
         Ok((gradient, stats, counted.evaluations()))
     }
 
-    /// Clips a gradient to [`CLIP`] times the running mean of its norm, updates the running mean,
-    /// and returns the norm before clipping. The first gradient is not clipped.
+    /// Clips a gradient to the multiple of the running mean of its norm that the options give,
+    /// updates the running mean, and returns the norm before clipping. The first gradient is not
+    /// clipped.
     fn clip(&mut self, gradient: &mut [f32]) -> f32 {
         let known = self.usual_norm > 0.0;
-        let limit = CLIP * self.usual_norm;
+        let limit = self.file.options.clip as f32 * self.usual_norm;
         let norm = optim::clip_norm(gradient, if known { limit } else { f32::MAX });
         let kept = norm.min(if known { limit } else { norm });
         let share = if known { NORM_SHARE } else { 1.0 };

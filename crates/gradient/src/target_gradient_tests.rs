@@ -55,6 +55,28 @@ fn estimator(name: &str, baseline: Baseline) -> Box<dyn Estimator<f64>> {
     Registry::default().get(name).unwrap().estimator(&options)
 }
 
+/// A ball that has the radiance of its background is not visible. Without a baseline, the warp
+/// carries that radiance, and the derivative is noise around 0.
+#[test]
+fn without_a_baseline_the_background_is_carried_too() {
+    let derivative = |radiance: f64, baseline| {
+        let mut file = file(0.7, 0.05);
+        file.appearance.parameters = [vec![1.0; 3], vec![radiance; 3], vec![0.0; 6]].concat();
+        file.appearance.parameters[6] = 1.0;
+        file.background = [radiance; 3];
+        with_scene(&file, |scene| {
+            let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 8 }, seed: 1 };
+            let estimator = estimator("paper", baseline);
+            let wrt = [Direction::Field(3)];
+            let images = differentiate(scene, &wrt, &*estimator, sampling, &|_| {}).unwrap();
+            images[0].film.pixels.iter().map(|p| p[0].abs()).sum::<f32>()
+        })
+    };
+    assert_eq!(derivative(0.0, Baseline::None), 0.0, "a black background");
+    assert_eq!(derivative(0.5, Baseline::Background), 0.0);
+    assert!(derivative(0.5, Baseline::None) > 1.0);
+}
+
 /// Σ δ_p ∂I_p/∂θ of the same record: pixel by pixel, and in one sum.
 fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
     let pixels: Vec<Pixel> = (0..120).map(|i| Pixel { camera: 0, x: i % 12, y: i / 12 }).collect();
@@ -62,7 +84,7 @@ fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
         (0..120).map(|i| DVec3::new(0.3, -0.7, 0.2) * f64::from(i % 7) + 0.1).collect();
     let counts = SampleCounts { spp: 9, edge_samples: 4 };
     let batch = Batch { pixels: &pixels, counts, seed: 3, terms: Terms::All };
-    for baseline in [Baseline::Background, Baseline::PixelMean] {
+    for baseline in [Baseline::Background, Baseline::PixelMean, Baseline::None] {
         let mut mask = SilhouetteMask::default();
         let record = estimator(name, baseline).record(scene, &batch, &mut mask).unwrap();
         let gradient = |delta: &[DVec3], pass| {

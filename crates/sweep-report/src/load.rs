@@ -6,9 +6,10 @@ use crate::refusal::Refusal;
 use crate::sweep::Sweep;
 
 /// The sweeps that come with the command: their names and the contents of their files.
-pub const SHIPPED: [(&str, &str); 7] = [
+pub const SHIPPED: [(&str, &str); 8] = [
     ("k-gamma", include_str!("../../../xtask/sweeps/k-gamma.toml")),
     ("high-gamma", include_str!("../../../xtask/sweeps/high-gamma.toml")),
+    ("bare", include_str!("../../../xtask/sweeps/bare.toml")),
     ("steps-epsilon", include_str!("../../../xtask/sweeps/steps-epsilon.toml")),
     ("steps-refined", include_str!("../../../xtask/sweeps/steps-refined.toml")),
     ("filters", include_str!("../../../xtask/sweeps/filters.toml")),

@@ -14,6 +14,7 @@ use crate::recommendation::recommendation;
 use crate::result_table::{ResultTable, mean_with_interval};
 use crate::results::{CellResult, describe};
 use crate::results_csv::to_csv;
+use crate::schema::Options;
 use crate::schema::{Claim, ClaimKind};
 use crate::sweep::Sweep;
 
@@ -76,15 +77,24 @@ fn field(text: &str) -> String {
     text.replace('|', "\\|")
 }
 
+/// Options with their values, as text of a table's field.
+fn list(options: &Options) -> String {
+    let each: Vec<String> = options.iter().map(|(k, v)| format!("{k} = {}", text(v))).collect();
+    field(&each.join(", "))
+}
+
 /// The section "Setup": parameters, data, budget, machines and criteria.
 fn setup(out: &mut String, sweep: &Sweep, machines: &[String]) {
     let _ = writeln!(out, "## Setup\n\n| | |\n|---|---|");
     for key in sweep.parameters.keys() {
         let _ = writeln!(out, "| {key} | {} |", field(&sweep.values(key).join(", ")));
     }
-    let fixed: Vec<String> =
-        sweep.fixed.iter().map(|(k, v)| format!("{k} = {}", text(v))).collect();
-    let _ = writeln!(out, "| all cells | {} |", field(&fixed.join(", ")));
+    for (key, settings) in &sweep.settings {
+        for (value, options) in settings {
+            let _ = writeln!(out, "| {} | {} |", field(&format!("{key} = {value}")), list(options));
+        }
+    }
+    let _ = writeln!(out, "| all cells | {} |", list(&sweep.fixed));
     for data in &sweep.data {
         let source = data.scene.as_deref().or(data.dataset.as_deref()).unwrap_or_default();
         let views = data.scene.as_ref().map_or(String::new(), |_| {

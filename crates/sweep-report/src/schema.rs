@@ -42,6 +42,9 @@ impl Default for Limits {
     }
 }
 
+/// Options of `dsdf fit` with their values, by their names with underscores.
+pub type Options = BTreeMap<String, Value>;
+
 /// The criterion of convergence: all numbers are finite, the Chamfer distance is at most `chamfer`,
 /// and the loss at the end is at most `rise` times the lowest loss.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]

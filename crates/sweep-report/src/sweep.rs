@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use crate::options::{Settings, flag, text};
-use crate::schema::{Claim, Convergence, DataSet, GradientTest, Limits, Profile};
+use crate::schema::{Claim, Convergence, DataSet, GradientTest, Limits, Options, Profile};
 
 /// The content of a sweep file.
 ///
@@ -54,9 +54,12 @@ pub struct Sweep {
     pub gradient: GradientTest,
     /// Options of `dsdf fit` that all cells share, by their names with underscores.
     #[serde(default)]
-    pub fixed: BTreeMap<String, Value>,
+    pub fixed: Options,
     /// The grid: options of `dsdf fit`, each with a list of values.
     pub parameters: toml::map::Map<String, Value>,
+    /// Parameters that are no options: each of their values stands for some options.
+    #[serde(default)]
+    pub settings: BTreeMap<String, BTreeMap<String, Options>>,
     /// The data sets.
     pub data: Vec<DataSet>,
     /// The claims that the report judges.
@@ -158,16 +161,28 @@ impl Sweep {
             [("iterations", self.iterations.map(|n| n.to_string())), ("time", self.time.clone())];
         let budget = budget.into_iter().filter_map(|(key, v)| Some((key.to_owned(), v?)));
         fixed
-            .chain(cell.values.iter().cloned())
+            .chain(self.options(cell))
             .chain([("seed".to_owned(), cell.seed.to_string())])
             .chain(budget)
             .flat_map(flag)
             .collect()
     }
 
+    /// The options of the grid in a cell: its values, with the options in place of those that stand
+    /// for some.
+    pub fn options(&self, cell: &Cell) -> Settings {
+        let options = |(key, value): &(String, String)| -> Settings {
+            match self.settings.get(key).and_then(|settings| settings.get(value)) {
+                Some(options) => options.iter().map(|(k, v)| (k.clone(), text(v))).collect(),
+                None => vec![(key.clone(), value.clone())],
+            }
+        };
+        cell.values.iter().flat_map(options).collect()
+    }
+
     /// The value of an option in a cell, if the sweep sets it.
     pub fn setting(&self, cell: &Cell, key: &str) -> Option<String> {
-        let own = cell.values.iter().find(|(k, _)| k == key).map(|(_, v)| v.clone());
+        let own = self.options(cell).into_iter().find(|(k, _)| k == key).map(|(_, v)| v);
         own.or_else(|| self.fixed.get(key).map(text))
     }
 }

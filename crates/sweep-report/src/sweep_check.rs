@@ -1,5 +1,6 @@
 //! Checks of a sweep file that need neither the program nor the data.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use toml::Value;
@@ -41,6 +42,7 @@ impl Sweep {
         self.check_texts()
             .and_then(|()| self.check_keys())
             .and_then(|()| self.check_parameters())
+            .and_then(|()| self.check_settings())
             .and_then(|()| self.check_seeds())
             .and_then(|()| self.check_numbers())
             .and_then(|()| self.check_axes_differ())
@@ -69,7 +71,9 @@ impl Sweep {
             !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         };
         let fixed = self.fixed.keys().map(|k| ("fixed", k));
-        let mut keys = fixed.chain(self.parameters.keys().map(|k| ("parameters", k)));
+        let inner = self.settings.values().flat_map(BTreeMap::values).flat_map(BTreeMap::keys);
+        let parameters = self.parameters.keys().map(|k| ("parameters", k));
+        let mut keys = fixed.chain(parameters).chain(inner.map(|k| ("settings", k)));
         match keys.find(|(_, key)| !word(key)) {
             Some((table, key)) => wrong(
                 format!("{table}.{key:?}"),
@@ -88,6 +92,23 @@ impl Sweep {
             check_values(values)
                 .or_else(|(found, expected)| wrong(format!("parameters.{key}"), found, expected))
         })
+    }
+
+    /// Every table of settings is a parameter, with options for each value of its.
+    fn check_settings(&self) -> Result<(), Wrong> {
+        for (key, settings) in &self.settings {
+            let (field, values) = (format!("settings.{key}"), self.values(key));
+            if values.is_empty() {
+                return wrong(field, key, "a key of parameters");
+            }
+            if let Some(odd) = values.iter().find(|value| !settings.contains_key(*value)) {
+                return wrong(field, format!("nothing for {odd}"), "a table for each value");
+            }
+            if let Some(odd) = settings.keys().find(|value| !values.contains(value)) {
+                return wrong(field, odd, format!("one of {}", values.join(", ")));
+            }
+        }
+        Ok(())
     }
 
     fn check_seeds(&self) -> Result<(), Wrong> {

@@ -42,6 +42,23 @@ fn cells_are_all_combinations_for_every_seed() {
 }
 
 #[test]
+fn a_value_of_settings_stands_for_options() {
+    let settings = "weights = [\"mild\", \"sharp\"]\n[settings.weights]\nmild = {}\n\
+                    sharp = { gamma = 6.0, clip = inf }\n[fixed]";
+    let text = GOOD.replace("gamma = [3.0, 6.0]\n", "").replace("[fixed]", settings);
+    let sweep = sweep(&text).unwrap();
+    let cells = sweep.cells();
+    assert_eq!(cells.len(), 12);
+    assert_eq!(cells[1].name, "a.top_k=4.weights=sharp.seed=1");
+    let flags = |cell| sweep.flags(cell).join(" ");
+    let fixed = "--estimator=paper --use-masks --top-k=4";
+    assert_eq!(flags(&cells[0]), format!("{fixed} --seed=1 --iterations=5"));
+    assert_eq!(flags(&cells[1]), format!("{fixed} --clip=inf --gamma=6.0 --seed=1 --iterations=5"));
+    assert_eq!(sweep.setting(&cells[0], "gamma"), None);
+    assert_eq!(sweep.setting(&cells[1], "gamma").as_deref(), Some("6.0"));
+}
+
+#[test]
 fn wrong_sweep_files_are_refused_in_one_line() {
     for (from, to, field, expected) in [
         ("title", "titel", "line 1", "a sweep"),
@@ -49,6 +66,14 @@ fn wrong_sweep_files_are_refused_in_one_line() {
         ("gamma = [3.0, 6.0]", "gamma = 3", "parameters.gamma", "a list of values"),
         ("gamma = [3.0, 6.0]", "gamma = [3.0, 3.0]", "parameters.gamma", "different values"),
         ("gamma = [3.0, 6.0]", "gamma = [[1]]", "parameters.gamma", "numbers"),
+        ("[fixed]", "[settings.a]\n4 = {}\n[fixed]", "settings.a: found a", "a key of parameters"),
+        ("[fixed]", "[settings.top_k]\n4 = {}\n[fixed]", "found nothing for 7", "each value"),
+        (
+            "[fixed]",
+            "[settings.top_k]\n4 = {}\n5 = {}\n7 = {}\n9 = {}\n[fixed]",
+            "settings.top_k: found 5",
+            "one of 4, 7, 9",
+        ),
         ("seeds = [1, 2]", "seeds = []", "seeds", "one or more"),
         ("seeds = [1, 2]", "seeds = [1, 1]", "seeds", "different seeds"),
         ("gamma = [3.0, 6.0]", "gamma = [3.0, 3]", "parameters.gamma", "different values"),
@@ -87,6 +112,6 @@ fn wrong_sweep_files_are_refused_in_one_line() {
 #[test]
 fn shipped_sweeps_are_read_and_have_their_number_of_cells() {
     let cells = |name: &str| Sweep::load(name).unwrap().0.cells().len();
-    assert_eq!(SHIPPED.map(|(name, _)| cells(name)), [96, 42, 150, 48, 36, 12, 4]);
+    assert_eq!(SHIPPED.map(|(name, _)| cells(name)), [96, 42, 90, 150, 48, 36, 12, 4]);
     assert!(Sweep::load("nothing").unwrap_err().to_string().contains("k-gamma"));
 }

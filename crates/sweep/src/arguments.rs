@@ -10,8 +10,8 @@ use crate::program_check::check_package;
 /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
 #[derive(Args, Debug)]
 pub struct Ablate {
-    /// A shipped sweep (k-gamma, high-gamma, steps-epsilon, steps-refined, filters, precision,
-    /// smoke) or a TOML file
+    /// A shipped sweep (k-gamma, high-gamma, bare, steps-epsilon, steps-refined, filters,
+    /// precision, smoke) or a TOML file
     #[arg(required_unless_present = "compare")]
     pub(crate) sweep: Option<String>,
     /// Output folder; finished cells in it are not run again

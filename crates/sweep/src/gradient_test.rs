@@ -115,8 +115,9 @@ impl CellRunner<'_> {
         if let Some(precision) = self.sweep.setting(cell, "gradient_precision") {
             flags.extend(flag(("precision".to_owned(), precision)));
         }
+        let options = self.sweep.options(cell);
         let swept =
-            ["spp", "edge_rays"].iter().find_map(|key| cell.values.iter().find(|(k, _)| k == key));
+            ["spp", "edge_rays"].iter().find_map(|key| options.iter().find(|(k, _)| k == key));
         let spp = swept.map_or(self.sweep.gradient.spp.to_string(), |(_, v)| v.clone());
         flags.extend([format!("--spp={spp}"), self.threads()]);
         flags

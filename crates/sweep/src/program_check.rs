@@ -42,9 +42,17 @@ pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow
     for (key, value) in &sweep.fixed {
         check_option(file, "fixed", key, text(value), binary)?;
     }
-    for key in sweep.parameters.keys() {
+    for key in sweep.parameters.keys().filter(|key| !sweep.settings.contains_key(*key)) {
         for value in sweep.values(key) {
             check_option(file, "parameters", key, value, binary)?;
+        }
+    }
+    for (parameter, settings) in &sweep.settings {
+        for (value, options) in settings {
+            let table = format!("settings.{parameter}.{value}");
+            options
+                .iter()
+                .try_for_each(|(key, v)| check_option(file, &table, key, text(v), binary))?;
         }
     }
     check_combinations(sweep, file, binary)

@@ -1,6 +1,6 @@
 //! A chunk of the batch of an iteration, with its coefficients and sums.
 
-use estimate::record::Adjoints;
+use estimate::record::{Adjoints, Pass};
 use estimate::{Estimator, SampleCounts};
 use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
@@ -30,8 +30,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) estimator: &'a dyn Estimator<f32>,
     /// The numbers of samples in such a pixel.
     pub(crate) counts: SampleCounts,
-    /// The limit on one sample's coefficient; see [`estimate::record::Pass::Limited`].
-    pub(crate) limit: f32,
+    /// The way in which the coefficients of samples are added up.
+    pub(crate) pass: Pass<f32>,
     /// The seed of this iteration.
     pub(crate) seed: u64,
 }

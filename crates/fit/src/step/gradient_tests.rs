@@ -8,6 +8,7 @@ use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
 use crate::schedule::Weights;
 use dataset::{Background, View};
+use estimate::record::Pass;
 use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
 use film::Film;
@@ -90,7 +91,7 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },
-            limit: 1e6,
+            pass: Pass::Limited(1e6),
             seed,
         };
         let (sum, _) = gradient(&batch).unwrap();

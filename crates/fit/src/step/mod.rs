@@ -22,11 +22,6 @@ const CHUNK: usize = 512;
 /// The least number of chunks of an iteration: two threads share it equally.
 const CHUNKS: usize = 2;
 
-/// The limit on the coefficient of f of one sample, in units of that of a silhouette across the
-/// whole pixel; see [`estimate::record::Pass::Limited`]. At 0.3 and 3: distance 1.07 and 1.09
-/// (see the evidence in `schedule.rs`).
-pub(crate) const LIMIT: f32 = 1.0;
-
 /// The gradient of the mean loss of the batch: by the parameters of the field, then by those of the
 /// radiance head.
 ///

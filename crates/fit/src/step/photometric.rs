@@ -1,7 +1,7 @@
 //! The photometric term: pixels without silhouettes through their hit points, the others by the
 //! estimator.
 
-use estimate::record::{Area, Pass, Share};
+use estimate::record::{Area, Share};
 use estimate::{SilhouetteMask, Terms};
 use glam::Vec3;
 use random::{Purpose, Stream};
@@ -32,8 +32,7 @@ impl Chunk<'_> {
         }
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
-        let pass = Pass::Limited(self.batch.limit);
-        area.vjp(&self.batch.scene, &delta, pass, shader, &mut self.adjoints);
+        area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
     }
 
     /// Adds the pixels that a silhouette may cross.
@@ -62,8 +61,7 @@ impl Chunk<'_> {
             .zip(&record.radiance)
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
-        let pass = Pass::Limited(self.batch.limit);
-        record.vjp(scene, &delta, pass, shader, &mut self.adjoints);
+        record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
         Ok(())
     }
 }
