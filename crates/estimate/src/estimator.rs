@@ -3,6 +3,7 @@
 use field::Real;
 use render::{InvalidField, Pixel, Scene};
 
+use crate::discontinuity::Discontinuity;
 use record::Record;
 
 /// The pixel filter: the value of a pixel is the mean of the radiance, weighted by it.
@@ -95,6 +96,15 @@ pub trait Estimator<R: Real>: Send + Sync {
         batch: &Batch<'_>,
         mask: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField>;
+
+    /// The discontinuities of this scene whose motion the estimator leaves out: the derivative
+    /// lacks these terms, and no standard error shows it.
+    ///
+    /// By default all that the scene can have except silhouettes. An estimator that covers others
+    /// too, or does not cover silhouettes, says so here.
+    fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+        Discontinuity::of_scene_except(scene, &[Discontinuity::Silhouettes])
+    }
 
     /// Whether other seeds give other samples. Without that, there are no independent replicates,
     /// and no standard error.

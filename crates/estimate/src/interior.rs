@@ -3,6 +3,7 @@
 use field::Real;
 use render::{InvalidField, Scene, pixel_samples};
 
+use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use record::Record;
 
@@ -21,5 +22,9 @@ impl<R: Real> Estimator<R> for Interior {
         let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
         let primary = scene.primary(&samples)?;
         Ok(Record::uniform(primary, spp))
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+        Discontinuity::of_scene_except(scene, &[])
     }
 }

@@ -3,6 +3,7 @@
 mod band;
 mod contour;
 mod convolution;
+mod discontinuity;
 mod estimator;
 mod film_line;
 mod gaussian_samples;
@@ -17,6 +18,7 @@ mod warped;
 pub use band::Band;
 pub use contour::Contour;
 pub use convolution::Convolution;
+pub use discontinuity::Discontinuity;
 pub use estimator::{
     Batch, Estimator, FILTER_DEVIATION, Filter, SampleCounts, SilhouetteMask, Terms,
 };

@@ -8,6 +8,7 @@ use field::Real;
 use glam::DVec2;
 use render::{InvalidField, Pixel, Scene};
 
+use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::film_line::{FilmLine, SegmentEnd, has_visible_creases};
 use crate::smooth_part::{Stratification, add_smooth_part};
@@ -161,6 +162,11 @@ impl<R: Real> Estimator<R> for Contour {
         }
         grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
         Ok(record)
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+        let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
+        Discontinuity::of_scene_except(scene, &modelled)
     }
 
     fn depends_on_seed(&self) -> bool {

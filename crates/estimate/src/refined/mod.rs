@@ -14,6 +14,7 @@ use field::Real;
 use random::Purpose;
 use render::{InvalidField, Pixel, Scene};
 
+use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use crate::film_line::{Crossing, FilmLine, SegmentEnd, has_visible_creases};
 use crate::smooth_part::{Stratification, add_smooth_part};
@@ -84,6 +85,11 @@ impl<R: Real> Estimator<R> for Refined {
         keep_smooth_pixels(&mut record, mask, spp);
         add_silhouettes(scene, batch, mask, &mut record)?;
         Ok(record)
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+        let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
+        Discontinuity::of_scene_except(scene, &modelled)
     }
 }
 

@@ -22,6 +22,11 @@ pub trait Shader<R: Real>: Send + Sync {
         false
     }
 
+    /// Whether the radiance can jump on the surface at the edges of shadows.
+    fn has_shadow_edges(&self) -> bool {
+        false
+    }
+
     /// Computes the radiance of every point. `rgb` has one element per point.
     fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]);
 

@@ -67,6 +67,10 @@ impl<R: Precision> Shader<R> for Shadowed<'_, R> {
         self.analytic.parameter_count()
     }
 
+    fn has_shadow_edges(&self) -> bool {
+        true
+    }
+
     fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         let SurfaceBatch { x, normal: n, .. } = *points;
         for (i, lit) in self.lit(x, n).into_iter().enumerate() {

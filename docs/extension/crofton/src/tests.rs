@@ -1,6 +1,6 @@
 use super::*;
-use estimate::SampleCounts;
-use field::{Shape, Sphere};
+use estimate::{Discontinuity, SampleCounts};
+use field::{Kind, Shape, Sphere};
 use glam::{DVec2, DVec3};
 use gradient::{Direction, Sampling, differentiate};
 use render::{Analytic, Camera, Formula};
@@ -27,4 +27,17 @@ fn the_derivative_by_the_radius_of_a_ball_is_that_of_its_area_on_the_film() {
     let sum: f64 = image.unwrap()[0].film.pixels.iter().map(|p| f64::from(p[0])).sum();
     let expected = disc(0.7, 4.0, 24.0);
     assert!((sum / expected - 1.0).abs() < 0.01, "{sum} against {expected}");
+}
+
+#[test]
+fn creases_of_a_shaded_box_are_left_out() {
+    let cube = Shape::<f64>::new(Kind::Box, &[0.0, 0.0, 0.0, 0.5, 0.5, 0.5]);
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.4 };
+    for (formula, expected) in
+        [(Formula::Normal, vec![Discontinuity::Creases]), (Formula::Constant, Vec::new())]
+    {
+        let shader = Analytic { formula, parameters: vec![1.0; 3] };
+        let scene = Scene::new(&cube, &shader, &[], &bounds, DVec3::ZERO);
+        assert_eq!(Crofton.unmodelled(&scene), expected);
+    }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use estimate::{Entry, EstimatorPrecision};
+use estimate::{Estimator, EstimatorPrecision};
 use field::Evaluations;
 use gradient::{Derivative, Direction, differentiate};
 use io::{InputError, write_image};
@@ -16,18 +16,18 @@ use super::report::GradientReport;
 impl Gradient {
     /// Computes the derivative images by an estimator and writes them.
     ///
-    /// The report has no field evaluations: the caller counts them.
+    /// The caller completes the report: it counts the field evaluations, and asks the estimator for
+    /// the terms that it leaves out.
     pub(super) fn derivative_images<R: EstimatorPrecision>(
         &self,
         file: &SceneFile,
         scene: &Scene<'_, R>,
-        entry: &Entry,
+        estimator: &dyn Estimator<R>,
         progress: &(dyn Fn(f64) + Sync),
     ) -> anyhow::Result<GradientReport> {
         let directions = self.directions(file)?;
-        let estimator = entry.estimator::<R>(&self.estimator_options());
         let start = Instant::now();
-        let derivatives = differentiate(scene, &directions, &*estimator, self.sampling(), progress)
+        let derivatives = differentiate(scene, &directions, estimator, self.sampling(), progress)
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         self.write_images(&derivatives, start.elapsed().as_secs_f64())
     }
@@ -65,7 +65,8 @@ impl Gradient {
             .map(|d| d.standard_error)
             .try_fold(0.0, |worst, e| e.map(|e| e.max(worst)));
         let evaluations = Evaluations::default();
-        Ok(GradientReport { seconds, evaluations, standard_error, outputs, loss: None })
+        let unmodelled = Vec::new();
+        Ok(GradientReport { seconds, evaluations, standard_error, unmodelled, outputs, loss: None })
     }
 
     fn check_finite(&self, derivative: &Derivative, wrt: &str) -> Result<(), InputError> {

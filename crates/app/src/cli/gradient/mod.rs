@@ -7,7 +7,7 @@ mod options;
 mod report;
 mod target;
 
-use estimate::EstimatorPrecision;
+use estimate::{Discontinuity, EstimatorPrecision};
 use field::Counted;
 use io::InputError;
 use render::Scene;
@@ -34,6 +34,9 @@ impl Gradient {
             PrecisionArg::F32 => self.compute::<f32>(global)?,
             PrecisionArg::F64 => self.compute::<f64>(global)?,
         };
+        if !report.unmodelled.is_empty() {
+            eprintln!("warning: the estimator leaves out {}", report.unmodelled.join(" and "));
+        }
         global.report(&report, || report.text())
     }
 
@@ -52,14 +55,22 @@ impl Gradient {
         let scene = scene.with_options(tracing).with_slope_of_field();
         let bar = global.progress("gradient");
         let progress = bar_mover(&bar);
-        let mut report = match (&method, &self.target) {
-            (Method::Estimator(entry), Some(target)) => {
-                self.target_gradient(&file, &scene, target, entry, &progress)?
+        let mut report = match method {
+            Method::Estimator(entry) => {
+                let estimator = entry.estimator::<R>(&self.estimator_options());
+                let report = match &self.target {
+                    Some(target) => {
+                        self.target_gradient(&file, &scene, target, &*estimator, &progress)?
+                    }
+                    None => self.derivative_images(&file, &scene, &*estimator, &progress)?,
+                };
+                let unmodelled = estimator.unmodelled(&scene);
+                GradientReport {
+                    unmodelled: unmodelled.into_iter().map(Discontinuity::name).collect(),
+                    ..report
+                }
             }
-            (Method::Estimator(entry), None) => {
-                self.derivative_images(&file, &scene, entry, &progress)?
-            }
-            (Method::FiniteDifferences, _) => self.differences::<R>(&file, tracing, &progress)?,
+            Method::FiniteDifferences => self.differences::<R>(&file, tracing, &progress)?,
         };
         report.evaluations += field.evaluations();
         bar.finish_and_clear();

@@ -15,6 +15,8 @@ pub(super) struct GradientReport {
     /// Relative L2 standard error, estimated from independent replicates: the largest of all
     /// derivatives. `None` if there was one replicate only.
     pub(super) standard_error: Option<f64>,
+    /// The terms that the estimator leaves out for this scene. No standard error shows them.
+    pub(super) unmodelled: Vec<&'static str>,
     /// The files written.
     pub(super) outputs: Vec<PathBuf>,
     /// The loss, with `--target`.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use estimate::{Entry, EstimatorPrecision};
+use estimate::{Estimator, EstimatorPrecision};
 use field::Evaluations;
 use film::Film;
 use gradient::target_gradient;
@@ -18,13 +18,13 @@ impl Gradient {
     /// Computes the gradient of the loss against the image `target`, and writes it as a model file:
     /// each weight is replaced by the derivative of the loss by it.
     ///
-    /// The report has no field evaluations: the caller counts them.
+    /// The caller completes the report, as that of derivative images.
     pub(super) fn target_gradient<R: EstimatorPrecision>(
         &self,
         file: &SceneFile,
         scene: &Scene<'_, R>,
         target: &Path,
-        entry: &Entry,
+        estimator: &dyn Estimator<R>,
         progress: &(dyn Fn(f64) + Sync),
     ) -> anyhow::Result<GradientReport> {
         let Sdf::Neural { path: model, bytes, .. } = &file.sdf else {
@@ -32,9 +32,8 @@ impl Gradient {
             return Err(InputError::new(&self.scene, "/sdf/type", found, expected).into());
         };
         let target = read_target(target, file)?;
-        let estimator = entry.estimator::<R>(&self.estimator_options());
         let start = Instant::now();
-        let gradient = target_gradient(scene, &target, &*estimator, self.sampling(), progress)
+        let gradient = target_gradient(scene, &target, estimator, self.sampling(), progress)
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         let seconds = start.elapsed().as_secs_f64();
         let mut network = scene::network::<R>(model, bytes)?;
@@ -45,6 +44,7 @@ impl Gradient {
             seconds,
             evaluations: Evaluations::default(),
             standard_error: gradient.standard_error,
+            unmodelled: Vec::new(),
             outputs: vec![self.output.clone()],
             loss: Some(gradient.loss),
         })
