@@ -65,8 +65,7 @@ impl State {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
         };
-        let bytes = std::fs::read(path)
-            .map_err(|e| error("checkpoint", e.to_string(), "a checkpoint of this run"))?;
+        let bytes = io::read(path, "checkpoint", "a checkpoint of this run")?;
         let corrupt = |e: safetensors::SafeTensorError| {
             error("checkpoint", e.to_string(), "a whole checkpoint")
         };

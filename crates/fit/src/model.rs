@@ -83,8 +83,7 @@ impl Model {
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let read = |name: &str| {
             let path = run.join(name);
-            std::fs::read(&path)
-                .map_err(|e| InputError::new(&path, "model", e, "the model file of a run"))
+            io::read(&path, "model", "the model file of a run")
         };
         let wrong = |name: &str, e: sdf_nn::ModelError| {
             InputError::new(run.join(name), "weights", e, "a model file")

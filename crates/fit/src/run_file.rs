@@ -63,8 +63,7 @@ impl RunFile {
     /// sphere or of the background is out of range.
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let path = run.join("fit.toml");
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| InputError::new(&path, "run", e, "the folder of a fit"))?;
+        let text = io::read_text(&path, "run", "the folder of a fit")?;
         let file: RunFile = toml::from_str(&text).map_err(|e| {
             InputError::new(&path, key_of(&text, &e), e.message(), "the entries of a fit.toml")
         })?;

@@ -8,6 +8,13 @@ use anyhow::Context;
 use tempfile::NamedTempFile;
 
 use crate::InputError;
+use crate::regular::check_regular;
+
+/// The start of the name of a temporary file. The number of the process follows.
+const PREFIX: &str = ".dsdf-";
+
+/// The end of the name of a temporary file.
+const SUFFIX: &str = ".tmp";
 
 /// Writes a file, or replaces it whole.
 ///
@@ -15,16 +22,14 @@ use crate::InputError;
 /// renamed to `path`. On an error the temporary file is removed and the old file, if any, stays.
 ///
 /// # Errors
-/// An [`InputError`] if `path` is a folder, or if its folder is missing or does not accept files.
+/// An [`InputError`] as of [`check_output`].
 /// Other errors, for example a full disk or an error of `write`, come with the path as context.
 pub fn atomic_write(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    if path.is_dir() {
-        return Err(InputError::new(path, "output", "a folder", "the name of a file").into());
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    refuse_path(path)?;
+    let folder = folder_of(path);
     let temporary = temporary_in(folder).map_err(|e| folder_error(folder, e))?;
     fill_and_rename(temporary, path, write)
         .with_context(|| format!("cannot write {}", path.display()))?;
@@ -36,9 +41,114 @@ pub fn atomic_write(
     Ok(())
 }
 
+/// Checks that [`atomic_write`] can write to `path`, before the work for its content.
+///
+/// A temporary file is created in the folder and removed.
+///
+/// # Errors
+/// An [`InputError`] if `path` is a folder or no possible name, or if its folder is missing or does
+/// not accept files. Other errors if the disk is full.
+pub fn check_output(path: &Path) -> anyhow::Result<()> {
+    refuse_path(path)?;
+    let folder = folder_of(path);
+    temporary_in(folder).map(drop).map_err(|e| folder_error(folder, e))
+}
+
+/// Checks that files can be written in `folder`, which may not exist yet, before the work for them.
+///
+/// A temporary file is created, in the folder or in the nearest folder above it, and removed.
+///
+/// # Errors
+/// An [`InputError`] if the folder cannot be created or does not accept files. Other errors if the
+/// disk is full.
+pub fn check_output_folder(folder: &Path) -> anyhow::Result<()> {
+    refuse_name(folder, "a shorter name of a folder")?;
+    let present = folder.ancestors().find(|p| p.symlink_metadata().is_ok());
+    let present = present.unwrap_or(Path::new("."));
+    temporary_in(present).map(drop).map_err(|e| folder_error(present, e))
+}
+
+/// Removes the temporary files of this process in `folder`, for an exit in the middle of a write.
+pub fn remove_own_temporary_files(folder: &Path) {
+    remove_temporary_files(folder, |writer| writer == std::process::id());
+}
+
+/// Removes the temporary files in `folder` that no running process writes: those of killed
+/// processes.
+///
+/// A file of an earlier process with the number of this one is removed too, so this process must
+/// not be writing there.
+pub fn remove_abandoned_temporary_files(folder: &Path) {
+    remove_temporary_files(folder, |writer| writer == std::process::id() || !is_running(writer));
+}
+
+/// Removes the temporary files in `folder` whose process `is_removable` accepts.
+fn remove_temporary_files(folder: &Path, is_removable: impl Fn(u32) -> bool) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let ours = writer_of(&entry.file_name()).is_some_and(&is_removable);
+        if ours && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            // Another process may have removed it meanwhile.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// The process that wrote a temporary file of this name; `None` for other names.
+fn writer_of(name: &std::ffi::OsStr) -> Option<u32> {
+    let middle = name.to_str()?.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)?;
+    middle.split_once('-')?.0.parse().ok()
+}
+
+#[cfg(unix)]
+fn is_running(process: u32) -> bool {
+    use rustix::io::Errno;
+    use rustix::process::{Pid, test_kill_process};
+    let pid = i32::try_from(process).ok().and_then(Pid::from_raw);
+    // A process of another user gives another error.
+    pid.is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
+}
+
+#[cfg(not(unix))]
+fn is_running(_: u32) -> bool {
+    false
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Refuses a path that no file can have, and one of another kind of file, which a rename would
+/// replace. A link is replaced.
+fn refuse_path(path: &Path) -> Result<(), InputError> {
+    let refused = |found: String| InputError::new(path, "output", found, "the name of a file");
+    if path.is_dir() || path.file_name().is_none() {
+        return Err(refused("a folder".to_owned()));
+    }
+    if let Ok(metadata) = path.symlink_metadata()
+        && !metadata.is_symlink()
+    {
+        check_regular(metadata.file_type()).map_err(refused)?;
+    }
+    refuse_name(path, "a shorter name of a file")
+}
+
+/// Refuses a name that is too long or has a zero byte: the system cannot look for it.
+fn refuse_name(path: &Path, expected: &str) -> Result<(), InputError> {
+    match path.symlink_metadata() {
+        Err(e) if matches!(e.kind(), ErrorKind::InvalidFilename | ErrorKind::InvalidInput) => {
+            let found = format!("a name that the system refuses ({e})");
+            Err(InputError::new(path, "output", found, expected))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
+    let prefix = format!("{PREFIX}{}-", std::process::id());
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".dsdf-").suffix(".tmp");
+    builder.prefix(&prefix).suffix(SUFFIX);
     // By default only the owner may read a temporary file. This one becomes an ordinary file, with
     // the permissions that the user's umask leaves.
     #[cfg(unix)]
@@ -63,7 +173,8 @@ fn fill_and_rename(
 fn folder_error(folder: &Path, error: std::io::Error) -> anyhow::Error {
     let found = match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            return anyhow::Error::from(error).context("cannot write");
+            let context = format!("cannot write in {}", folder.display());
+            return anyhow::Error::from(error).context(context);
         }
         // The text of the error would name the temporary file.
         ErrorKind::NotFound if folder.exists() => "a folder that accepts no files".to_owned(),
@@ -106,6 +217,74 @@ mod tests {
     #[test]
     fn a_full_disk_is_no_input_error() {
         let error = folder_error(Path::new("x"), std::io::Error::from(ErrorKind::StorageFull));
-        assert!(!error.is::<InputError>());
+        assert!(!error.is::<InputError>() && error.to_string().ends_with("in x"), "{error}");
+    }
+
+    #[test]
+    fn outputs_that_cannot_be_written_are_found_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let in_folder = |name: &str| folder.path().join(name);
+        let long = "x".repeat(300);
+        std::fs::write(in_folder("file"), "").unwrap();
+        for (path, found) in [
+            (in_folder(&long), "refuses"),
+            (in_folder("none/a.png"), "no such folder"),
+            (in_folder("file/a.png"), "a file"),
+            (folder.path().to_owned(), "a folder"),
+        ] {
+            let error = check_output(&path).unwrap_err();
+            assert!(error.is::<InputError>() && error.to_string().contains(found), "{error}");
+            assert!(atomic_write(&path, |_| Ok(())).unwrap_err().is::<InputError>());
+        }
+        for (path, found) in [(in_folder(&long), "refuses"), (in_folder("file/a"), "a file")] {
+            let error = check_output_folder(&path.join("more")).unwrap_err();
+            assert!(error.is::<InputError>() && error.to_string().contains(found), "{error}");
+        }
+        check_output(&in_folder("a.png")).unwrap();
+        check_output_folder(&in_folder("a/b/c")).unwrap();
+        check_output_folder(folder.path()).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_pipe_or_a_device_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe.npy");
+        rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, rustix::fs::Mode::RUSR).unwrap();
+        for (path, found) in [(pipe.as_path(), "a pipe"), (Path::new("/dev/null"), "a device")] {
+            let error = check_output(path).unwrap_err().to_string();
+            assert!(error.contains(found), "{error}");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn temporary_files_of_ended_processes_are_removed_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        let ended = child.id();
+        child.wait().unwrap();
+        let (own, parent) = (std::process::id(), std::os::unix::process::parent_id());
+        let files = [
+            (format!(".dsdf-{ended}-a.tmp"), false),
+            (format!(".dsdf-{own}-b.tmp"), false),
+            (format!(".dsdf-{parent}-c.tmp"), true),
+            (".dsdf-mine.tmp".to_owned(), true),
+            (format!("dsdf-{ended}-a.tmp"), true),
+            ("notes.tmp".to_owned(), true),
+        ];
+        let write =
+            || files.iter().for_each(|(f, _)| std::fs::write(folder.path().join(f), "").unwrap());
+        write();
+        remove_own_temporary_files(folder.path());
+        for (name, _) in &files {
+            assert_eq!(folder.path().join(name).exists(), !name.contains("-b."), "{name}");
+        }
+        write();
+        remove_abandoned_temporary_files(folder.path());
+        for (name, stays) in &files {
+            assert_eq!(folder.path().join(name).exists(), *stays, "{name}");
+        }
     }
 }

@@ -1,16 +1,19 @@
 //! Reading images, with errors that tell missing, cut, damaged and foreign files apart.
 
-use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind};
 use std::path::Path;
 
 use film::{Film, srgb_decode};
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
 
-use crate::{InputError, extension, read_npy};
+use crate::{InputError, check_memory, extension, open, read, read_npy};
 
 /// The files that can be read, for messages.
 const IMAGE: &str = "a PNG, JPEG, EXR or NPY image";
+
+/// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
+/// single precision, and its alpha channel.
+const MEMORY_PER_PIXEL: u64 = 48;
 
 /// The width and height of an image file, in pixels.
 ///
@@ -22,10 +25,10 @@ pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film.width, film.height));
     }
-    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
+    let (file, _) = open(path, "image", IMAGE)?;
     let reader = ImageReader::new(BufReader::new(file))
         .with_guessed_format()
-        .map_err(|e| unreadable(path, &e))?;
+        .map_err(|e| InputError::new(path, "image", e, "a readable file"))?;
     reader.into_dimensions().map_err(|e| undecodable(path, e))
 }
 
@@ -45,18 +48,21 @@ pub fn read_image(path: &Path) -> Result<(Film, Option<Vec<f32>>), InputError> {
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film, None));
     }
-    let bytes = std::fs::read(path).map_err(|e| unreadable(path, &e))?;
+    let bytes = read(path, "image", IMAGE)?;
     if bytes.is_empty() {
         return Err(InputError::new(path, "image", "an empty file", IMAGE));
     }
-    let reader = ImageReader::new(Cursor::new(&bytes))
-        .with_guessed_format()
-        .map_err(|e| unreadable(path, &e))?;
-    let format = reader.format();
+    let reader = || ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+    let unreadable = |e| InputError::new(path, "image", e, "a readable file");
+    let format = reader().map_err(unreadable)?.format();
     if !is_whole(&bytes, format) {
         return Err(InputError::new(path, "image", "an image that is cut short", "a whole image"));
     }
-    let image = reader.decode().map_err(|e| undecodable(path, e))?;
+    let size = reader().map_err(unreadable)?.into_dimensions();
+    let (width, height) = size.map_err(|e| undecodable(path, e))?;
+    let memory = u64::from(width).saturating_mul(u64::from(height) * MEMORY_PER_PIXEL);
+    check_memory(path, "size", format!("{width} x {height} pixels"), memory)?;
+    let image = reader().map_err(unreadable)?.decode().map_err(|e| undecodable(path, e))?;
     Ok(linear(image, format == Some(ImageFormat::OpenExr)))
 }
 
@@ -93,13 +99,6 @@ fn is_whole_png(bytes: &[u8]) -> bool {
 fn is_whole_jpeg(bytes: &[u8]) -> bool {
     let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
     matches!((last(0xda), last(0xd9)), (Some(scan), Some(end)) if scan < end)
-}
-
-fn unreadable(path: &Path, error: &std::io::Error) -> InputError {
-    match error.kind() {
-        ErrorKind::NotFound => InputError::new(path, "image", "no such file", IMAGE),
-        _ => InputError::new(path, "image", error, "a readable file"),
-    }
 }
 
 /// The error of a file that the decoder refused: no image, a cut one or a damaged one.

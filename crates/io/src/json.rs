@@ -11,6 +11,7 @@ use glam::DVec3;
 use serde_json::{Map, Value};
 
 use crate::InputError;
+use crate::regular::{read_within, text};
 
 /// The most characters of a value that a message shows.
 const SHOWN_CHARACTERS: usize = 60;
@@ -31,6 +32,23 @@ pub struct Object<'a> {
 }
 
 type Result<T> = std::result::Result<T, InputError>;
+
+/// Bytes of memory for each byte of a JSON file: `[0,0,` has a value of 32 bytes for every two, and
+/// an array that grows has twice the room.
+const MEMORY_PER_BYTE: u64 = 64;
+
+/// Reads a JSON file.
+///
+/// # Errors
+/// If it is no regular file, cannot be read, is too large for the memory or is not JSON. The error
+/// names the line.
+pub fn read(path: &Path) -> Result<Value> {
+    let bytes = read_within(path, "file", "a JSON file", MEMORY_PER_BYTE)?;
+    let text = text(path, "file", "a JSON file", bytes)?;
+    serde_json::from_str(&text).map_err(|e| {
+        InputError::new(path, format!("line {} column {}", e.line(), e.column()), e, "JSON")
+    })
+}
 
 /// A value as JSON text for a message: its first 60 characters, then `…` if there are more.
 pub fn shown(value: &Value) -> String {

@@ -7,13 +7,22 @@ mod image_read;
 mod image_tests;
 mod image_write;
 pub mod json;
+mod lock;
+mod memory;
 mod npy;
+mod regular;
 
-pub use atomic::atomic_write;
-pub use error::InputError;
+pub use atomic::{
+    atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,
+    remove_own_temporary_files,
+};
+pub use error::{InputError, number, printable};
 pub use image_read::{image_size, read_image};
 pub use image_write::write_image;
-pub use npy::{read_npy, write_npy};
+pub use lock::lock;
+pub use memory::check_memory;
+pub use npy::{NpyReader, npy_reader, read_npy, write_npy};
+pub use regular::{open, read, read_text};
 
 use std::path::Path;
 

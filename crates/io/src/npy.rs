@@ -2,12 +2,24 @@
 
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, ErrorKind, Write};
+use std::io::{BufReader, BufWriter, Chain, Cursor, Error, ErrorKind, Read, Write};
 use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
-use crate::{InputError, atomic_write};
+use crate::memory::check_memory;
+use crate::{InputError, atomic_write, open};
+
+/// Bytes of memory for each byte of a .npy file: the numbers in both precisions, and the data that
+/// are made of them.
+const MEMORY_PER_BYTE: u64 = 8;
+
+/// The longest header of a .npy file, in bytes: that of NumPy (`max_header_size`).
+const LONGEST_HEADER: usize = 10_000;
+
+/// The most brackets around each other in a header: those of the dictionary and of the shape, and
+/// two more. The time of the parser of `npyz` doubles with each.
+const DEEPEST_HEADER: usize = 4;
 
 /// The length of the fixed start of a .npy file (magic string, version, length of the header), in
 /// bytes. A shorter file is reported as no array instead of as a cut one.
@@ -50,13 +62,11 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
 }
 
 /// Opens a .npy file and reads its header; also returns the length of the file in bytes.
-fn open_npy(path: &Path) -> Result<(NpyFile<BufReader<File>>, u64), InputError> {
-    let file = File::open(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => array_error(path, "no such file"),
-        _ => array_error(path, e),
-    })?;
-    let file_bytes = file.metadata().map_err(|e| array_error(path, e))?.len();
-    let npy = NpyFile::new(BufReader::new(file)).map_err(|e| match e.kind() {
+fn open_npy(path: &Path) -> Result<(NpyReader<BufReader<File>>, u64), InputError> {
+    let (file, file_bytes) = open(path, "array", ARRAY)?;
+    let memory = file_bytes.saturating_mul(MEMORY_PER_BYTE);
+    check_memory(path, "array", format!("a file of {file_bytes} bytes"), memory)?;
+    let npy = npy_reader(BufReader::new(file)).map_err(|e| match e.kind() {
         ErrorKind::UnexpectedEof if file_bytes >= FIXED_START_BYTES => {
             array_error(path, "a file that is cut short")
         }
@@ -65,8 +75,64 @@ fn open_npy(path: &Path) -> Result<(NpyFile<BufReader<File>>, u64), InputError> 
     Ok((npy, file_bytes))
 }
 
+/// A reader of an array, behind its header.
+pub type NpyReader<R> = NpyFile<Chain<Cursor<Vec<u8>>, R>>;
+
+/// Reads the header of an array in the .npy format. The numbers are not read yet.
+///
+/// # Errors
+/// If there is no header, or if it is longer or more deeply nested than that of an array of
+/// numbers; its parser could take all memory or time.
+pub fn npy_reader<R: Read>(mut reader: R) -> std::io::Result<NpyReader<R>> {
+    let header = read_header(&mut reader)?;
+    NpyFile::new(Cursor::new(header).chain(reader))
+}
+
+/// The bytes of an array's header, checked.
+fn read_header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
+    let invalid = |text: String| Error::new(ErrorKind::InvalidData, text);
+    let mut header = vec![0; FIXED_START_BYTES as usize];
+    reader.read_exact(&mut header)?;
+    let mut length = usize::from(u16::from_le_bytes([header[8], header[9]]));
+    // From version 2, the length has four bytes.
+    if header[6] > 1 {
+        let mut upper = [0; 2];
+        reader.read_exact(&mut upper)?;
+        length += usize::from(u16::from_le_bytes(upper)) << 16;
+        header.extend(upper);
+    }
+    if length > LONGEST_HEADER {
+        return Err(invalid(format!("a header of {length} bytes")));
+    }
+    let start = header.len();
+    header.resize(start + length, 0);
+    reader.read_exact(&mut header[start..])?;
+    let depth = nesting(&header[start..]);
+    if depth > DEEPEST_HEADER {
+        return Err(invalid(format!("a header with {depth} nested brackets")));
+    }
+    Ok(header)
+}
+
+/// The largest number of open brackets in a text.
+fn nesting(text: &[u8]) -> usize {
+    let (mut depth, mut deepest) = (0usize, 0);
+    for byte in text {
+        match byte {
+            b'(' | b'[' | b'{' => depth += 1,
+            b')' | b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
+}
+
+/// The files that can be read, for messages.
+const ARRAY: &str = "a .npy file of float32 or float64, row-major";
+
 fn array_error(path: &Path, found: impl Display) -> InputError {
-    InputError::new(path, "array", found, "a .npy file of float32 or float64, row-major")
+    InputError::new(path, "array", found, ARRAY)
 }
 
 /// Writes a .npy file of float32 in C order (the last index varies fastest), and replaces a file at
@@ -123,8 +189,32 @@ mod tests {
         assert!(read_npy(&path).unwrap_err().to_string().contains("cut short"));
     }
 
+    #[test]
+    fn headers_that_a_parser_could_not_bear_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let array = |version: u8, length: &[u8], header: &str| {
+            let start = [b"\x93NUMPY".as_slice(), &[version, 0], length].concat();
+            std::fs::write(&path, [&start, header.as_bytes()].concat()).unwrap();
+            let start = std::time::Instant::now();
+            let message = read_npy(&path).unwrap_err().to_string();
+            assert!(start.elapsed().as_secs() < 1, "{message}");
+            message
+        };
+        let nested = |open: &str, close: &str| {
+            let shape = format!("{}2{}", open.repeat(22), close.repeat(22));
+            let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}");
+            array(1, &(header.len() as u16).to_le_bytes(), &header)
+        };
+        assert!(nested("[", "]").contains("23 nested brackets"));
+        assert!(nested("(", ",)").contains("23 nested brackets"));
+        assert!(array(2, &[0xff; 4], "{}").contains("a header of 4294967295 bytes"));
+        assert!(array(1, &[0xff; 2], "{}").contains("a header of 65535 bytes"));
+        assert!(array(1, &[2, 0], "{").contains("cut short"));
+    }
+
     fn array_bytes<T: npyz::AutoSerialize + Copy>(data: &[T]) -> Vec<u8> {
-        let mut bytes = std::io::Cursor::new(Vec::new());
+        let mut bytes = Cursor::new(Vec::new());
         let options = npyz::WriteOptions::new().default_dtype().shape(&[data.len() as u64]);
         let mut writer = options.writer(&mut bytes).begin_nd().unwrap();
         writer.extend(data.iter().copied()).unwrap();

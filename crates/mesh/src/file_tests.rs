@@ -182,7 +182,17 @@ fn a_header_with_counts_beyond_the_file_is_refused() {
     };
     for count in ["4000000000", "18446744073709551615"] {
         let error = read_bytes("a.ply", header(count, "uchar").as_bytes()).unwrap_err().to_string();
-        assert!(error.contains("a.ply"), "{error}");
+        let place = "a.ply: element vertex: found a count of ";
+        assert!(error.contains(place) && error.contains("in a file with 0 bytes"), "{error}");
+    }
+    // Elements without properties take no bytes of the file, and memory for each.
+    for encoding in ["ascii", "binary_little_endian"] {
+        let header = format!(
+            "ply\nformat {encoding} 1.0\nelement vertex 1000000000\nelement face 1\n\
+            property list uchar int vertex_indices\nend_header\n"
+        );
+        let error = read_bytes("a.ply", header.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("1000000000 elements without properties"), "{error}");
     }
     let mut long_list = header("1", "uint").into_bytes();
     long_list.extend([0; 12]);

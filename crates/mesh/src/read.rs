@@ -1,13 +1,15 @@
 //! Reading of mesh files: .ply and .obj.
 
 use std::fmt::Display;
-use std::io::ErrorKind;
 use std::path::Path;
 
 use glam::Vec3;
 use io::InputError;
-use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{
+    Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef, PropertyType,
+    ScalarType,
+};
 
 use crate::{Mesh, extension};
 
@@ -28,10 +30,7 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, InputError> {
             return Err(InputError::new(path, "mesh", found, ".ply or .obj"));
         }
     };
-    let bytes = std::fs::read(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => InputError::new(path, "mesh", "no such file", "a .ply or .obj mesh"),
-        _ => InputError::new(path, "mesh", e, "a .ply or .obj mesh"),
-    })?;
+    let bytes = io::read(path, "mesh", "a .ply or .obj mesh")?;
     let mesh = parse(path, &bytes)?;
     check(path, &mesh)?;
     Ok(mesh)
@@ -120,18 +119,62 @@ fn indices(property: Property) -> Option<Vec<u32>> {
     })
 }
 
+/// Bytes of memory for each element of a PLY file: it, the room of a list that grows, and the
+/// triangle or the vertex of the mesh.
+const MEMORY_PER_ELEMENT: u64 = 256;
+
+/// Checks the counts of a PLY header against the `length` bytes that follow it: the parser believes
+/// them.
+fn check_counts(path: &Path, header: &Header, length: usize) -> Result<(), InputError> {
+    let (mut least, mut count) = (0u64, 0u64);
+    for element in header.elements.values() {
+        let size: u64 = element.properties.values().map(|p| least_size(header, p)).sum();
+        let field = format!("element {}", element.name);
+        if size == 0 && element.count > 0 {
+            let found = format!("{} elements without properties", element.count);
+            return Err(InputError::new(path, field, found, "one property or more"));
+        }
+        least = least.saturating_add(size.saturating_mul(element.count as u64));
+        // The last line of a text may lack its end.
+        if least > length as u64 + 1 {
+            let found = format!("a count of {} in a file with {length} bytes", element.count);
+            let expected = "a count that the file has room for, or the whole file";
+            return Err(InputError::new(path, field, found, expected));
+        }
+        count += element.count as u64;
+    }
+    let memory = count.saturating_mul(MEMORY_PER_ELEMENT);
+    io::check_memory(path, "mesh", format!("{count} elements"), memory)
+}
+
+/// The fewest bytes of a property: a digit and a blank in text, a list without entries in binary.
+fn least_size(header: &Header, property: &PropertyDef) -> u64 {
+    let (PropertyType::Scalar(number) | PropertyType::List(number, _)) = &property.data_type;
+    match (header.encoding, number) {
+        (Encoding::Ascii, _) => 2,
+        (_, ScalarType::Char | ScalarType::UChar) => 1,
+        (_, ScalarType::Short | ScalarType::UShort) => 2,
+        (_, ScalarType::Int | ScalarType::UInt | ScalarType::Float) => 4,
+        (_, ScalarType::Double) => 8,
+    }
+}
+
 fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     let error =
         |field: &str, found: &dyn Display| InputError::new(path, field, found, "a PLY mesh");
-    let mut ply = Parser::<Element>::new().read_ply(&mut &*bytes).map_err(|e| error("mesh", &e))?;
-    let vertices = ply.payload.swap_remove("vertex").unwrap_or_default();
+    let parser = Parser::<Element>::new();
+    let mut reader = Reader::new(bytes);
+    let header = parser.read_header(&mut reader).map_err(|e| error("mesh", &e))?;
+    check_counts(path, &header, reader.get_ref().len())?;
+    let mut payload = parser.read_payload(&mut reader, &header).map_err(|e| error("mesh", &e))?;
+    let vertices = payload.swap_remove("vertex").unwrap_or_default();
     let vector = |e: &Element, start: usize| Vec3::from_slice(&e.numbers[start..start + 3]);
     let mut mesh =
         Mesh { vertices: vertices.iter().map(|v| vector(v, 0)).collect(), ..Mesh::default() };
     if vertices.iter().all(|v| vector(v, 3).is_finite()) {
         mesh.normals = vertices.iter().map(|v| vector(v, 3)).collect();
     }
-    for (i, face) in ply.payload.swap_remove("face").unwrap_or_default().iter().enumerate() {
+    for (i, face) in payload.swap_remove("face").unwrap_or_default().iter().enumerate() {
         let missing = || error(&format!("face {i}"), &"no vertex_indices");
         mesh.faces.extend(fan(face.polygon.as_deref().ok_or_else(missing)?));
     }

@@ -54,11 +54,7 @@ impl SceneFile {
     /// If the file, or a model file that it names, is missing or wrong. The error holds the place
     /// in the file, the value found and the value expected.
     pub fn load(path: &Path) -> Result<SceneFile> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| InputError::new(path, "scene", e, "a readable scene file"))?;
-        let value = serde_json::from_str(&text)
-            .map_err(|e| InputError::new(path, format!("line {}", e.line()), e, "a JSON object"))?;
-        Self::from_value(path, &value)
+        Self::from_value(path, &io::json::read(path)?)
     }
 
     /// Reads a scene from parsed JSON.

@@ -100,8 +100,7 @@ impl Sdf {
     /// Reads a model file and checks that it describes a signed distance.
     fn read_network(object: &Object<'_>, folder: &Path) -> Result<Self> {
         let path = folder.join(object.string("weights")?);
-        let bytes = std::fs::read(&path)
-            .map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
+        let bytes = io::read(&path, "weights", "a model file")?;
         let clipped = may_reach_its_ball(&network::<f64>(&path, &bytes)?);
         Ok(Sdf::Neural { path, bytes, clipped })
     }

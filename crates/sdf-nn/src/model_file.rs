@@ -188,11 +188,28 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// The widths of the hidden layers, from the shapes of the weights.
-    fn hidden(&self) -> Result<Vec<usize>> {
-        let mut widths = Vec::new();
-        while self.tensors.tensor(&format!("layers.{}.weight", widths.len())).is_ok() {
-            let (shape, _) = self.tensor(&format!("layers.{}.weight", widths.len()), 2)?;
+    /// The widths of the hidden layers, from the shapes of the weights. The layers in `skip` have
+    /// `features` more inputs than the layer below has outputs, as the first has without a layer
+    /// below.
+    ///
+    /// Every shape is checked before it is used: with these widths, a network has as many
+    /// parameters as the file has elements.
+    fn hidden(&self, features: usize, skip: &[usize]) -> Result<Vec<usize>> {
+        let mut widths: Vec<usize> = Vec::new();
+        loop {
+            let layer = widths.len();
+            let name = format!("layers.{layer}.weight");
+            if self.tensors.tensor(&name).is_err() {
+                break;
+            }
+            let (shape, _) = self.tensor(&name, 2)?;
+            let of_features = if layer == 0 || skip.contains(&layer) { features } else { 0 };
+            let inputs = widths.last().unwrap_or(&0) + of_features;
+            if shape[0] == 0 || shape[1] != inputs {
+                let (found, expected) =
+                    (format!("of shape {shape:?}"), format!("[1 or more, {inputs}]"));
+                return Err(ModelError::Tensor { name, found, expected });
+            }
             widths.push(shape[0]);
         }
         let highest = self
@@ -284,10 +301,11 @@ impl<R: Lane> Network<R> {
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self> {
         let model = Model::open(bytes)?;
         let metadata = &model.metadata;
+        let (encoding, skip) = (metadata.encoding()?, metadata.list("skip", "indices of layers")?);
         let architecture = Architecture {
-            encoding: metadata.encoding()?,
-            hidden: model.hidden()?,
-            skip: metadata.list("skip", "indices of layers")?,
+            encoding,
+            hidden: model.hidden(encoding.features(), &skip)?,
+            skip,
             activation: metadata.activation()?,
         };
         if architecture.skip.iter().any(|&s| s == 0 || s > architecture.hidden.len()) {
@@ -332,13 +350,10 @@ impl<R: Lane> RadianceHead<R> {
         if metadata.get("output") != Some(HEAD_OUTPUT) {
             return Err(metadata.error("output", HEAD_OUTPUT));
         }
-        let hidden = model.hidden()?;
-        let mut head = RadianceHead::zero(
-            metadata.encoding()?,
-            &hidden,
-            metadata.activation()?,
-            metadata.transform()?,
-        );
+        let encoding = metadata.encoding()?;
+        let hidden = model.hidden(encoding.features() + DIRECTIONS, &[])?;
+        let mut head =
+            RadianceHead::zero(encoding, &hidden, metadata.activation()?, metadata.transform()?);
         model.fill(&mut head.mlp)?;
         Ok(head)
     }

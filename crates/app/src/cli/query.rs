@@ -37,8 +37,7 @@ struct QueryReport {
 impl Query {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         check_extension(&self.output, &["npy"])?;
-        let bytes = std::fs::read(&self.model)
-            .map_err(|e| InputError::new(&self.model, "model", e, "a model file"))?;
+        let bytes = io::read(&self.model, "model", "a model file")?;
         let network = network::<f32>(&self.model, &bytes)?;
         let points = self.read_points()?;
         let n = points.len();

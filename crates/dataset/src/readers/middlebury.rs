@@ -22,8 +22,7 @@ const NUMBERS: usize = 9 + 9 + 3;
 
 /// Reads the camera file.
 pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
-    let text = std::fs::read_to_string(file)
-        .map_err(|e| InputError::new(file, "file", e, "a readable text file"))?;
+    let text = io::read_text(file, "file", "a readable text file")?;
     let mut lines = text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty());
     let no_count = |found: &str| InputError::new(file, "line 1", found, "the number of views");
     let (_, first) = lines.next().ok_or_else(|| no_count("nothing"))?;

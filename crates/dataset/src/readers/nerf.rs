@@ -14,9 +14,8 @@ use super::{Recognised, Result};
 use crate::lens::Lens;
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
-use io::InputError;
-use io::image_size;
 use io::json::{numbers, shown};
+use io::{InputError, image_size, number};
 use render::Camera;
 
 /// Camera models of a perspective lens with at most k1, k2, p1 and p2.
@@ -41,11 +40,7 @@ pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
 }
 
 fn read_frames(folder: &Path, file: &Path) -> Result<Vec<UnreadView>> {
-    let text = std::fs::read_to_string(file)
-        .map_err(|e| InputError::new(file, "file", e, "a readable file"))?;
-    let root: Value = serde_json::from_str(&text).map_err(|e| {
-        InputError::new(file, format!("line {} column {}", e.line(), e.column()), e, "JSON")
-    })?;
+    let root = io::json::read(file)?;
     let frames = root["frames"].as_array().filter(|f| !f.is_empty());
     let frames = frames.ok_or_else(|| {
         InputError::new(file, "frames", shown(&root["frames"]), "an array with frames")
@@ -133,7 +128,7 @@ impl Frame<'_> {
             Some(n) if n >= 1.0 && n <= f64::from(u16::MAX) && n.fract() == 0.0 => Ok(n as u32),
             Some(n) => {
                 let expected = "a whole number of pixels from 1 to 65535";
-                Err(InputError::new(self.file, key, n, expected))
+                Err(InputError::new(self.file, key, number(n), expected))
             }
         };
         Ok((pick("w", keys[0], width)?, pick("h", keys[1], height)?))
@@ -143,24 +138,37 @@ impl Frame<'_> {
     /// `camera_angle_x` and `camera_angle_y` in radians. y is as x if it has no key.
     fn focal(&self, width: u32, height: u32) -> Result<DVec2> {
         let (fl_x, fl_y) = (self.number("fl_x")?, self.number("fl_y")?);
-        let (angle_x, angle_y) = (self.number("camera_angle_x")?, self.number("camera_angle_y")?);
-        let from_angle = |size: u32, angle: f64| 0.5 * f64::from(size) / (0.5 * angle).tan();
-        let x = fl_x.or(angle_x.map(|a| from_angle(width, a)));
-        let y = fl_y.or(angle_y.map(|a| from_angle(height, a))).or(x);
+        let or_angle = |focal: Option<f64>, key, size| match focal {
+            Some(focal) => Ok(Some(focal)),
+            None => self.focal_of_angle(key, size),
+        };
+        let x = or_angle(fl_x, "camera_angle_x", width)?;
+        let y = or_angle(fl_y, "camera_angle_y", height)?.or(x);
         match (x, y) {
             (Some(x), Some(y)) if x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite() => {
                 Ok(DVec2::new(x, y))
             }
             (Some(x), y) => {
                 let key = if fl_x.is_some() { "fl_x" } else { "camera_angle_x" };
-                let found = format!("focal lengths {x}, {}", y.unwrap_or(x));
-                let expected = "focal lengths above 0 (angles between 0 and pi)";
+                let found = format!("focal lengths {}, {}", number(x), number(y.unwrap_or(x)));
+                let expected = "focal lengths above 0";
                 Err(InputError::new(self.file, key, found, expected))
             }
             (None, _) => {
                 let expected = "camera_angle_x, or fl_x in pixels";
                 Err(InputError::new(self.file, "camera_angle_x", "nothing", expected))
             }
+        }
+    }
+
+    /// The focal length in pixels from the field of view `key`, in radians.
+    fn focal_of_angle(&self, key: &str, size: u32) -> Result<Option<f64>> {
+        match self.number(key)? {
+            Some(angle) if !(angle > 0.0 && angle < std::f64::consts::PI) => {
+                let expected = "an angle between 0 and pi, in radians";
+                Err(InputError::new(self.file, key, number(angle), expected))
+            }
+            angle => Ok(angle.map(|a| 0.5 * f64::from(size) / (0.5 * a).tan())),
         }
     }
 
@@ -182,7 +190,7 @@ impl Frame<'_> {
             let value = get(key)?;
             if value != 0.0 {
                 let expected = "0: only k1, k2, p1 and p2 are modelled";
-                return Err(InputError::new(self.file, key, value, expected));
+                return Err(InputError::new(self.file, key, number(value), expected));
             }
         }
         let (radial, tangential) = ([get("k1")?, get("k2")?], [get("p1")?, get("p2")?]);

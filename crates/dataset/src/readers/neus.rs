@@ -7,12 +7,11 @@
 //! `scale_mat_i` maps the unit sphere to the bounding sphere in world units.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use field::Sphere;
 use glam::{DMat3, DMat4, DVec3};
-use npyz::NpyFile;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
@@ -24,6 +23,10 @@ use io::image_size;
 
 /// The largest deviation of `scale_mat` from a uniform scale, relative to the squared scale.
 const UNIFORM: f64 = 1e-4;
+
+/// The longest entry of an archive with one matrix, in bytes: the longest header, and 16 numbers in
+/// double precision.
+const LARGEST_MATRIX: u64 = 12 + 10_000 + 16 * 8;
 
 /// Reads the cameras and pairs them with the images in the order of their names.
 pub(super) fn read(folder: &Path) -> Result<Recognised> {
@@ -60,9 +63,8 @@ struct Archive {
 
 impl Archive {
     fn open(file: PathBuf) -> Result<Self> {
-        let zip = File::open(&file)
-            .map_err(ZipError::from)
-            .and_then(|f| ZipArchive::new(BufReader::new(f)))
+        let (opened, _) = io::open(&file, "archive", "a .npz archive")?;
+        let zip = ZipArchive::new(BufReader::new(opened))
             .map_err(|e| InputError::new(&file, "archive", e, "a .npz archive"))?;
         Ok(Archive { file, zip })
     }
@@ -87,8 +89,13 @@ impl Archive {
             Err(ZipError::FileNotFound) => return Err(error("nothing".to_owned())),
             entry => entry.map_err(|e| error(e.to_string()))?,
         };
-        let npy = NpyFile::new(entry).map_err(|e| error(e.to_string()))?;
+        // An entry of any length is inflated no further.
+        let entry = entry.take(LARGEST_MATRIX);
+        let npy = io::npy_reader(entry).map_err(|e| error(e.to_string()))?;
         let shape = npy.shape().to_vec();
+        if shape != [4, 4] {
+            return Err(error(format!("shape {shape:?}")));
+        }
         let by_columns = npy.order() == npyz::Order::Fortran;
         let is_double = npy.dtype().descr().contains("f8");
         let numbers: std::io::Result<Vec<f64>> = if is_double {
@@ -98,12 +105,11 @@ impl Archive {
         };
         let numbers = numbers.map_err(|e| error(e.to_string()))?;
         match <[f64; 16]>::try_from(numbers) {
-            Ok(m) if shape == [4, 4] && m.iter().all(|v| v.is_finite()) => {
+            Ok(m) if m.iter().all(|v| v.is_finite()) => {
                 let m = DMat4::from_cols_array(&m);
                 Ok(if by_columns { m } else { m.transpose() })
             }
-            Ok(_) => Err(error(format!("shape {shape:?} or a number that is not finite"))),
-            Err(_) => Err(error(format!("shape {shape:?}"))),
+            _ => Err(error("a number that is not finite".to_owned())),
         }
     }
 }

@@ -91,6 +91,21 @@ fn an_error_names_the_place_in_the_file() {
         with(pointer, value);
         refused(&path, &words);
     }
+    // Without focal lengths, the angles count.
+    let mut by_angle = good.clone();
+    for key in ["fl_x", "fl_y"] {
+        by_angle.as_object_mut().unwrap().remove(key);
+    }
+    by_angle["camera_angle_x"] = json!(0.6);
+    for (key, angle) in
+        [("camera_angle_x", 7.0), ("camera_angle_x", 1e300), ("camera_angle_y", 0.0)]
+    {
+        let mut root = by_angle.clone();
+        root[key] = json!(angle);
+        write_json(&path, &root);
+        let found = format!("found {}, expected an angle between 0 and pi", io::number(angle));
+        refused(&path, &[key, &found]);
+    }
     std::fs::write(&path, "{\"frames\": [\n  {\"file_path\": NaN}]}").unwrap();
     refused(&path, &["transforms.json", "line 2 column"]);
     std::fs::write(&path, "{\"frames\": [{\"a\": 1e999}]}").unwrap();

@@ -163,8 +163,7 @@ fn read_light(light: Object<'_>, parameters: &mut Parameters) -> Result<Light> {
 /// Reads a model file and checks that it describes a radiance head.
 fn read_head(object: &Object<'_>, folder: &Path) -> Result<Appearance> {
     let path = folder.join(object.string("weights")?);
-    let bytes =
-        std::fs::read(&path).map_err(|e| InputError::new(&path, "weights", e, "a model file"))?;
+    let bytes = io::read(&path, "weights", "a model file")?;
     let appearance = Appearance::Neural { path, bytes };
     radiance_head::<f32>(&appearance)?;
     Ok(appearance)

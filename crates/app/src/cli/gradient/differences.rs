@@ -3,7 +3,6 @@
 use std::cell::RefCell;
 use std::time::Instant;
 
-use anyhow::Context;
 use estimate::EstimatorPrecision;
 use field::{Counted, Evaluations, Field};
 use film::Film;
@@ -42,9 +41,7 @@ impl Gradient {
         // Refuse a pointer that names no parameter, as with any other estimator.
         self.directions(file)?;
         let start = Instant::now();
-        let text = std::fs::read_to_string(&self.scene)
-            .with_context(|| self.scene.display().to_string())?;
-        let value: Value = serde_json::from_str(&text)?;
+        let value = io::json::read(&self.scene)?;
         let pixel = file.camera.pixel_angle() * surface_distance(file)?;
         let evaluations = RefCell::new(Evaluations::default());
         let mut derivatives = Vec::new();

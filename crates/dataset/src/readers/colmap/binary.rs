@@ -38,8 +38,7 @@ struct Bytes<'a> {
 
 impl<'a> Bytes<'a> {
     fn open(file: &'a Path) -> Result<Self> {
-        let data =
-            std::fs::read(file).map_err(|e| InputError::new(file, "file", e, "a readable file"))?;
+        let data = io::read(file, "file", "a readable file")?;
         Ok(Bytes { file, data, at: 0 })
     }
 

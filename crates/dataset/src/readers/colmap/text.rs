@@ -10,8 +10,7 @@ use super::{CameraRecord, ImageRecord, Result};
 use io::InputError;
 
 fn read(file: &Path) -> Result<String> {
-    std::fs::read_to_string(file)
-        .map_err(|e| InputError::new(file, "file", e, "a readable text file"))
+    io::read_text(file, "file", "a readable text file")
 }
 
 /// One line, read word by word. `expected` names the next item in error messages.
