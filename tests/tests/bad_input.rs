@@ -6,53 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use tests::dsdf;
-
-/// Runs `dsdf` and checks that it fails with `status` and prints one line with all words.
-fn refused(arguments: &[&str], status: i32, words: &[&str]) {
-    let output = dsdf(arguments);
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(status), "{arguments:?}: {message}");
-    assert_eq!(message.trim_end().lines().count(), 1, "{arguments:?}: {message}");
-    for word in words {
-        assert!(message.contains(word), "{arguments:?}: no {word:?} in {message}");
-    }
-    assert!(output.stdout.is_empty());
-}
-
-/// A ball on a film of 8 × 8 pixels.
-fn scene() -> Value {
-    json!({
-        "camera": {"width": 8, "height": 8, "focal": 16, "principal": [4, 4], "eye": [0, 0, 4],
-                   "target": [0, 0, 0], "up": [0, 1, 0]},
-        "sdf": {"type": "sphere", "center": [0, 0, 0], "radius": 0.7},
-        "appearance": {"type": "constant", "radiance": [1, 1, 1]},
-        "background": [0, 0, 0]
-    })
-}
-
-/// A temporary folder.
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Folder(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).to_string_lossy().into_owned()
-    }
-
-    /// Writes JSON and returns the file's path.
-    fn write(&self, name: &str, value: &Value) -> String {
-        fs::write(self.0.path().join(name), value.to_string()).unwrap();
-        self.path(name)
-    }
-
-    /// The number of files.
-    fn files(&self) -> usize {
-        fs::read_dir(self.0.path()).unwrap().count()
-    }
-}
+use tests::input::{Folder, dataset, fit_two_iterations, refused, scene};
 
 #[test]
 fn wrong_scenes_are_refused_with_the_place_of_the_error() {
@@ -160,22 +114,6 @@ fn wrong_options_of_gradient_are_refused() {
     refused(&["gradient", &path, "-o", &out], 2, &["--wrt"]);
 }
 
-/// Renders three views of 8 × 8 pixels, and returns the content of their `transforms.json`.
-fn dataset(folder: &Folder) -> Value {
-    for i in 0..3 {
-        let path = folder.write("scene.json", &scene());
-        assert!(
-            dsdf(&["render", &path, "-o", &folder.path(&format!("{i}.png")), "--spp", "1"])
-                .status
-                .success()
-        );
-    }
-    let matrix = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
-    let frame =
-        |i: i32| json!({"file_path": format!("{i}.png"), "transform_matrix": matrix.clone()});
-    json!({"camera_angle_x": 0.5, "w": 8, "h": 8, "frames": [frame(0), frame(1), frame(2)]})
-}
-
 #[test]
 fn wrong_data_sets_are_refused() {
     let folder = Folder::new();
@@ -258,15 +196,6 @@ fn folders_without_a_run_and_broken_models_are_refused() {
     let (points, out) = (folder.path("p.npy"), folder.path("o.npy"));
     refused(&["query", &model, &points, "-o", &out], 2, &["m.safetensors"]);
     refused(&["nonsense"], 2, &["nonsense"]);
-}
-
-/// Fits the data set of a folder for two iterations, and returns the run's folder.
-fn fit_two_iterations(folder: &Folder) -> String {
-    folder.write("transforms.json", &dataset(folder));
-    let (data, run) = (folder.path(""), folder.path("run"));
-    let options = ["--iterations", "2", "--batch", "16", "--bounds", "0,0,0,1"];
-    tests::dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
-    run
 }
 
 #[test]

@@ -17,6 +17,8 @@ pub(crate) struct State {
     pub(crate) seconds: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
     pub(crate) usual_norm: f32,
+    /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
+    pub(crate) held_out_psnr: Option<f64>,
     /// The parameters of the field, then those of the radiance head.
     pub(crate) parameters: Vec<f32>,
     /// Adam's first moments, one per parameter.
@@ -29,6 +31,9 @@ pub(crate) struct State {
 
 /// The most iterations: 2^53, the integers that double precision holds.
 const MOST_STEPS: u64 = 1 << 53;
+
+/// The metadata entry of [`State::held_out_psnr`].
+const HELD_OUT_PSNR: &str = "held_out_psnr";
 
 impl State {
     /// Writes the state to `path`. The file is replaced as a whole: an interrupted write leaves the
@@ -46,12 +51,15 @@ impl State {
                     .map(|view| (*name, view))
             })
             .collect();
-        let metadata = HashMap::from([
+        let mut metadata = HashMap::from([
             ("iteration".to_owned(), self.iteration.to_string()),
             ("seconds".to_owned(), self.seconds.to_string()),
             ("usual_norm".to_owned(), self.usual_norm.to_string()),
             ("steps".to_owned(), self.steps.to_string()),
         ]);
+        if let Some(psnr) = self.held_out_psnr {
+            metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
+        }
         let bytes = safetensors::serialize(views?, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
     }
@@ -81,6 +89,11 @@ impl State {
             let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
             number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
         };
+        let held_out_psnr = || {
+            let Some(text) = metadata.get(HELD_OUT_PSNR) else { return Ok(None) };
+            let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e30);
+            number.map(Some).ok_or_else(|| error(HELD_OUT_PSNR, text.clone(), "a PSNR in dB"))
+        };
         let vector = |name: &str| {
             let view = tensors.tensor(name).map_err(corrupt)?;
             if view.dtype() != Dtype::F32 || view.shape() != [count] {
@@ -103,6 +116,7 @@ impl State {
             iteration: count_of("iteration")?,
             seconds: number("seconds")?,
             usual_norm: number("usual_norm")? as f32,
+            held_out_psnr: held_out_psnr()?,
             parameters: vector("parameters")?,
             first: vector("first")?,
             second: vector("second")?,
@@ -123,6 +137,7 @@ mod tests {
             iteration: 17,
             seconds: 1.0 / 3.0,
             usual_norm: 0.1,
+            held_out_psnr: Some(31.4),
             parameters: vec![1.0, f32::MIN_POSITIVE, -0.0],
             first: vec![0.1; 3],
             second: vec![0.2; 3],
@@ -135,6 +150,41 @@ mod tests {
         for length in 0..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(State::load(&path, 3).is_err(), "a checkpoint cut at {length} bytes");
+        }
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state.safetensors");
+        let state = State {
+            iteration: 7777,
+            seconds: 5555.5,
+            usual_norm: 0.3333,
+            held_out_psnr: Some(22.22),
+            parameters: vec![1.0],
+            first: vec![1.0],
+            second: vec![1.0],
+            steps: 8888,
+        };
+        state.save(&path).unwrap();
+        let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+        for (field, value, wrong) in [
+            ("iteration", "7777", ["NaN ", "-5  ", "inf ", "1.5 "]),
+            ("steps", "8888", ["NaN ", "-5  ", "inf ", "    "]),
+            ("seconds", "5555.5", ["NaN   ", "-1e9  ", "inf   ", "1e300 "]),
+            ("usual_norm", "0.3333", ["NaN   ", "-1    ", "inf   ", "x     "]),
+            ("held_out_psnr", "22.22", ["NaN  ", "inf  ", "-inf ", "1e300"]),
+        ] {
+            for wrong in wrong {
+                // The length of the header stays.
+                assert_eq!(wrong.len(), value.len());
+                let padded =
+                    format!("\"{}\"{}", wrong.trim(), " ".repeat(wrong.len() - wrong.trim().len()));
+                std::fs::write(&path, whole.replace(&format!("\"{value}\""), &padded)).unwrap();
+                let error = State::load(&path, 1).unwrap_err().to_string();
+                assert!(error.contains(&format!("{field}: found {}", wrong.trim())), "{error}");
+            }
         }
     }
 }

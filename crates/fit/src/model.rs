@@ -97,6 +97,6 @@ impl Model {
 }
 
 /// The frequency encoding of `bands` octaves; none for 0.
-fn encoding(bands: usize) -> Encoding {
+pub(crate) fn encoding(bands: usize) -> Encoding {
     if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } }
 }

@@ -5,7 +5,7 @@ use dataset::View;
 use film::Film;
 use glam::DVec2;
 use random::{Purpose, Stream};
-use render::Camera;
+use render::{Camera, Sample};
 
 use crate::background::BackgroundModel;
 
@@ -90,6 +90,15 @@ impl Level {
             })
             .collect();
         Level::new(cameras, photographs, model)
+    }
+
+    /// The centres of the pixels whose rays meet the bounding sphere.
+    pub(crate) fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
+        let center = |p: &Pixel| Sample {
+            camera: p.view as usize,
+            u: DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
+        };
+        self.foreground.iter().chain(&self.background).map(center)
     }
 
     /// The number of pixels whose rays meet the bounding sphere.

@@ -7,11 +7,12 @@ use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations, Field};
 use glam::Vec3;
-use io::InputError;
+use io::{InputError, check_memory};
 use metrics::psnr;
 use optim::{Adam, Group};
 use random::{Purpose, Stream};
-use render::{Camera, Scene};
+use rayon::prelude::*;
+use render::{Camera, InvalidField, Sample, Scene};
 
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
@@ -29,6 +30,10 @@ const LEVELS: usize = 4;
 /// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
 /// distance 1.05 and 1.01 (see the evidence in `schedule.rs`).
 const NORM_SHARE: f32 = 0.05;
+
+/// Bytes of memory for each pixel of the training views: the photograph and its mask at all levels
+/// of the pyramid, and the lists of pixels. Measured: 79.
+const MEMORY_PER_PIXEL: u64 = 80;
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.
 pub struct Fit {
@@ -80,6 +85,9 @@ impl Fit {
             parameters.len(),
             vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
         );
+        let pixels: u64 = dataset.train.iter().map(|v| v.image.pixels.len() as u64).sum();
+        let found = format!("{pixels} pixels of photographs");
+        check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
         let levels = pyramid(&dataset.train, &file.background_model(), LEVELS);
         if levels[0].pixel_count() == 0 {
             let expected = "a sphere that the cameras see (option --bounds)";
@@ -135,6 +143,7 @@ impl Fit {
         self.iteration = state.iteration;
         self.seconds = state.seconds;
         self.usual_norm = state.usual_norm;
+        self.held_out_psnr = state.held_out_psnr;
         Ok(())
     }
 
@@ -148,6 +157,7 @@ impl Fit {
             iteration: self.iteration,
             seconds: self.seconds,
             usual_norm: self.usual_norm,
+            held_out_psnr: self.held_out_psnr,
             parameters: self.parameters.clone(),
             first: first.to_vec(),
             second: second.to_vec(),
@@ -324,6 +334,31 @@ impl Fit {
         Ok(())
     }
 }
+
+impl Fit {
+    /// Whether the ray through the centre of a pixel of a training view hits the surface.
+    ///
+    /// The pixels of the coarsest level are tried first, then those of the photographs.
+    ///
+    /// # Errors
+    /// If the field gives a NaN or an infinity along a ray.
+    pub fn has_visible_surface(&self) -> Result<bool, InvalidField> {
+        let any_hit = |level: &Level| {
+            let scene = scene(&self.model, &self.file, &level.cameras);
+            let samples: Vec<Sample> = level.centers().collect();
+            let hit = |samples: &[Sample]| match scene.primary(samples) {
+                Ok(primary) => (!primary.hits.is_empty()).then_some(Ok(true)),
+                Err(error) => Some(Err(error)),
+            };
+            samples.par_chunks(VISIBLE_CHUNK).find_map_first(hit).unwrap_or(Ok(false))
+        };
+        let coarsest = self.levels.len() - 1;
+        Ok(any_hit(&self.levels[coarsest])? || (coarsest > 0 && any_hit(&self.levels[0])?))
+    }
+}
+
+/// Rays that a thread traces together in [`Fit::has_visible_surface`].
+const VISIBLE_CHUNK: usize = 1024;
 
 /// The scene of a run: its model in front of its background, in its bounding sphere.
 pub fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Displays as one line, `FILE: FIELD: found FOUND, expected EXPECTED`. The command line ends with
 /// exit status 2 on this error.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}: {field}: found {found}, expected {expected}", printable(&file.to_string_lossy()))]
+#[error("{}: {field}: found {found}, expected {expected}", escaped(&file.to_string_lossy()))]
 pub struct InputError {
     /// The file or folder with the error, or `arguments` for the command line.
     pub file: PathBuf,
@@ -24,8 +24,7 @@ impl InputError {
     /// An input error from its four parts.
     ///
     /// Line breaks and runs of spaces in `field`, `found` and `expected` become single spaces, so
-    /// that the message is one line. Control characters are shown as their codes, and a long field
-    /// or value is cut.
+    /// that the message is one line. They become [`printable`], and a long field or value is cut.
     pub fn new(
         file: impl AsRef<Path>,
         field: impl Display,
@@ -57,30 +56,47 @@ fn cut(mut text: String) -> String {
     text
 }
 
-/// A text of a file for the terminal: control characters, which could move the cursor or change
-/// settings, and marks that turn the direction of writing are shown as their codes: `\u{1b}`.
-pub fn printable(text: &str) -> String {
-    let is_hidden = |c: char| {
-        c.is_control()
-            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    let shown = |c: char| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() };
-    text.chars().map(shown).collect()
-}
-
-/// A number for a message or a table: digits, or with an exponent if it is very large or small.
+/// A text for the terminal.
+///
+/// Hidden characters are shown as their codes, for example `\u{1b}`, and a number of more than 24
+/// digits with an exponent.
 ///
 /// ```
-/// assert_eq!(io::number(0.25), "0.25");
-/// assert_eq!(io::number(-1e300), "-1e300");
+/// assert_eq!(io::printable(&format!("red \u{1b}[31m, {} m", 1e300)), "red \\u{1b}[31m, 1e300 m");
 /// ```
-pub fn number(value: f64) -> String {
-    let magnitude = value.abs();
-    if value == 0.0 || (1e-5..1e16).contains(&magnitude) || !value.is_finite() {
-        value.to_string()
-    } else {
-        format!("{value:e}")
+pub fn printable(text: &str) -> String {
+    let text = escaped(text);
+    let (mut out, mut rest) = (String::new(), text.as_str());
+    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
+        let after = |c: char| !c.is_ascii_digit() && c != '.';
+        let end = rest[start..].find(after).map_or(rest.len(), |length| start + length);
+        let (before, digits) = (&rest[..start], &rest[start..end]);
+        out.push_str(before);
+        match digits.parse::<f64>() {
+            Ok(number) if digits.len() > LONGEST_NUMBER => out.push_str(&format!("{number:e}")),
+            _ => out.push_str(digits),
+        }
+        rest = &rest[end..];
     }
+    out + rest
+}
+
+/// The most characters of a number in decimal digits: a double of 17 digits below 1 has up to 23.
+const LONGEST_NUMBER: usize = 24;
+
+/// Whether a character has no shape of its own: a control character, which can move the cursor or
+/// change the settings of a terminal, or a mark that turns the direction of writing.
+pub fn is_hidden(c: char) -> bool {
+    let turns = matches!(
+        c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
+    );
+    c.is_control() || turns
+}
+
+/// The text with the codes of hidden characters in their place.
+fn escaped(text: &str) -> String {
+    let shown = |c: char| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    text.chars().map(shown).collect()
 }
 
 #[cfg(test)]
@@ -101,10 +117,15 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        for (value, shown) in [(0.0, "0"), (1e300, "1e300"), (-2.5, "-2.5"), (3e-9, "3e-9")] {
-            assert_eq!(number(value), shown);
+        for value in [1e300, -1e300, 1e-300, 2.5, 1.0 / 3e4, f64::MAX] {
+            let shown = printable(&format!("a {value}, b {value:.3}."));
+            assert!(shown.len() < 64, "{shown}");
+            let first = shown.trim_start_matches("a ").split(',').next().unwrap();
+            assert_eq!(first.parse::<f64>().unwrap(), value);
         }
-        assert_eq!(number(f64::NAN), "NaN");
-        assert_eq!(number(f64::NEG_INFINITY), "-inf");
+        let hash = "0123456789abcdef".repeat(3);
+        assert_eq!(printable(&hash), hash);
+        let found = InputError::new("a.json", "/sdf", glam::DVec3::splat(1e300), "b").found;
+        assert_eq!(found, "[1e300, 1e300, 1e300]");
     }
 }

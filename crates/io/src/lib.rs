@@ -16,7 +16,7 @@ pub use atomic::{
     atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,
     remove_own_temporary_files,
 };
-pub use error::{InputError, number, printable};
+pub use error::{InputError, is_hidden, printable};
 pub use image_read::{image_size, read_image};
 pub use image_write::write_image;
 pub use lock::lock;

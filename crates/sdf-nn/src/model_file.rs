@@ -206,8 +206,9 @@ impl<'a> Model<'a> {
             let of_features = if layer == 0 || skip.contains(&layer) { features } else { 0 };
             let inputs = widths.last().unwrap_or(&0) + of_features;
             if shape[0] == 0 || shape[1] != inputs {
+                let outputs = if shape[0] == 0 { "1 or more" } else { &shape[0].to_string() };
                 let (found, expected) =
-                    (format!("of shape {shape:?}"), format!("[1 or more, {inputs}]"));
+                    (format!("of shape {shape:?}"), format!("[{outputs}, {inputs}]"));
                 return Err(ModelError::Tensor { name, found, expected });
             }
             widths.push(shape[0]);

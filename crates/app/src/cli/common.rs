@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::interrupt::Interrupt;
 use estimate::Registry;
-use io::InputError;
+use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
@@ -44,7 +44,11 @@ impl Global {
         json: &impl Serialize,
         text: impl FnOnce() -> String,
     ) -> anyhow::Result<()> {
-        let line = if self.json { serde_json::to_string(json)? } else { text() };
+        let line = if self.json {
+            escaped(&serde_json::to_string(json)?)
+        } else {
+            text().lines().map(printable).collect::<Vec<_>>().join("\n")
+        };
         match writeln!(std::io::stdout(), "{line}") {
             // A reader may close the pipe early, for example `head`. That is no error.
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -54,10 +58,34 @@ impl Global {
         }
     }
 
+    /// Checks before the work that an output file can be written, and that its extension is one of
+    /// `extensions` (lower case, without the dot). After Ctrl-C, no temporary file stays beside it.
+    ///
+    /// # Errors
+    /// If it cannot.
+    pub(crate) fn will_write(&self, path: &Path, extensions: &[&str]) -> anyhow::Result<()> {
+        check_extension(path, extensions)?;
+        check_output(path)?;
+        self.interrupt.clean(path.parent().unwrap_or(Path::new("")));
+        Ok(())
+    }
+
+    /// Checks before the work that files can be written in a folder, which may not exist yet.
+    /// After Ctrl-C, no temporary file stays in it and in its subfolders `inside`.
+    ///
+    /// # Errors
+    /// If they cannot.
+    pub(crate) fn will_write_in(&self, folder: &Path, inside: &[&str]) -> anyhow::Result<()> {
+        check_output_folder(folder)?;
+        self.interrupt.clean(folder);
+        inside.iter().for_each(|name| self.interrupt.clean(&folder.join(name)));
+        Ok(())
+    }
+
     /// Prints a line about the progress to standard error, unless `--quiet` is given.
     pub(crate) fn say(&self, line: &str) {
         if !self.quiet {
-            eprintln!("{line}");
+            eprintln!("{}", printable(line));
         }
     }
 
@@ -73,6 +101,14 @@ impl Global {
             Err(_) => bar,
         }
     }
+}
+
+/// JSON with the escapes of all characters that could change a terminal.
+///
+/// `serde_json` escapes those below U+0020. The others can only be in strings.
+fn escaped(json: &str) -> String {
+    let shown = |c| if is_hidden(c) { format!("\\u{:04x}", u32::from(c)) } else { String::from(c) };
+    json.chars().map(shown).collect()
 }
 
 /// A callback that moves `bar` to a fraction between 0 and 1.
@@ -94,12 +130,8 @@ pub(crate) fn color<R: Real>(rgb: [f64; 3]) -> R::Vec3 {
     R::Vec3::of(rgb.into())
 }
 
-/// Checks that the extension of an output file is one of `extensions` (lower case, without the
-/// dot).
-///
-/// # Errors
-/// If it is not.
-pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
+/// Checks that the extension of an output file is one of `extensions`.
+fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
     let found = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     if extensions.contains(&found.as_str()) {
         return Ok(());
@@ -107,6 +139,28 @@ pub(crate) fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), In
     let expected: Vec<String> = extensions.iter().map(|e| format!(".{e}")).collect();
     Err(InputError::new(path, "output", format!("extension \"{found}\""), expected.join(", ")))
 }
+
+/// Refuses images beyond the memory before they are computed. `file` and `field` are the place of
+/// their size, and `bytes_per_pixel` is the memory of each pixel.
+pub(crate) fn check_film(
+    file: &Path,
+    field: &str,
+    [width, height]: [u32; 2],
+    images: u64,
+    bytes_per_pixel: u64,
+) -> Result<(), InputError> {
+    let found = match images {
+        1 => format!("{width} x {height} pixels"),
+        n => format!("{n} images of {width} x {height} pixels"),
+    };
+    let pixels = u64::from(width) * u64::from(height);
+    let bytes = pixels.saturating_mul(images).saturating_mul(bytes_per_pixel);
+    check_memory(file, field, found, bytes)
+}
+
+/// Bytes of memory for each pixel of an image that is rendered and written. Measured: 40 for .png
+/// and .npy, 60 for .exr.
+pub(crate) const RENDER_BYTES: u64 = 64;
 
 /// The error of an option. The option `top_k` of a library has the flag `--top-k`.
 pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputError {

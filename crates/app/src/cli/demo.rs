@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, bar_mover};
 use super::eval::{EvalReport, compare_views};
-use super::fit::{Segment, fit, new_run};
+use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use ::fit::{FitOptions, Model, RunFile, parse_duration, scene, write_preview};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
@@ -77,10 +78,12 @@ impl Demo {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         let start = Instant::now();
         let (data, run) = (self.output.join("dataset"), self.output.join("run"));
-        // A new fit refuses a folder with a checkpoint.
-        if run.exists() {
-            std::fs::remove_dir_all(&run)?;
-        }
+        let folders =
+            ["train", "test", "masks/train", "masks/test"].map(|f| format!("dataset/{f}"));
+        let folders: Vec<&str> = folders.iter().map(String::as_str).collect();
+        let of_run = ["dataset", "run", "run/checkpoint", "run/preview"];
+        global.will_write_in(&self.output, &[&folders[..], &of_run].concat())?;
+        remove_run(&run)?;
         global.say(&format!("rendering {} views of the embedded scene", self.views));
         self.synthesise(&data, global)?;
         let seconds = self.time.as_secs();
@@ -108,6 +111,18 @@ impl Demo {
         bar.finish_and_clear();
         io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
     }
+}
+
+/// Removes the run of an earlier demo: a new fit refuses a folder with a checkpoint. A folder that
+/// is no run stays.
+fn remove_run(run: &Path) -> anyhow::Result<()> {
+    if RunFile::load(run).is_err() {
+        return Ok(refuse_occupied(run)?);
+    }
+    let lock = lock(run)?;
+    std::fs::remove_dir_all(run).with_context(|| format!("cannot remove {}", run.display()))?;
+    drop(lock);
+    Ok(())
 }
 
 /// Compares a run with its data set: held-out views, the true surface, and a preview picture.

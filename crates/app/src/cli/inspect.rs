@@ -6,7 +6,7 @@ use clap::Args;
 use field::Sphere;
 use glam::DVec3;
 
-use super::common::{Global, check_extension};
+use super::common::Global;
 use dataset::LoadOptions;
 use dataset::inspect::{inspect, overlay};
 use fit::parse_bounds;
@@ -30,7 +30,7 @@ pub(crate) struct Inspect {
 
 impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        check_extension(&self.output, &["png", "exr", "npy"])?;
+        global.will_write(&self.output, &["png", "exr", "npy"])?;
         let dataset = dataset::load(&self.dataset, &LoadOptions { downscale: self.downscale })?;
         let given =
             self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });

@@ -1,7 +1,8 @@
 //! Ctrl-C: a fit ends with a checkpoint, every other command at once; both with status 130.
 
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The state that the handler of Ctrl-C shares with the commands.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +14,17 @@ struct Flags {
     iterating: AtomicBool,
     /// Ctrl-C was pressed meanwhile.
     requested: AtomicBool,
+    /// The folders in which this process writes files.
+    folders: Mutex<Vec<PathBuf>>,
+}
+
+impl Flags {
+    /// Ends the program; a file that is being written stays as it was.
+    fn exit(&self) -> ! {
+        let folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
+        folders.iter().for_each(|folder| io::remove_own_temporary_files(folder));
+        std::process::exit(130)
+    }
 }
 
 impl Interrupt {
@@ -25,9 +37,16 @@ impl Interrupt {
         ctrlc::set_handler(move || {
             let waits = flags.iterating.load(Ordering::SeqCst);
             if !waits || flags.requested.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
+                flags.exit();
             }
         })
+    }
+
+    /// Removes the temporary files of this process in `folder` if Ctrl-C ends the program.
+    pub(crate) fn clean(&self, folder: &Path) {
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let mut folders = self.0.folders.lock().unwrap_or_else(PoisonError::into_inner);
+        folders.push(folder.to_owned());
     }
 
     /// Runs the iterations of a fit. The first Ctrl-C during `iterate` is a request, which

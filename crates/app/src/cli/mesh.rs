@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, bar_mover, check_extension};
+use super::common::{Global, bar_mover};
 use fit::{Model, RunFile};
 use io::InputError;
 use mesh::{extract, write_mesh};
@@ -42,7 +42,7 @@ struct MeshReport {
 
 impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        check_extension(&self.output, &["ply", "obj", "glb"])?;
+        global.will_write(&self.output, &["ply", "obj", "glb"])?;
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run)?;
         let bar = global.progress("mesh");

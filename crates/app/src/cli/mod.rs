@@ -86,7 +86,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
             let first = text.split("\n\n").next().unwrap_or_default();
-            eprintln!("{}", first.split_whitespace().collect::<Vec<_>>().join(" "));
+            eprintln!("{}", io::printable(&first.split_whitespace().collect::<Vec<_>>().join(" ")));
             return 2;
         }
         Err(help) => {
@@ -100,7 +100,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
         Err(error) => {
             let chain: Vec<String> =
                 error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
-            eprintln!("error: {}", chain.join(": "));
+            eprintln!("error: {}", io::printable(&chain.join(": ")));
             exit_status(&error)
         }
     }

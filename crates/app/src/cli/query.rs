@@ -8,7 +8,7 @@ use glam::Vec3;
 use sdf_nn::Network;
 use serde::Serialize;
 
-use super::common::{Global, check_extension};
+use super::common::Global;
 use io::{InputError, read_npy, write_npy};
 use scene::network;
 
@@ -36,7 +36,7 @@ struct QueryReport {
 
 impl Query {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        check_extension(&self.output, &["npy"])?;
+        global.will_write(&self.output, &["npy"])?;
         let bytes = io::read(&self.model, "model", "a model file")?;
         let network = network::<f32>(&self.model, &bytes)?;
         let points = self.read_points()?;

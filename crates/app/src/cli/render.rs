@@ -1,13 +1,13 @@
 //! `dsdf render`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
 use field::{Counted, Evaluations};
 use serde::Serialize;
 
-use super::common::{Global, PrecisionArg, bar_mover, check_extension, color};
+use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, color};
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
 use io::{InputError, write_image};
@@ -69,7 +69,7 @@ struct TurntableReport {
 
 impl Render {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        check_extension(&self.output, &["png", "exr", "npy"])?;
+        global.will_write(&self.output, &["png", "exr", "npy"])?;
         if self.scene.is_dir() {
             return self.render_run(global);
         }
@@ -81,6 +81,9 @@ impl Render {
 
     /// Renders a run: views from around the object in the upper row, their normals below.
     fn render_run(&self, global: &Global) -> anyhow::Result<()> {
+        // The sheet has a view and its normals for each image, beside the images themselves.
+        let (views, bytes) = (u64::from(self.views), 2 * RENDER_BYTES);
+        check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
         let (file, model) = (RunFile::load(&self.scene)?, Model::load(&self.scene)?);
         let dataset = dataset::load(&file.dataset, &LoadOptions::default())?;
         let bounds = file.sphere();
@@ -99,6 +102,8 @@ impl Render {
     /// Renders a scene file.
     fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
         let file = SceneFile::load(&self.scene)?;
+        let size = [file.camera.width, file.camera.height];
+        check_film(&self.scene, "/camera", size, 1, RENDER_BYTES)?;
         let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];

@@ -1,11 +1,11 @@
 //! `dsdf synth`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, bar_mover};
+use super::common::{ARGUMENTS, Global, RENDER_BYTES, bar_mover, check_film};
 use dataset::synth::{Options, synthesise};
 use scene::SceneFile;
 
@@ -51,6 +51,9 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
 
 impl Synth {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        let folders = ["train", "test", "masks/train", "masks/test"];
+        global.will_write_in(&self.output, &folders)?;
+        check_film(Path::new(ARGUMENTS), "--size", self.size, 1, RENDER_BYTES)?;
         let scene = SceneFile::load(&self.scene)?;
         let bar = global.progress("synth");
         let options =

@@ -15,7 +15,7 @@ use crate::lens::Lens;
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
 use io::json::{numbers, shown};
-use io::{InputError, image_size, number};
+use io::{InputError, image_size};
 use render::Camera;
 
 /// Camera models of a perspective lens with at most k1, k2, p1 and p2.
@@ -128,7 +128,7 @@ impl Frame<'_> {
             Some(n) if n >= 1.0 && n <= f64::from(u16::MAX) && n.fract() == 0.0 => Ok(n as u32),
             Some(n) => {
                 let expected = "a whole number of pixels from 1 to 65535";
-                Err(InputError::new(self.file, key, number(n), expected))
+                Err(InputError::new(self.file, key, n, expected))
             }
         };
         Ok((pick("w", keys[0], width)?, pick("h", keys[1], height)?))
@@ -150,7 +150,7 @@ impl Frame<'_> {
             }
             (Some(x), y) => {
                 let key = if fl_x.is_some() { "fl_x" } else { "camera_angle_x" };
-                let found = format!("focal lengths {}, {}", number(x), number(y.unwrap_or(x)));
+                let found = format!("focal lengths {x}, {}", y.unwrap_or(x));
                 let expected = "focal lengths above 0";
                 Err(InputError::new(self.file, key, found, expected))
             }
@@ -166,7 +166,7 @@ impl Frame<'_> {
         match self.number(key)? {
             Some(angle) if !(angle > 0.0 && angle < std::f64::consts::PI) => {
                 let expected = "an angle between 0 and pi, in radians";
-                Err(InputError::new(self.file, key, number(angle), expected))
+                Err(InputError::new(self.file, key, angle, expected))
             }
             angle => Ok(angle.map(|a| 0.5 * f64::from(size) / (0.5 * a).tan())),
         }
@@ -190,7 +190,7 @@ impl Frame<'_> {
             let value = get(key)?;
             if value != 0.0 {
                 let expected = "0: only k1, k2, p1 and p2 are modelled";
-                return Err(InputError::new(self.file, key, number(value), expected));
+                return Err(InputError::new(self.file, key, value, expected));
             }
         }
         let (radial, tangential) = ([get("k1")?, get("k2")?], [get("p1")?, get("p2")?]);

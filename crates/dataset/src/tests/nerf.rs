@@ -103,7 +103,10 @@ fn an_error_names_the_place_in_the_file() {
         let mut root = by_angle.clone();
         root[key] = json!(angle);
         write_json(&path, &root);
-        let found = format!("found {}, expected an angle between 0 and pi", io::number(angle));
+        let found = format!(
+            "found {}, expected an angle between 0 and pi",
+            io::printable(&angle.to_string())
+        );
         refused(&path, &[key, &found]);
     }
     std::fs::write(&path, "{\"frames\": [\n  {\"file_path\": NaN}]}").unwrap();

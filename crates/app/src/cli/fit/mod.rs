@@ -19,6 +19,7 @@ use fit::{Fit as Fitting, Metrics, RunFile};
 use metrics_file::MetricsFile;
 
 pub(crate) use options::Fit;
+pub(super) use run_folder::{lock, refuse_occupied};
 pub(super) use start::new_run;
 
 /// The result of `dsdf fit`.
@@ -59,6 +60,10 @@ impl Fit {
         if self.check {
             return self.validate(global);
         }
+        run_folder::check_output(&self.output, global)?;
+        if !self.resume {
+            refuse_occupied(&self.output)?;
+        }
         let (dataset, file) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
         let segment = Segment { resume: self.resume, stop_after: self.stop_after };
@@ -71,7 +76,8 @@ impl Fit {
 ///
 /// # Errors
 /// With [`Interrupted`] after Ctrl-C, when the checkpoint is saved; if an input is wrong, another
-/// fit is writing the folder, a file cannot be written, or a number is not finite.
+/// fit is writing the folder, a file cannot be written, a number is not finite, or the fit ends
+/// without a surface.
 pub(super) fn fit(
     dataset: Dataset,
     file: RunFile,
@@ -89,6 +95,7 @@ pub(super) fn fit(
     }
     fitting.preview()?;
     drop(lock);
+    refuse_empty(&fitting, run)?;
     Ok(FitReport {
         run: run.to_owned(),
         iterations: fitting.iteration,
@@ -96,6 +103,18 @@ pub(super) fn fit(
         loss: last.map(|m| m.loss),
         psnr: fitting.held_out_psnr(),
     })
+}
+
+/// Fails after the last iteration of a fit without a surface: its images show the background, and it
+/// has no mesh. Its files stay.
+fn refuse_empty(fitting: &Fitting, run: &Path) -> anyhow::Result<()> {
+    if fitting.progress() >= 1.0 && !fitting.has_visible_surface()? {
+        anyhow::bail!(
+            "{}: the fit ended without a surface: no ray of a training view meets one",
+            run.display()
+        );
+    }
+    Ok(())
 }
 
 /// The fit and the lock of its run folder.
@@ -110,13 +129,15 @@ fn locked_fit(
 ) -> anyhow::Result<(Fitting, std::fs::File)> {
     let new = |dataset, file| Fitting::new(run, dataset, file, &global.registry, segment.resume);
     if segment.resume {
-        let lock = run_folder::lock(run)?;
+        let lock = lock(run)?;
         return Ok((new(dataset, file)?, lock));
     }
-    run_folder::refuse_checkpoint(run)?;
     let fitting = new(dataset, file)?;
     run_folder::create(run)?;
-    Ok((fitting, run_folder::lock(run)?))
+    let lock = lock(run)?;
+    // Another fit may have ended here since the folder was checked.
+    refuse_occupied(run)?;
+    Ok((fitting, lock))
 }
 
 /// Iterates until the budget is spent, `segment` ends or Ctrl-C is pressed. Returns the metrics of

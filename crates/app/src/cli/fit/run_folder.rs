@@ -1,18 +1,52 @@
 //! The files of a run folder that a fit writes before its first iteration.
 
-use std::fs::{File, TryLockError, create_dir_all};
+use std::fs::{File, create_dir_all};
 use std::path::{Path, PathBuf};
 
 use fit::RunFile;
 use io::InputError;
 
-/// Refuses to start a new run in a folder that has a checkpoint.
-pub(super) fn refuse_checkpoint(run: &Path) -> Result<(), InputError> {
-    if run.join("checkpoint/state.safetensors").exists() {
+use crate::cli::common::Global;
+
+/// The subfolders of a run folder.
+const SUBFOLDERS: [&str; 2] = ["checkpoint", "preview"];
+
+/// Checks that a fit can write its files in the folder.
+pub(super) fn check_output(run: &Path, global: &Global) -> anyhow::Result<()> {
+    global.will_write_in(run, &SUBFOLDERS)
+}
+
+/// Refuses to start a new run in a folder with the results of another, or with files of no run that
+/// it would replace.
+///
+/// A folder of a run that ended before its first checkpoint is accepted, and so are files with other
+/// names than those of a run.
+pub(in crate::cli) fn refuse_occupied(run: &Path) -> Result<(), InputError> {
+    if exists(&run.join("checkpoint/state.safetensors")) {
         let expected = "a new folder, or --resume to continue this run";
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected));
     }
+    let is_run = RunFile::load(run).is_ok();
+    let results = ["model.safetensors", "radiance.safetensors"];
+    let of_start = ["fit.toml", "metrics.jsonl", "checkpoint", "preview"];
+    let replaced = results.iter().chain(of_start.iter().filter(|_| !is_run));
+    for name in replaced {
+        let path = run.join(name);
+        if exists(&path) && !is_empty_folder(&path) {
+            let (found, expected) = ("a file that a new run would replace", "a new folder");
+            return Err(InputError::new(path, "run", found, expected));
+        }
+    }
     Ok(())
+}
+
+/// Whether the path names anything, if only a link to nothing.
+fn exists(path: &Path) -> bool {
+    path.symlink_metadata().is_ok()
+}
+
+fn is_empty_folder(path: &Path) -> bool {
+    path.read_dir().is_ok_and(|mut entries| entries.next().is_none())
 }
 
 /// Creates the folder of a run.
@@ -23,28 +57,22 @@ pub(super) fn create(folder: &Path) -> Result<(), InputError> {
 
 /// Creates the subfolders of a run and writes its `fit.toml`.
 pub(super) fn write_run_file(run: &Path, file: &RunFile) -> anyhow::Result<()> {
-    for folder in [run.to_owned(), run.join("checkpoint"), run.join("preview")] {
-        create(&folder)?;
-    }
+    create(run)?;
+    SUBFOLDERS.iter().try_for_each(|name| create(&run.join(name)))?;
     file.save(run)
 }
 
 /// Locks a run folder for this process, until the returned file is dropped: two fits in one folder
-/// would replace each other's files.
-///
-/// On file systems without locks, the folder stays unlocked.
-pub(super) fn lock(run: &Path) -> Result<File, InputError> {
-    let path = run.join("lock");
-    let file = File::create(&path)
-        .map_err(|e| InputError::new(&path, "lock", e, "a file that can be written"))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => {
-            let found = "another fit that is writing this folder";
-            let expected = "a folder without a running fit: wait for it, or choose another";
-            Err(InputError::new(run, "run", found, expected))
-        }
-        _ => Ok(file),
-    }
+/// would replace each other's files. Also removes the temporary files of killed fits there.
+pub(in crate::cli) fn lock(run: &Path) -> Result<File, InputError> {
+    let Some(lock) = io::lock(&run.join("lock"))? else {
+        let found = "another fit that is writing this folder";
+        let expected = "a folder without a running fit: wait for it, or choose another";
+        return Err(InputError::new(run, "run", found, expected));
+    };
+    io::remove_abandoned_temporary_files(run);
+    SUBFOLDERS.iter().for_each(|name| io::remove_abandoned_temporary_files(&run.join(name)));
+    Ok(lock)
 }
 
 /// `path` from the root: a run can be resumed from any working directory.

@@ -43,6 +43,14 @@ impl Gradient {
         self.wrt.iter().map(named).collect()
     }
 
+    /// The files to write: one, or one for each of several `--wrt`.
+    pub(super) fn outputs(&self) -> Vec<PathBuf> {
+        match self.wrt.as_slice() {
+            [] | [_] => vec![self.output.clone()],
+            several => several.iter().map(|wrt| suffixed(&self.output, wrt)).collect(),
+        }
+    }
+
     /// Writes the derivative image of each `--wrt`.
     ///
     /// # Errors
@@ -52,13 +60,10 @@ impl Gradient {
         derivatives: &[Derivative],
         seconds: f64,
     ) -> anyhow::Result<GradientReport> {
-        let mut outputs = Vec::new();
-        for (derivative, wrt) in derivatives.iter().zip(&self.wrt) {
+        let outputs = self.outputs();
+        for ((derivative, wrt), path) in derivatives.iter().zip(&self.wrt).zip(&outputs) {
             self.check_finite(derivative, wrt)?;
-            let path =
-                if self.wrt.len() == 1 { self.output.clone() } else { suffixed(&self.output, wrt) };
-            write_image(&path, &derivative.film)?;
-            outputs.push(path);
+            write_image(path, &derivative.film)?;
         }
         let standard_error = derivatives
             .iter()

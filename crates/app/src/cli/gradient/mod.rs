@@ -13,12 +13,18 @@ use io::InputError;
 use render::Scene;
 use scene::{Appearance, SceneFile};
 
-use super::common::{Global, PrecisionArg, bar_mover, check_extension, color};
+use super::common::{Global, PrecisionArg, bar_mover, check_film, color};
 use method::Method;
 use report::GradientReport;
 
 pub(super) use method::{FD_HELP, FINITE_DIFFERENCES};
 pub(crate) use options::Gradient;
+
+/// Bytes of memory for each pixel of the film. Measured: 24, and 90 for finite differences.
+const BYTES: u64 = 72;
+
+/// Bytes of memory for each pixel of a derivative image. Measured: 26.
+const BYTES_OF_DERIVATIVE: u64 = 32;
 
 impl GradientReport {
     fn text(&self) -> String {
@@ -45,8 +51,12 @@ impl Gradient {
         let method = self.method(&global.registry)?;
         self.validate_warp()?;
         let tracing = self.trace_options()?;
-        check_extension(&self.output, self.extensions())?;
+        let outputs = self.outputs();
+        outputs.iter().try_for_each(|path| global.will_write(path, self.extensions()))?;
         let file = self.load()?;
+        let (size, images) = ([file.camera.width, file.camera.height], self.wrt.len() as u64);
+        let bytes = BYTES + BYTES_OF_DERIVATIVE * images;
+        check_film(&self.scene, "/camera", size, 1, bytes)?;
         let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
