@@ -125,6 +125,11 @@ fn work_beyond_the_memory_is_refused_before_it_starts() {
     let fit = ["fit", &data, "-o", &folder.path("r"), "--width", "4096", "--layers", "64"];
     refused(&fit, &["arguments: width: found 64 layers of width 4096", "135.3 GB"]);
     assert_eq!(folder.files(), files, "a refused command writes no file");
+    // The photographs of a camera file are counted before they are read.
+    let mut root = dataset(&folder);
+    (root["w"], root["h"]) = (json!(60000), json!(60000));
+    folder.write("transforms.json", &root);
+    refused(&["inspect", &data, "-o", &folder.path("i.png")], &["images: found 10800000000 pix"]);
 }
 
 #[test]

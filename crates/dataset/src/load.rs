@@ -50,7 +50,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
     if train.is_empty() {
         return Err(InputError::new(path, "views", "none to fit", "two photographs or more").into());
     }
-    check_memory_of(path, train.iter().chain(&test), options.downscale)?;
+    refuse_too_many(path, [&train, &test], options.downscale)?;
     Ok(Dataset {
         path: path.to_owned(),
         format: recognised.format,
@@ -64,19 +64,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
 /// Bytes of memory for each pixel of a view: an image in single precision and a mask.
 const MEMORY_PER_PIXEL: u64 = 16;
 
-/// Refuses a data set whose images need more memory than there is.
-fn check_memory_of<'a>(
-    path: &Path,
-    views: impl Iterator<Item = &'a UnreadView>,
-    downscale: u32,
-) -> Result<(), InputError> {
-    let pixels = |view: &UnreadView| {
-        let [width, height] = [view.camera.width, view.camera.height];
-        u64::from(width.div_ceil(downscale)) * u64::from(height.div_ceil(downscale))
-    };
-    let pixels = views.map(pixels).fold(0, u64::saturating_add);
-    let found = format!("{pixels} pixels (--downscale reduces them)");
-    check_memory(path, "images", found, pixels.saturating_mul(MEMORY_PER_PIXEL))
+/// Refuses images that need more memory than there is.
+fn refuse_too_many(path: &Path, views: [&[UnreadView]; 2], n: u32) -> Result<(), InputError> {
+    let pixels = views.iter().copied().flatten().fold(0, |sum: u64, UnreadView { camera, .. }| {
+        sum + u64::from(camera.width.div_ceil(n)) * u64::from(camera.height.div_ceil(n))
+    });
+    check_memory(path, "images", format!("{pixels} pixels"), pixels * MEMORY_PER_PIXEL)
 }
 
 /// Reads the images in parallel. Of several errors, the first in the order of the views is

@@ -221,8 +221,8 @@ const MAX_BATCH: usize = 1 << 24;
 const MEMORY_PER_DRAW: u64 = 32;
 
 /// Bytes of memory for each parameter of the network: the parameters, their packed copies, the
-/// moments of Adam, the copies of a checkpoint that is written, and 16 partial sums of the gradient.
-/// Measured: 116, and 59 for a batch of two chunks.
+/// moments of Adam, the copies of a checkpoint that is written, and 16 partial sums of the
+/// gradient. Measured: 116, and 59 for a batch of two chunks.
 const MEMORY_PER_PARAMETER: u64 = 128;
 
 impl FitOptions {
@@ -238,8 +238,8 @@ impl FitOptions {
     /// Checks every option. `source` is their origin, for the message of the error.
     ///
     /// # Errors
-    /// On the first value that is not valid, an estimator that is not in `registry`, or a network or
-    /// a batch that needs more memory than there is.
+    /// On the first value that is not valid, an estimator that is not in `registry`, or a network
+    /// or a batch that needs more memory than there is.
     pub fn validate(&self, source: &Path, registry: &Registry) -> Result<(), InputError> {
         if registry.get(&self.estimator).is_none() {
             let expected = format!("one of {}", registry.names());

@@ -70,10 +70,13 @@ pub fn printable(text: &str) -> String {
     while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
         let after = |c: char| !c.is_ascii_digit() && c != '.';
         let end = rest[start..].find(after).map_or(rest.len(), |length| start + length);
+        let end = start + rest[start..end].trim_end_matches('.').len();
         let (before, digits) = (&rest[..start], &rest[start..end]);
         out.push_str(before);
         match digits.parse::<f64>() {
-            Ok(number) if digits.len() > LONGEST_NUMBER => out.push_str(&format!("{number:e}")),
+            Ok(number) if number.is_finite() && digits.len() > LONGEST_NUMBER => {
+                out.push_str(&format!("{number:e}"));
+            }
             _ => out.push_str(digits),
         }
         rest = &rest[end..];
@@ -106,11 +109,11 @@ mod tests {
     #[test]
     fn a_message_is_one_line_without_control_characters_and_not_long() {
         let file = Path::new("a\u{1b}]0;x\u{7}.json");
-        let found = format!("\u{1b}[31mred\n\u{9b}2J \u{202e}{}", "9".repeat(4000));
+        let found = format!("\u{1b}[31mred\n\u{9b}2J \u{202e}{}", "y".repeat(4000));
         let message = InputError::new(file, "/sdf\r/a", &found, "b\tc").to_string();
         assert!(message.starts_with("a\\u{1b}]0;x\\u{7}.json: /sdf /a: found \\u{1b}[31mred "));
         assert!(
-            message.contains("\\u{9b}2J \\u{202e}999") && message.ends_with("9…, expected b c")
+            message.contains("\\u{9b}2J \\u{202e}yyy") && message.ends_with("y…, expected b c")
         );
         assert!(!message.chars().any(char::is_control) && message.len() < 500, "{message}");
     }

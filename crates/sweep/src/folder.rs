@@ -45,8 +45,10 @@ impl SweepFolder {
     /// A [`Refusal`] if another process holds the lock, or if the folder is of another sweep.
     pub(crate) fn lock(&self) -> anyhow::Result<std::fs::File> {
         let path = self.output.join("lock");
-        let lock = std::fs::File::create(&path)
-            .map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
+        // Another program's file of this name keeps its content.
+        let lock = std::fs::File::options().write(true).create(true).truncate(false).open(&path);
+        let lock =
+            lock.map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
         if lock.try_lock().is_err() {
             let (found, expected) = ("another sweep is writing here", "another folder");
             return Err(Refusal::new(&self.output, "lock", found, expected).into());

@@ -137,22 +137,16 @@ impl Frame<'_> {
     /// Focal lengths in pixels: `fl_x` and `fl_y`, or else from the fields of view
     /// `camera_angle_x` and `camera_angle_y` in radians. y is as x if it has no key.
     fn focal(&self, width: u32, height: u32) -> Result<DVec2> {
-        let (fl_x, fl_y) = (self.number("fl_x")?, self.number("fl_y")?);
-        let or_angle = |focal: Option<f64>, key, size| match focal {
-            Some(focal) => Ok(Some(focal)),
-            None => self.focal_of_angle(key, size),
-        };
-        let x = or_angle(fl_x, "camera_angle_x", width)?;
-        let y = or_angle(fl_y, "camera_angle_y", height)?.or(x);
+        let x = self.focal_along("fl_x", "camera_angle_x", width)?;
+        let y = self.focal_along("fl_y", "camera_angle_y", height)?.or(x);
         match (x, y) {
             (Some(x), Some(y)) if x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite() => {
                 Ok(DVec2::new(x, y))
             }
             (Some(x), y) => {
-                let key = if fl_x.is_some() { "fl_x" } else { "camera_angle_x" };
                 let found = format!("focal lengths {x}, {}", y.unwrap_or(x));
                 let expected = "focal lengths above 0";
-                Err(InputError::new(self.file, key, found, expected))
+                Err(InputError::new(self.file, "fl_x", found, expected))
             }
             (None, _) => {
                 let expected = "camera_angle_x, or fl_x in pixels";
@@ -161,14 +155,17 @@ impl Frame<'_> {
         }
     }
 
-    /// The focal length in pixels from the field of view `key`, in radians.
-    fn focal_of_angle(&self, key: &str, size: u32) -> Result<Option<f64>> {
-        match self.number(key)? {
-            Some(angle) if !(angle > 0.0 && angle < std::f64::consts::PI) => {
+    /// The focal length `key` in pixels, or else that of the field of view `angle` in radians.
+    fn focal_along(&self, key: &str, angle: &str, size: u32) -> Result<Option<f64>> {
+        if let Some(focal) = self.number(key)? {
+            return Ok(Some(focal));
+        }
+        match self.number(angle)? {
+            Some(found) if !(found > 0.0 && found < std::f64::consts::PI) => {
                 let expected = "an angle between 0 and pi, in radians";
-                Err(InputError::new(self.file, key, angle, expected))
+                Err(InputError::new(self.file, angle, found, expected))
             }
-            angle => Ok(angle.map(|a| 0.5 * f64::from(size) / (0.5 * a).tan())),
+            found => Ok(found.map(|a| 0.5 * f64::from(size) / (0.5 * a).tan())),
         }
     }
 

@@ -24,8 +24,7 @@ use io::image_size;
 /// The largest deviation of `scale_mat` from a uniform scale, relative to the squared scale.
 const UNIFORM: f64 = 1e-4;
 
-/// The longest entry of an archive with one matrix, in bytes: the longest header, and 16 numbers in
-/// double precision.
+/// The part of an entry that is inflated, in bytes: the longest header, and 16 numbers.
 const LARGEST_MATRIX: u64 = 12 + 10_000 + 16 * 8;
 
 /// Reads the cameras and pairs them with the images in the order of their names.
@@ -89,9 +88,7 @@ impl Archive {
             Err(ZipError::FileNotFound) => return Err(error("nothing".to_owned())),
             entry => entry.map_err(|e| error(e.to_string()))?,
         };
-        // An entry of any length is inflated no further.
-        let entry = entry.take(LARGEST_MATRIX);
-        let npy = io::npy_reader(entry).map_err(|e| error(e.to_string()))?;
+        let npy = io::npy_reader(entry.take(LARGEST_MATRIX)).map_err(|e| error(e.to_string()))?;
         let shape = npy.shape().to_vec();
         if shape != [4, 4] {
             return Err(error(format!("shape {shape:?}")));

@@ -1,6 +1,7 @@
 //! `cameras_sphere.npz`.
 
 use std::fs::File;
+use std::io::Read;
 
 use npyz::WriterBuilder;
 use zip::ZipWriter;
@@ -89,30 +90,21 @@ fn wrong_archives_are_refused() {
     let without: Vec<_> = arrays.iter().filter(|(n, _)| n != "scale_mat_1").cloned().collect();
     write_npz(folder.path(), &without);
     refused(folder.path(), &["scale_mat_1", "nothing"]);
-    // An entry of 400 MB, which takes 400 kB in the archive, and one with a header that nests.
-    let header = |shape: &str| {
-        let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}");
-        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat()
-    };
-    let nested = format!("{}4{}", "[".repeat(22), "]".repeat(22));
-    for (shape, megabytes, found) in
-        [("(10000, 10000)", 400, "shape [10000, 10000]"), (&nested, 0, "23 nested brackets")]
-    {
-        let mut npz =
-            ZipWriter::new(File::create(folder.path().join("cameras_sphere.npz")).unwrap());
-        for name in ["world_mat_0", "world_mat_1", "world_mat_2", "scale_mat_0"] {
-            npz.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
-            let empty = if name.ends_with('0') { megabytes } else { 0 };
-            std::io::Write::write_all(&mut npz, &header(shape)).unwrap();
-            (0..empty).for_each(|_| {
-                std::io::Write::write_all(&mut npz, &vec![0; 1_000_000]).unwrap();
-            });
-        }
-        npz.finish().unwrap();
-        let start = std::time::Instant::now();
-        refused(folder.path(), &["world_mat_0", found]);
-        assert!(start.elapsed().as_secs_f64() < 0.5, "an entry is inflated as far as needed");
+    // An entry of 400 MB, which takes 400 kB in the archive, is inflated as far as needed.
+    let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (10000, 10000)}";
+    let mut npz = ZipWriter::new(File::create(folder.path().join("cameras_sphere.npz")).unwrap());
+    for name in ["world_mat_0", "world_mat_1", "world_mat_2"] {
+        npz.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
+        let start =
+            [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header].concat();
+        let zeros = if name == "world_mat_0" { 400_000_000 } else { 0 };
+        let mut entry = start.as_slice().chain(std::io::repeat(0).take(zeros));
+        std::io::copy(&mut entry, &mut npz).unwrap();
     }
+    npz.finish().unwrap();
+    let start = std::time::Instant::now();
+    refused(folder.path(), &["world_mat_0", "shape [10000, 10000]"]);
+    assert!(start.elapsed().as_secs_f64() < 0.5, "{:?}", start.elapsed());
     std::fs::write(folder.path().join("cameras_sphere.npz"), "no archive").unwrap();
     refused(folder.path(), &["cameras_sphere.npz", ".npz"]);
 }

@@ -105,8 +105,8 @@ pub(super) fn fit(
     })
 }
 
-/// Fails after the last iteration of a fit without a surface: its images show the background, and it
-/// has no mesh. Its files stay.
+/// Fails after the last iteration of a fit without a surface: its images show the background, and
+/// it has no mesh. Its files stay.
 fn refuse_empty(fitting: &Fitting, run: &Path) -> anyhow::Result<()> {
     if fitting.progress() >= 1.0 && !fitting.has_visible_surface()? {
         anyhow::bail!(

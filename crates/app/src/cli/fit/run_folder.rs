@@ -19,8 +19,8 @@ pub(super) fn check_output(run: &Path, global: &Global) -> anyhow::Result<()> {
 /// Refuses to start a new run in a folder with the results of another, or with files of no run that
 /// it would replace.
 ///
-/// A folder of a run that ended before its first checkpoint is accepted, and so are files with other
-/// names than those of a run.
+/// A folder of a run that ended before its first checkpoint is accepted, and so are files with
+/// other names than those of a run.
 pub(in crate::cli) fn refuse_occupied(run: &Path) -> Result<(), InputError> {
     if exists(&run.join("checkpoint/state.safetensors")) {
         let expected = "a new folder, or --resume to continue this run";
