@@ -162,9 +162,9 @@ mod tests {
             seconds: 5555.5,
             usual_norm: 0.3333,
             held_out_psnr: Some(22.22),
-            parameters: vec![1.0],
-            first: vec![1.0],
-            second: vec![1.0],
+            parameters: vec![0.0],
+            first: vec![0.0],
+            second: vec![0.0],
             steps: 8888,
         };
         state.save(&path).unwrap();
