@@ -2,6 +2,7 @@
 
 mod bench;
 mod figures;
+mod stress_arguments;
 mod style;
 mod tradeoff;
 
@@ -49,6 +50,10 @@ enum Task {
         #[arg(short, long)]
         output: Option<PathBuf>,
     },
+    /// Read hostile files with every reader, in processes with limits of memory and time
+    Fuzz(stress_arguments::Fuzz),
+    /// Kill and resume a fit at random moments, and watch the memory of a long one
+    Soak(stress_arguments::Soak),
 }
 
 /// Exit status 0 for success, 2 for wrong input, 1 for any other failure.
@@ -69,7 +74,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::from(if error.downcast_ref::<sweep::Refusal>().is_some() { 2 } else { 1 })
+            let wrong = error.is::<sweep::Refusal>() || error.is::<stress::WrongArgument>();
+            ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
 }
@@ -89,6 +95,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Bench { output } => bench::run(output),
         Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
+        Task::Fuzz(fuzz) => fuzz.run(),
+        Task::Soak(soak) => soak.run(),
     }
 }
 

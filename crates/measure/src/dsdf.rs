@@ -34,7 +34,9 @@ pub fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
     crate::cargo(&["build", "--profile", profile, "--package", package, "--bin", name], &[])?;
     let target =
         root().join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()));
-    Ok(target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+    // The folder of the profile `dev` has another name.
+    let folder = if profile == "dev" { "debug" } else { profile };
+    Ok(target.join(folder).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }
 
 /// The names of the workspace's packages.

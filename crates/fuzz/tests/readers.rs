@@ -1,0 +1,93 @@
+//! Every reader on its kept cases and on a fixed number of new ones, and the driver on a reader
+//! with every fault.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::path::Path;
+
+use stress::campaign::{Campaign, Cases, Limits};
+
+/// The seed of the new cases.
+const SEED: u64 = 13;
+
+fn campaign<'a>(reader: &'a str) -> Campaign<'a> {
+    let program = Path::new(env!("CARGO_BIN_EXE_fuzz"));
+    Campaign { program, reader, limits: Limits::default(), keep: None }
+}
+
+/// Reads the kept cases of a reader, and then `count` new ones.
+///
+/// An eighth of these must be accepted: else the harm would never be deep in a file. Another eighth
+/// must be refused.
+fn check(reader: &str, count: u64) {
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(reader);
+    let tally = campaign(reader).run(Cases::Kept(&kept)).unwrap();
+    assert!(tally.findings.is_empty(), "kept cases of {reader}:\n{}", tally.describe());
+    let folders = std::fs::read_dir(&kept).map_or(0, Iterator::count);
+    assert_eq!(tally.executions(), folders as u64, "{reader}");
+    let tally = campaign(reader).run(Cases::Count(SEED, count)).unwrap();
+    assert!(tally.findings.is_empty(), "{reader}, seed {SEED}:\n{}", tally.describe());
+    assert_eq!(tally.executions(), count, "{reader}");
+    let shares = (8 * tally.accepted / count, 8 * tally.refused / count);
+    assert!(shares.0 > 0 && shares.1 > 0, "{reader}: {tally:?}");
+}
+
+macro_rules! readers {
+    ($($name:ident: $count:literal,)*) => {
+        $(
+            #[test]
+            fn $name() {
+                check(stringify!($name), $count);
+            }
+        )*
+
+        #[test]
+        fn every_reader_has_a_test() {
+            let names: Vec<&str> = fuzz::READERS.iter().map(|reader| reader.name).collect();
+            assert_eq!(names, [$(stringify!($name)),*]);
+        }
+    };
+}
+
+readers! {
+    array: 1000,
+    image: 1000,
+    mesh: 1000,
+    model: 1000,
+    scene: 1000,
+    nerf: 500,
+    neus: 500,
+    middlebury: 500,
+    colmap: 500,
+    run: 500,
+    sweep: 500,
+    results: 500,
+    inspect: 50,
+    resume: 50,
+}
+
+#[test]
+fn crashes_hangs_and_wrong_messages_are_found_and_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = Limits { seconds: 1.0, mebibytes: 512 };
+    let campaign = Campaign { keep: Some(folder.path()), limits, ..campaign("self-test") };
+    let tally = campaign.run(Cases::Count(SEED, 100)).unwrap();
+    assert_eq!(tally.executions(), 100);
+    assert!(tally.accepted > 60 && tally.refused == 0, "{tally:?}");
+    let mut found: Vec<(&str, String)> = Vec::new();
+    for finding in &tally.findings {
+        let kept = folder.path().join(format!("self-test/{SEED}-{}", finding.case));
+        let fault = std::fs::read_to_string(kept.join("fault")).unwrap();
+        let message = std::fs::read_to_string(kept.with_extension("txt")).unwrap();
+        assert_eq!(message, format!("{}: {}\n", finding.kind, finding.message));
+        found.push((finding.kind, fault));
+    }
+    found.sort();
+    let expected = [
+        ("crash", "abort"),
+        ("crash", "memory"),
+        ("crash", "panic"),
+        ("message", "lines"),
+        ("time", "time"),
+    ];
+    assert_eq!(found, expected.map(|(kind, fault)| (kind, fault.to_owned())), "{tally:?}");
+}
