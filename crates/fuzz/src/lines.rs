@@ -1,6 +1,6 @@
 //! Texts of lines and words: tables, camera files, headers.
 
-use crate::spoil::{self, Spoil};
+use crate::spoil::{self, Spoil, repetitions};
 
 /// Lines of words.
 #[derive(Clone, Debug)]
@@ -73,8 +73,14 @@ impl Spoil for Lines {
             2 => drop(self.lines[line].remove(word)),
             3 => self.lines[line].insert(word, b"1".to_vec()),
             4 => self.lines.truncate(line),
-            5 => self.lines[line] = vec![self.lines[line][word].clone(); 20_000],
-            6 => self.lines = vec![self.lines[line].clone(); 20_000],
+            5 => {
+                let text = self.lines[line][word].clone();
+                self.lines[line] = vec![text.clone(); repetitions(text.len(), 20_000)];
+            }
+            6 => {
+                let length: usize = self.lines[line].iter().map(Vec::len).sum();
+                self.lines = vec![self.lines[line].clone(); repetitions(length, 20_000)];
+            }
             other @ 7..12 => {
                 let changed = spoil::bytes(&self.lines[line][word], 4 + other - 7);
                 self.lines[line][word] = changed;

@@ -3,7 +3,8 @@
 //!
 //! `fuzz cases READER FOLDER MEBIBYTES SEED FIRST COUNT` generates cases in FOLDER.
 //! `fuzz kept READER FOLDER MEBIBYTES CORPUS FIRST COUNT` takes them from the folders of CORPUS.
-//! Before each case it prints `case N`, after it `accepted`, `refused` or `wrong MESSAGE`.
+//! Before each case it prints `case N`, after it `accepted`, `refused` or `wrong MESSAGE`, and after
+//! a wrong message it ends.
 //! `fuzz dsdf ARGUMENTS` is `dsdf`, and `fuzz readers` lists the readers.
 
 use std::fs;
@@ -70,7 +71,8 @@ fn limit_memory(_mebibytes: u64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes each case into a new folder `case` of `folder`, reads it, and prints the verdict.
+/// Writes each case into a new folder `case` of `folder`, reads it, and prints the verdict. A wrong
+/// message is the last one.
 fn run_cases(
     reader: &Reader,
     folder: &Path,
@@ -88,8 +90,10 @@ fn run_cases(
         match reader.read(&folder)? {
             Verdict::Accepted => println!("accepted"),
             Verdict::Refused => println!("refused"),
+            // The files of the case stay for the driver.
             Verdict::Wrong(message) => {
                 println!("wrong {}", message.escape_debug());
+                break;
             }
         }
     }

@@ -74,10 +74,15 @@ pub(crate) fn bytes(value: &[u8], harm: usize) -> Vec<u8> {
         1 => value[..value.len() / 2].to_vec(),
         2 => vec![0xff; value.len()],
         3 => vec![0; value.len()],
-        4 => value.repeat(1000),
+        4 => value.repeat(repetitions(value.len(), 1000)),
         5 => [value, b"\0"].concat(),
         6 => b"\x1b[31m\n\r\x07\x7f".to_vec(),
         7 => b"\xff\xfe\xc3\x28".to_vec(),
         _ => vec![b'x'; 5000],
     }
+}
+
+/// The number of repetitions, at most `most`, of a part of `length` bytes: a case has some megabytes.
+pub(crate) fn repetitions(length: usize, most: usize) -> usize {
+    ((1 << 20) / length.max(1)).clamp(1, most)
 }

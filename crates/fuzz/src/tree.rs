@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::spoil::Spoil;
+use crate::spoil::{Spoil, repetitions};
 
 /// A nested value. Leaves and keys are bytes, so that they can be wrong in every way.
 #[derive(Clone, Debug)]
@@ -236,7 +236,10 @@ fn spoil_list(list: &mut Vec<Tree>, kind: usize, item: usize) {
         0 => list.clear(),
         1 => drop(list.remove(i)),
         2 => list.push(list[i].clone()),
-        3 => *list = vec![list[i].clone(); 2000],
+        3 => {
+            let item = list[i].clone();
+            *list = vec![item.clone(); repetitions(item.json().len(), 2000)];
+        }
         _ => list.truncate(1),
     }
 }

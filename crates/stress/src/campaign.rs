@@ -151,10 +151,8 @@ impl Run<'_> {
                     self.found(next, "crash", &format!("{status}: {}", last_words(&log)))?;
                     return Ok(Some(next + 1).filter(|_| !self.is_over(start)));
                 }
-                Event::End(None) if !inside => {
-                    let is_done = matches!(self.cases, Cases::Kept(_)) || next == first;
-                    return Ok(Some(next).filter(|_| !is_done));
-                }
+                // A process also ends after a wrong message, so that the files of its case stay.
+                Event::End(None) if !inside => return Ok(Some(next).filter(|_| next > first)),
                 // The generation of a case has the same limit of time.
                 event => {
                     bail!("{}: case {next}: {event:?}: {}", self.campaign.reader, last_words(&log))

@@ -205,9 +205,19 @@ fn compare(whole: &Path, run: &Path) -> anyhow::Result<()> {
     ensure!(expected == found, "files {found:?}, expected {expected:?}");
     for name in &expected {
         let [a, b] = [whole, run].map(|folder| timeless(&folder.join(name)));
-        ensure!(a? == b?, "{}: differs from the uninterrupted run", run.join(name).display());
+        if let Some(at) = first_difference(&a?, &b?) {
+            let path = run.join(name);
+            bail!("{}: differs from the uninterrupted run in {at}", path.display());
+        }
     }
     Ok(())
+}
+
+/// The line of the first difference, with the byte; `None` for equal contents.
+fn first_difference(a: &[u8], b: &[u8]) -> Option<String> {
+    let equal = a.iter().zip(b).take_while(|(a, b)| a == b).count();
+    let line = 1 + a[..equal].iter().filter(|byte| **byte == b'\n').count();
+    (a != b).then(|| format!("line {line}, byte {equal}"))
 }
 
 /// The names of all files of a folder and of the folders in it, sorted.

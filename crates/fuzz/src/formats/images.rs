@@ -132,8 +132,11 @@ fn pngs() -> impl Strategy<Value = Png> + Clone {
         (6, 8),
         (6, 16),
     ]);
-    (kinds, 1..12u32, 1..12u32, any::<u8>(), 0..8usize)
-        .prop_map(|((colour, depth), w, h, byte, extra)| png([w, h], colour, depth, byte, extra))
+    // One in forty has 400 million pixels, in some kilobytes.
+    let sides = prop_oneof![39 => (1..12u32, 1..12u32), 1 => Just((20_000, 20_000))];
+    (kinds, sides, any::<u8>(), 0..8usize).prop_map(|((colour, depth), (w, h), byte, extra)| {
+        if w * h > 1000 { png([w, h], 0, 1, 0, 9) } else { png([w, h], colour, depth, byte, extra) }
+    })
 }
 
 /// A JPEG file by its segments.
