@@ -111,7 +111,22 @@ fn read_header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
     if depth > DEEPEST_HEADER {
         return Err(invalid(format!("a header with {depth} nested brackets")));
     }
+    if overflows(&header[start..]) {
+        return Err(invalid("a shape of more than 2^64 numbers".to_owned()));
+    }
     Ok(header)
+}
+
+/// Whether the product of the numbers behind the word `shape` exceeds 64 bits: the parser multiplies
+/// them without a check. A zero among them does not help, since it may be the last factor.
+fn overflows(header: &[u8]) -> bool {
+    let at = header.windows(5).position(|word| word == b"shape").unwrap_or(header.len());
+    let words = header[at..].split(|b| !(b.is_ascii_alphanumeric() || *b == b'_'));
+    let numbers = words.filter(|word| word.first().is_some_and(u8::is_ascii_digit));
+    let product = numbers
+        .map(|word| std::str::from_utf8(word).ok()?.parse::<u64>().ok())
+        .try_fold(1u64, |product, number| product.checked_mul(number?.max(1)));
+    product.is_none()
 }
 
 /// The largest number of open brackets in a text.
@@ -201,13 +216,18 @@ mod tests {
             assert!(start.elapsed().as_secs() < 1, "{message}");
             message
         };
-        let nested = |open: &str, close: &str| {
-            let shape = format!("{}2{}", open.repeat(22), close.repeat(22));
+        let shaped = |shape: &str| {
             let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}");
             array(1, &(header.len() as u16).to_le_bytes(), &header)
         };
+        let nested =
+            |open: &str, close: &str| shaped(&format!("{}2{}", open.repeat(22), close.repeat(22)));
         assert!(nested("[", "]").contains("23 nested brackets"));
         assert!(nested("(", ",)").contains("23 nested brackets"));
+        for huge in ["2, ".repeat(64), "4294967296, 4294967296, 0".into(), "0xf, 1".into()] {
+            let message = shaped(&format!("({huge})"));
+            assert!(message.contains("more than 2^64 numbers"), "{message}");
+        }
         assert!(array(2, &[0xff; 4], "{}").contains("a header of 4294967295 bytes"));
         assert!(array(1, &[0xff; 2], "{}").contains("a header of 65535 bytes"));
         assert!(array(1, &[2, 0], "{").contains("cut short"));
