@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::files::read_text;
 use crate::refusal::Refusal;
 use crate::sweep::Sweep;
 
@@ -53,7 +54,7 @@ fn source(name: &str) -> Result<(PathBuf, String), Refusal> {
         return Ok((folder.join(format!("{name}.toml")), (*source).to_owned()));
     }
     let path = PathBuf::from(name);
-    let source = std::fs::read_to_string(&path).map_err(|e| {
+    let source = read_text(&path).map_err(|e| {
         let names = SHIPPED.map(|(known, _)| known).join(", ");
         Refusal::new(&path, "sweep", e, format!("a TOML file, or one of {names}"))
     })?;

@@ -21,16 +21,53 @@ impl Refusal {
         Self::new(file, field, found, expected)
     }
 
-    /// A refusal in one line: line breaks in the texts become spaces.
+    /// A refusal in one line: line breaks in the texts become spaces, other control characters are
+    /// shown as their codes, and a long field or value is cut.
     pub fn new(
         file: &Path,
         field: impl Display,
         found: impl Display,
         expected: impl Display,
     ) -> Self {
-        let line =
-            |text: &dyn Display| text.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-        let file = file.display().to_string();
-        Refusal { file, field: line(&field), found: line(&found), expected: line(&expected) }
+        let line = |text: &dyn Display| {
+            printable(&text.to_string().split_whitespace().collect::<Vec<_>>().join(" "))
+        };
+        Refusal {
+            file: printable(&file.to_string_lossy()),
+            field: cut(line(&field)),
+            found: cut(line(&found)),
+            expected: line(&expected),
+        }
+    }
+}
+
+/// A text of a file for the terminal: control characters are shown as their codes.
+fn printable(text: &str) -> String {
+    let shown = |c: char| if c.is_control() { c.escape_unicode().to_string() } else { c.into() };
+    text.chars().map(shown).collect()
+}
+
+/// The most characters of a field or of a value that a message shows.
+const SHOWN_CHARACTERS: usize = 300;
+
+/// The first characters of a long text, and `…`.
+fn cut(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(SHOWN_CHARACTERS) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_one_line_without_control_characters_and_not_long() {
+        let found = format!("\u{1b}[31mred\n{}", "9".repeat(4000));
+        let message = Refusal::new(Path::new("a\u{7}.toml"), "x", found, "b").to_string();
+        assert!(message.starts_with("a\\u{7}.toml: x: found \\u{1b}[31mred 99"), "{message}");
+        assert!(message.ends_with("9…, expected b") && message.len() < 400, "{message}");
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::files::read_text;
 use crate::metrics::Metric;
 use crate::options::{Settings, long_name};
 use crate::schema::Convergence;
@@ -110,5 +111,5 @@ pub(crate) fn describe(settings: &[(String, String)]) -> String {
 
 /// The result in a cell's folder, or `None` if the cell is not finished.
 pub fn finished(folder: &Path) -> Option<CellResult> {
-    serde_json::from_str(&std::fs::read_to_string(folder.join("result.json")).ok()?).ok()
+    serde_json::from_str(&read_text(&folder.join("result.json")).ok()?).ok()
 }

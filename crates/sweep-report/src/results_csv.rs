@@ -4,6 +4,7 @@ use std::path::Path;
 
 use csv::StringRecord;
 
+use crate::files::read_text;
 use crate::metrics::{METRICS, metric};
 use crate::refusal::Refusal;
 use crate::results::{CellResult, describe};
@@ -54,7 +55,8 @@ fn digits(v: f64) -> String {
 pub(crate) fn from_csv(path: &Path) -> anyhow::Result<Vec<CellResult>> {
     let unreadable =
         |field: &str, e: csv::Error| Refusal::new(path, field, e, "the results.csv of a sweep");
-    let mut reader = csv::Reader::from_path(path).map_err(|e| unreadable("results", e))?;
+    let text = read_text(path).map_err(|e| unreadable("results", e.into()))?;
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header = reader.headers().map_err(|e| unreadable("header", e))?.clone();
     for needed in TEXTS {
         if !header.iter().any(|h| h == needed) {

@@ -1,6 +1,7 @@
 //! Checks of a sweep file that need neither the program nor the data.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::hash::Hash;
 use std::path::Path;
 
 use toml::Value;
@@ -13,6 +14,9 @@ use crate::sweep::Sweep;
 
 /// Longest name of a cell, in bytes. Systems allow 255 for the name of a folder.
 const NAME: usize = 240;
+
+/// The most cells of a sweep: at a minute each, they take a week.
+const MOST_CELLS: usize = 10_000;
 
 /// A wrong field: its place, the value found, and the expected values.
 type Wrong = (String, String, String);
@@ -30,16 +34,17 @@ fn has_control(text: &str) -> bool {
     text.chars().any(char::is_control)
 }
 
-/// The first item that occurs a second time, by `same`.
-fn repeated<T>(items: &[T], same: impl Fn(&T, &T) -> bool) -> Option<&T> {
-    let earlier = |i: usize, item: &T| items[..i].iter().any(|other| same(other, item));
-    items.iter().enumerate().find(|(i, item)| earlier(*i, item)).map(|(_, item)| item)
+/// The first item whose key occurs a second time.
+fn repeated<T, K: Hash + Eq>(items: &[T], key: impl Fn(&T) -> K) -> Option<&T> {
+    let mut known = HashSet::new();
+    items.iter().find(|item| !known.insert(key(item)))
 }
 
 impl Sweep {
     /// Refuses the first wrong field of a sweep file.
     pub(crate) fn check(&self, path: &Path) -> Result<(), Refusal> {
         self.check_texts()
+            .and_then(|()| self.check_count())
             .and_then(|()| self.check_keys())
             .and_then(|()| self.check_parameters())
             .and_then(|()| self.check_settings())
@@ -63,6 +68,18 @@ impl Sweep {
             Some((field, odd)) => wrong(field, format!("{odd:?}"), "one line"),
             None => Ok(()),
         }
+    }
+
+    /// The number of cells is bounded, before they are listed.
+    fn check_count(&self) -> Result<(), Wrong> {
+        let values = self.parameters.values().map(|v| v.as_array().map_or(1, Vec::len));
+        let lists = values.chain([self.seeds.len(), self.data.len()]);
+        // An empty list is reported as such later.
+        let count = lists.fold(1usize, |count, length| count.saturating_mul(length.max(1)));
+        if count > MOST_CELLS {
+            return wrong("parameters", format!("{count} cells"), format!("at most {MOST_CELLS}"));
+        }
+        Ok(())
     }
 
     /// Options have names with underscores.
@@ -115,7 +132,7 @@ impl Sweep {
         if self.seeds.is_empty() {
             return wrong("seeds", "[]", "one or more");
         }
-        match repeated(&self.seeds, |a, b| a == b) {
+        match repeated(&self.seeds, |seed| *seed) {
             Some(twice) => wrong("seeds", format!("{twice} twice"), "different seeds"),
             None => Ok(()),
         }
@@ -272,10 +289,9 @@ fn check_values(values: &Value) -> Result<(), WrongValue> {
     if let Some(odd) = texts.iter().find(|text| has_control(text)) {
         return wrong_value(format!("{odd:?}"), "printable text");
     }
-    // 3 and 3.0 are the same value.
-    let same =
-        |a: &String, b: &String| a == b || a.parse::<f64>().is_ok_and(|a| b.parse() == Ok(a));
-    match repeated(&texts, same) {
+    // 3 and 3.0 are the same value, and 0 and -0.
+    let number = |text: &String| text.parse::<f64>().map(|v| (v + 0.0).to_string());
+    match repeated(&texts, |text| number(text).unwrap_or_else(|_| text.clone())) {
         Some(twice) => wrong_value(format!("{twice} twice"), "different values"),
         None => Ok(()),
     }

@@ -62,6 +62,7 @@ fn a_value_of_settings_stands_for_options() {
 fn wrong_sweep_files_are_refused_in_one_line() {
     for (from, to, field, expected) in [
         ("title", "titel", "line 1", "a sweep"),
+        ("seeds = [1, 2]", &format!("seeds = {:?}", [7; 2000]), "parameters", "at most 10000"),
         ("gamma = [3.0, 6.0]", "gamma = []", "parameters.gamma", "one value or more"),
         ("gamma = [3.0, 6.0]", "gamma = 3", "parameters.gamma", "a list of values"),
         ("gamma = [3.0, 6.0]", "gamma = [3.0, 3.0]", "parameters.gamma", "different values"),

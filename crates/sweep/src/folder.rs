@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use sweep_report::files::{read_if_present, write_whole};
+use sweep_report::files::{read_if_present, read_text, write_whole};
 use sweep_report::results::{CellResult, finished};
 use sweep_report::schema::DataSet;
 use sweep_report::{Cell, Refusal, Sweep, write_report};
@@ -124,7 +124,7 @@ impl SweepFolder {
     pub(crate) fn merge(&self, folders: &[PathBuf]) -> anyhow::Result<()> {
         for folder in folders {
             let path = folder.join("sweep.toml");
-            let text = std::fs::read_to_string(&path)
+            let text = read_text(&path)
                 .map_err(|e| Refusal::new(&path, "sweep", e, "a shard of this sweep"))?;
             self.check_same_cells(&path, &text)?;
         }

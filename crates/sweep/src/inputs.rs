@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use sweep_report::Refusal;
-use sweep_report::files::{read_if_present, write_whole};
+use sweep_report::files::{read, read_if_present, write_whole};
 use sweep_report::schema::DataSet;
 
 /// A 64-bit FNV-1a hash, the same on every machine: G. Fowler, L. C. Noll, K.-P. Vo and
@@ -26,7 +26,7 @@ impl Fnv1a {
 
     fn add_file(&mut self, path: &Path) -> Result<(), Refusal> {
         let refuse = |e| Refusal::new(path, "file", e, "a file to read");
-        self.add(&std::fs::read(path).map_err(refuse)?);
+        self.add(&read(path).map_err(refuse)?);
         Ok(())
     }
 }
