@@ -79,7 +79,7 @@ impl Spoil for Lines {
             }
             6 => {
                 let length: usize = self.lines[line].iter().map(Vec::len).sum();
-                self.lines = vec![self.lines[line].clone(); repetitions(length, 20_000)];
+                self.lines = vec![self.lines[line].clone(); repetitions(length, 1500)];
             }
             other @ 7..12 => {
                 let changed = spoil::bytes(&self.lines[line][word], 4 + other - 7);

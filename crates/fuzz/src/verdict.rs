@@ -6,7 +6,7 @@ use io::InputError;
 use sweep_report::Refusal;
 
 /// The most characters of a message, beyond the path of the folder.
-const LONGEST: usize = 1000;
+const LONGEST: usize = 2500;
 
 /// The outcome of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +66,7 @@ mod tests {
             ("elsewhere", "3"),
             ("/tmp/case/a.json", "\u{1b}[31m"),
             ("/tmp/case/a.json", "two\nlines"),
-            ("/tmp/case/a.json", &"3".repeat(2000)),
+            ("/tmp/case/a.json", &"3".repeat(3000)),
         ] {
             assert!(matches!(error(file, found), Verdict::Wrong(_)), "{file}: {found}");
         }

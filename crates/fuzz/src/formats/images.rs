@@ -73,6 +73,18 @@ fn zlib(data: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap_or_default()
 }
 
+/// The header of a PNG file.
+fn header(size: [u32; 2], colour: u8, depth: u8) -> Layout {
+    Layout::big_endian()
+        .integer(size[0].into(), 4)
+        .integer(size[1].into(), 4)
+        .integer(depth.into(), 1)
+        .integer(colour.into(), 1)
+        .integer(0, 1)
+        .integer(0, 1)
+        .integer(0, 1)
+}
+
 /// A PNG file of this size, colour type and bits of a channel; all its bytes are `byte`.
 fn png(size: [u32; 2], colour: u8, depth: u8, byte: u8, extra: usize) -> Png {
     let channels = match colour {
@@ -85,18 +97,9 @@ fn png(size: [u32; 2], colour: u8, depth: u8, byte: u8, extra: usize) -> Png {
     let rows = [&[0][..], &vec![byte; row]].concat().repeat(size[1] as usize);
     let chunk = |kind: &[u8; 4], body: Layout| Chunk { kind: *kind, body, length: None };
     let start = Layout::big_endian();
-    let header = start
-        .clone()
-        .integer(size[0].into(), 4)
-        .integer(size[1].into(), 4)
-        .integer(depth.into(), 1)
-        .integer(colour.into(), 1)
-        .integer(0, 1)
-        .integer(0, 1)
-        .integer(0, 1);
-    let mut chunks = vec![chunk(b"IHDR", header)];
-    // A profile or a text that inflates to 64 MiB.
-    let bomb = || [&[0x78, 0x01][..], &deflated(b"", 64)].concat();
+    let mut chunks = vec![chunk(b"IHDR", header(size, colour, depth))];
+    // A profile or a text that inflates to 32 MiB.
+    let bomb = || [&[0x78, 0x01][..], &deflated(b"", 32)].concat();
     match extra {
         0 => chunks.push(chunk(b"gAMA", start.clone().integer(45455, 4))),
         1 => chunks.push(chunk(b"tEXt", start.clone().bytes(*b"Title\0a \x1b[31m"))),
@@ -118,6 +121,16 @@ pub(crate) fn photograph(size: [u32; 2], alpha: bool) -> Vec<u8> {
     png(size, if alpha { 6 } else { 2 }, 8, 100, 9).to_bytes()
 }
 
+/// A black PNG file of one bit a pixel; its image data have a thousandth of their length.
+fn large_png(width: u32, height: u32) -> Png {
+    let mut png = png([width, 1], 0, 1, 0, 9);
+    let bytes = (width.div_ceil(8) as usize + 1) * height as usize;
+    let data = [&[0x78, 0x01][..], &deflated(b"", bytes.div_ceil(1 << 20))].concat();
+    png.chunks[0].body = header([width, height], 0, 1);
+    png.chunks[1].body = Layout::big_endian().bytes(data);
+    png
+}
+
 fn pngs() -> impl Strategy<Value = Png> + Clone {
     let kinds = prop::sample::select(vec![
         (0u8, 1u8),
@@ -134,8 +147,8 @@ fn pngs() -> impl Strategy<Value = Png> + Clone {
     ]);
     // One in forty has 400 million pixels, in some kilobytes.
     let sides = prop_oneof![39 => (1..12u32, 1..12u32), 1 => Just((20_000, 20_000))];
-    (kinds, sides, any::<u8>(), 0..8usize).prop_map(|((colour, depth), (w, h), byte, extra)| {
-        if w * h > 1000 { png([w, h], 0, 1, 0, 9) } else { png([w, h], colour, depth, byte, extra) }
+    (kinds, sides, any::<u8>(), 0..16usize).prop_map(|((colour, depth), (w, h), byte, extra)| {
+        if w * h > 1000 { large_png(w, h) } else { png([w, h], colour, depth, byte, extra) }
     })
 }
 

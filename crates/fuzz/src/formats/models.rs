@@ -43,8 +43,12 @@ impl Tensors {
         let Ok(mut header) = serde_json::from_slice::<Value>(&self.header.json()) else { return };
         let Some(map) = header.as_object_mut() else { return };
         let offset = |tensor: &Value, i: usize| tensor["data_offsets"][i].as_u64().unwrap_or(0);
-        let mut tensors: Vec<&mut Value> =
-            map.iter_mut().filter(|(key, _)| *key != "__metadata__").map(|(_, t)| t).collect();
+        let mut tensors: Vec<&mut Value> = map
+            .iter_mut()
+            .filter(|(key, _)| *key != "__metadata__")
+            .map(|(_, t)| t)
+            .filter(|tensor| tensor["data_offsets"].is_array())
+            .collect();
         tensors.sort_by_key(|tensor| offset(tensor, 0));
         let (count, mut data) = (tensors.len().max(1), Vec::new());
         for (i, tensor) in tensors.into_iter().enumerate() {
