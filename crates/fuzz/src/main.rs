@@ -3,8 +3,8 @@
 //!
 //! `fuzz cases READER FOLDER MEBIBYTES SEED FIRST COUNT` generates cases in FOLDER.
 //! `fuzz kept READER FOLDER MEBIBYTES CORPUS FIRST COUNT` takes them from the folders of CORPUS.
-//! Before each case it prints `case N`, after it `accepted`, `refused` or `wrong MESSAGE`, and after
-//! a wrong message it ends.
+//! Before each case it prints `case N`, after it `accepted`, `refused` or `wrong MESSAGE`. After a
+//! wrong message it ends.
 //! `fuzz dsdf ARGUMENTS` is `dsdf`, and `fuzz readers` lists the readers.
 
 use std::fs;

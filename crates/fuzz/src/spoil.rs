@@ -82,7 +82,8 @@ pub(crate) fn bytes(value: &[u8], harm: usize) -> Vec<u8> {
     }
 }
 
-/// The number of repetitions, at most `most`, of a part of `length` bytes: a case has some megabytes.
+/// The number of repetitions, at most `most`, of a part of `length` bytes: a case has a few
+/// megabytes.
 pub(crate) fn repetitions(length: usize, most: usize) -> usize {
     ((1 << 20) / length.max(1)).clamp(1, most)
 }

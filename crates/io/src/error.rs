@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Displays as one line, `FILE: FIELD: found FOUND, expected EXPECTED`. The command line ends with
 /// exit status 2 on this error.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}: {field}: found {found}, expected {expected}", escaped(&file.to_string_lossy()))]
+#[error("{}: {field}: found {found}, expected {expected}", shown(file))]
 pub struct InputError {
     /// The file or folder with the error, or `arguments` for the command line.
     pub file: PathBuf,
@@ -33,8 +33,8 @@ impl InputError {
     ) -> Self {
         InputError {
             file: file.as_ref().to_owned(),
-            field: cut(one_line(field)),
-            found: cut(one_line(found)),
+            field: cut(one_line(field), SHOWN_CHARACTERS),
+            found: cut(one_line(found), SHOWN_CHARACTERS),
             expected: one_line(expected),
         }
     }
@@ -47,9 +47,18 @@ fn one_line(text: impl Display) -> String {
 /// The most characters of a field or of a value that a message shows.
 const SHOWN_CHARACTERS: usize = 300;
 
+/// The most characters of a path that a message shows. No system has files with longer paths than
+/// 4096 bytes; a data set may name one.
+const SHOWN_OF_PATH: usize = 1000;
+
+/// A path for a message.
+fn shown(file: &Path) -> String {
+    cut(escaped(&file.to_string_lossy()), SHOWN_OF_PATH)
+}
+
 /// The first characters of a long text, and `…`.
-fn cut(mut text: String) -> String {
-    if let Some((end, _)) = text.char_indices().nth(SHOWN_CHARACTERS) {
+fn cut(mut text: String, most: usize) -> String {
+    if let Some((end, _)) = text.char_indices().nth(most) {
         text.truncate(end);
         text.push('…');
     }

@@ -117,8 +117,9 @@ fn read_header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
     Ok(header)
 }
 
-/// Whether the product of the numbers behind the word `shape` exceeds 64 bits: the parser multiplies
-/// them without a check. A zero among them does not help, since it may be the last factor.
+/// Whether the product of the numbers behind the word `shape` exceeds 64 bits: the parser
+/// multiplies them without a check. A zero among them does not help, since it may be the last
+/// factor.
 fn overflows(header: &[u8]) -> bool {
     let at = header.windows(5).position(|word| word == b"shape").unwrap_or(header.len());
     let words = header[at..].split(|b| !(b.is_ascii_alphanumeric() || *b == b'_'));

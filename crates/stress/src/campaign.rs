@@ -18,9 +18,10 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Ten seconds and a gibibyte: a case takes milliseconds and some megabytes.
+    /// Half a minute and a gibibyte: a case takes milliseconds and some megabytes, and a machine may
+    /// have other work.
     fn default() -> Self {
-        Limits { seconds: 10.0, mebibytes: 1024 }
+        Limits { seconds: 30.0, mebibytes: 1024 }
     }
 }
 

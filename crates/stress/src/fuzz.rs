@@ -26,8 +26,8 @@ pub struct Options {
 /// Runs the kept cases and then new ones, prints a table, and keeps the files of each finding.
 ///
 /// # Errors
-/// A [`WrongArgument`] if there is no such reader. Other errors if there is a finding, or the program
-/// cannot be built.
+/// A [`WrongArgument`] if there is no such reader. Other errors if there is a finding, or the
+/// program cannot be built.
 pub fn run(options: &Options) -> anyhow::Result<()> {
     // The profile of the tests: overflows and failed debug assertions are findings.
     let program = build_package("fuzz", "dev")?;

@@ -76,7 +76,7 @@ impl Spoil for Array {
 fn arrays() -> impl Strategy<Value = Array> + Clone {
     let types = prop_oneof![
         6 => prop::sample::select(vec![("<f4", 4), ("<f8", 8)]),
-        1 => prop::sample::select(vec![(">f4", 4), ("<f2", 2), ("<i8", 8), ("|b1", 1), ("<U7", 28)]),
+        1 => prop::sample::select(vec![(">f4", 4), ("<f2", 2), ("<i8", 8), ("|b1", 1)]),
     ];
     let shapes = prop_oneof![
         3 => (1..9usize).prop_map(|n| vec![n, 3]),
@@ -130,7 +130,7 @@ pub(crate) fn deflated(head: &[u8], mebibytes: usize) -> Vec<u8> {
     debug_assert!(written.is_ok(), "a vector takes every byte");
     let mut out = std::mem::take(encoder.get_mut());
     let mut zeros = Vec::with_capacity(1 << 14);
-    let mut compress = flate2::Compress::new(Compression::fast(), false);
+    let mut compress = flate2::Compress::new(Compression::best(), false);
     let packed = compress.compress_vec(&vec![0; 1 << 20], &mut zeros, FlushCompress::Full);
     debug_assert!(packed.is_ok(), "zeros can be packed");
     out.extend(zeros.repeat(mebibytes));

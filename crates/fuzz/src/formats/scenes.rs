@@ -53,7 +53,7 @@ fn sdfs() -> impl Strategy<Value = Value> {
             3 => (kinds, children.clone())
                 .prop_map(|(kind, children)| json!({"type": kind, "children": children})),
             1 => children
-                .prop_map(|children| json!({"type": "smooth_union", "k": 0.1, "children": children})),
+                .prop_map(|inner| json!({"type": "smooth_union", "k": 0.1, "children": inner})),
         ]
     })
 }
