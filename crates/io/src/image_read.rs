@@ -58,6 +58,10 @@ pub fn read_image(path: &Path) -> Result<(Film, Option<Vec<f32>>), InputError> {
     if !is_whole(&bytes, format) {
         return Err(InputError::new(path, "image", "an image that is cut short", "a whole image"));
     }
+    if format == Some(ImageFormat::Png) && !has_whole_palette(&bytes) {
+        let found = "a damaged image (a palette whose length is no multiple of 3)";
+        return Err(InputError::new(path, "image", found, IMAGE));
+    }
     let size = reader().map_err(unreadable)?.into_dimensions();
     let (width, height) = size.map_err(|e| undecodable(path, e))?;
     let memory = u64::from(width).saturating_mul(u64::from(height) * MEMORY_PER_PIXEL);
@@ -89,6 +93,23 @@ fn is_whole(bytes: &[u8], format: Option<ImageFormat>) -> bool {
 /// A PNG file ends with the chunk IEND: four letters, then a checksum of four bytes.
 fn is_whole_png(bytes: &[u8]) -> bool {
     bytes.windows(4).rposition(|w| w == b"IEND").is_some_and(|at| at + 8 <= bytes.len())
+}
+
+/// Whether every palette of a PNG file (chunk PLTE) has three bytes a colour. The decoder panics
+/// at a palette that ends within a colour.
+///
+/// A chunk has its length (four bytes, the highest first), its name (four letters), its content,
+/// and a checksum of four bytes. The first one starts at byte 8.
+fn has_whole_palette(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    while let Some((length, after)) = rest.split_first_chunk() {
+        let length = u32::from_be_bytes(*length) as usize;
+        if after.starts_with(b"PLTE") && !length.is_multiple_of(3) {
+            return false;
+        }
+        rest = after.get(length.saturating_add(8)..).unwrap_or_default();
+    }
+    true
 }
 
 /// Whether the last scan of a JPEG file (ITU-T T.81) is complete.

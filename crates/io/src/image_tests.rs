@@ -83,3 +83,35 @@ fn every_depth_and_channel_count_is_read() {
     assert_eq!(image_size(&at("grey.npy")).unwrap(), (3, 2));
     assert!(image_size(&at("none.png")).unwrap_err().to_string().contains("no such file"));
 }
+
+#[test]
+fn a_palette_that_ends_within_a_colour_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    // One pixel of 8 bits, which is the colour 0 of the palette.
+    let file = |palette: &[u8]| {
+        let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+        let mut chunk = |name: &[u8; 4], content: &[u8]| {
+            bytes.extend((content.len() as u32).to_be_bytes());
+            let checked = [name, content].concat();
+            let crc = checked.iter().fold(!0u32, |crc, byte| {
+                (0..8).fold(crc ^ u32::from(*byte), |c, _| (c >> 1) ^ (0xedb8_8320 * (c & 1)))
+            });
+            bytes.extend(checked);
+            bytes.extend((!crc).to_be_bytes());
+        };
+        chunk(b"IHDR", &[0, 0, 0, 1, 0, 0, 0, 1, 8, 3, 0, 0, 0]);
+        chunk(b"PLTE", palette);
+        // A stored block of the two bytes 0, and the Adler-32 checksum.
+        chunk(b"IDAT", &[0x78, 0x01, 1, 2, 0, 0xfd, 0xff, 0, 0, 0, 2, 0, 1]);
+        chunk(b"IEND", &[]);
+        bytes
+    };
+    std::fs::write(&path, file(&[255, 0, 0])).unwrap();
+    assert_eq!(read_image(&path).unwrap().0.pixels, [[1.0, 0.0, 0.0]]);
+    for palette in [&[255][..], &[255, 0, 0, 0, 255]] {
+        std::fs::write(&path, file(palette)).unwrap();
+        let error = read_image(&path).unwrap_err().to_string();
+        assert!(error.contains("a.png") && error.contains("palette"), "{error}");
+    }
+}
