@@ -77,8 +77,11 @@ pub const READERS: [Reader; 14] = [
     reader!("sweep", sweeps::sweep_files(), Call::Library(read_sweep)),
     reader!("results", sweeps::result_files(), Call::Library(read_results)),
     reader!("inspect", datasets::any_dataset(), Call::Command(&["inspect", "data"])),
-    reader!("resume", runs::run_folders(), Call::Command(&["fit", "--resume", "-o", "run"])),
+    reader!("resume", runs::run_folders(), Call::Command(&RESUME)),
 ];
+
+/// A resumed run of three iterations or more ends at once, whatever its budget is.
+const RESUME: [&str; 6] = ["fit", "--resume", "--stop-after", "3", "-o", "run"];
 
 /// The reader of this name; `self-test` is one with all faults, for tests.
 pub fn reader(name: &str) -> Option<&'static Reader> {
