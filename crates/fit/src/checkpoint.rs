@@ -94,7 +94,7 @@ impl State {
             let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e30);
             number.map(Some).ok_or_else(|| error(HELD_OUT_PSNR, text.clone(), "a PSNR in dB"))
         };
-        let vector = |name: &str| {
+        let vector = |name: &str, least: f32, expected: &str| {
             let view = tensors.tensor(name).map_err(corrupt)?;
             if view.dtype() != Dtype::F32 || view.shape() != [count] {
                 let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
@@ -105,10 +105,8 @@ impl State {
                 ));
             }
             let numbers: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
-            match numbers.iter().position(|v| !v.is_finite()) {
-                Some(i) => {
-                    Err(error(name, format!("{} at element {i}", numbers[i]), "finite numbers"))
-                }
+            match numbers.iter().position(|v| !(v.is_finite() && *v >= least)) {
+                Some(i) => Err(error(name, format!("{} at element {i}", numbers[i]), expected)),
                 None => Ok(numbers),
             }
         };
@@ -117,9 +115,9 @@ impl State {
             seconds: number("seconds")?,
             usual_norm: number("usual_norm")? as f32,
             held_out_psnr: held_out_psnr()?,
-            parameters: vector("parameters")?,
-            first: vector("first")?,
-            second: vector("second")?,
+            parameters: vector("parameters", f32::MIN, "finite numbers")?,
+            first: vector("first", f32::MIN, "finite numbers")?,
+            second: vector("second", 0.0, "finite numbers, 0 or more")?,
             steps: count_of("steps")?,
         })
     }
@@ -151,6 +149,27 @@ mod tests {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert!(State::load(&path, 3).is_err(), "a checkpoint cut at {length} bytes");
         }
+    }
+
+    #[test]
+    fn a_negative_mean_square_gradient_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state.safetensors");
+        let state = State {
+            iteration: 1,
+            seconds: 1.0,
+            usual_norm: 1.0,
+            held_out_psnr: None,
+            parameters: vec![-1.0; 2],
+            first: vec![-1.0; 2],
+            second: vec![0.0, -1.0],
+            steps: 1,
+        };
+        state.save(&path).unwrap();
+        let error = State::load(&path, 2).unwrap_err();
+        assert!(error.is::<InputError>(), "{error}");
+        let words = "second: found -1 at element 1, expected finite numbers, 0 or more";
+        assert!(error.to_string().contains(words), "{error}");
     }
 
     #[test]
