@@ -22,7 +22,8 @@ pub(crate) fn read(folder: &Path) -> anyhow::Result<()> {
         "panic" => panic!("a fault on purpose"),
         "abort" => std::process::abort(),
         "memory" => {
-            let much = vec![1u8; 1 << 40];
+            // Without the black box, the compiler leaves the memory out.
+            let much = std::hint::black_box(vec![1u8; 1 << 40]);
             anyhow::ensure!(much.len() > 1, "no memory");
         }
         "time" => std::thread::sleep(std::time::Duration::from_secs(3600)),

@@ -16,8 +16,8 @@ fn campaign<'a>(reader: &'a str) -> Campaign<'a> {
 
 /// Reads the kept cases of a reader, and then `count` new ones.
 ///
-/// An eighth of these must be accepted: else the harm would never be deep in a file. Another eighth
-/// must be refused.
+/// A sixteenth of these must be accepted, else the harm would never be deep in a file, and another
+/// one must be refused.
 fn check(reader: &str, count: u64) {
     let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(reader);
     let tally = campaign(reader).run(Cases::Kept(&kept)).unwrap();
@@ -27,7 +27,7 @@ fn check(reader: &str, count: u64) {
     let tally = campaign(reader).run(Cases::Count(SEED, count)).unwrap();
     assert!(tally.findings.is_empty(), "{reader}, seed {SEED}:\n{}", tally.describe());
     assert_eq!(tally.executions(), count, "{reader}");
-    let shares = (8 * tally.accepted / count, 8 * tally.refused / count);
+    let shares = (16 * tally.accepted / count, 16 * tally.refused / count);
     assert!(shares.0 > 0 && shares.1 > 0, "{reader}: {tally:?}");
 }
 

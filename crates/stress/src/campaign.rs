@@ -18,8 +18,8 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// Half a minute and a gibibyte: a case takes milliseconds and some megabytes, and a machine may
-    /// have other work.
+    /// Half a minute and a gibibyte. A case takes milliseconds and some megabytes, but the machine
+    /// may have other work.
     fn default() -> Self {
         Limits { seconds: 30.0, mebibytes: 1024 }
     }
