@@ -60,7 +60,7 @@ impl Spoil for Png {
                 self.chunks[i].length = Some(spoil::integer(right, harm / 24));
             }
             // Every third place is in the header.
-            _ if place % 3 == 0 => self.chunks[0].body.spoil(place / 3, harm / 24),
+            _ if place.is_multiple_of(3) => self.chunks[0].body.spoil(place / 3, harm / 24),
             _ => self.chunks[i].body.spoil(place / 3 / 7, harm / 24),
         }
     }

@@ -27,7 +27,7 @@ impl Ply {
 impl Spoil for Ply {
     fn spoil(&mut self, place: usize, harm: usize) {
         match &mut self.text {
-            _ if place % 3 > 0 => self.header.spoil(place / 3, harm),
+            _ if !place.is_multiple_of(3) => self.header.spoil(place / 3, harm),
             Some(text) => text.spoil(place / 3, harm),
             None => self.binary.spoil(place / 3, harm),
         }

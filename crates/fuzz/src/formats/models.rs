@@ -72,7 +72,7 @@ impl Spoil for Tensors {
             1 => self.data = spoil::bytes(&self.data, harm),
             2 => {
                 let size = [1 << 31, 1 << 60, u64::MAX, 100_000_000][harm % 4];
-                self.empty_tensor(place / 16, size, harm / 4 % 2 == 0);
+                self.empty_tensor(place / 16, size, (harm / 4).is_multiple_of(2));
             }
             3 => {
                 let at = place / 16 % self.data.len().max(1) / 4 * 4;
