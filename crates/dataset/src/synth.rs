@@ -11,7 +11,7 @@ use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};
 use mesh::{extract, write_mesh};
-use render::{Camera, Scene, render};
+use render::{Camera, SLOPE_POINTS, Scene, render};
 use scene::SceneFile;
 
 /// Options of [`synthesise`].
@@ -109,7 +109,7 @@ pub fn synthesise(
         set.create_folders(folder)?;
         let cameras = cameras(ball.center, ball.radius, set.views, options.size, set.azimuth);
         let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, background)
-            .with_slope_of_field();
+            .with_slope_of_field(SLOPE_POINTS);
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             let progress = |p: f64| progress((done + p) / total);

@@ -49,6 +49,10 @@ impl<F: Field<R>, R: Real> Field<R> for Clipped<F, R> {
         Some(self.ball)
     }
 
+    fn is_lipschitz(&self) -> bool {
+        self.inner.is_lipschitz()
+    }
+
     fn has_creases(&self) -> bool {
         true
     }

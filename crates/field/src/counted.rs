@@ -86,6 +86,9 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
     fn bounds(&self) -> Option<Sphere<R>> {
         self.inner.bounds()
     }
+    fn is_lipschitz(&self) -> bool {
+        self.inner.is_lipschitz()
+    }
     fn has_creases(&self) -> bool {
         self.inner.has_creases()
     }
@@ -130,6 +133,9 @@ macro_rules! implement_for_pointer {
             }
             fn bounds(&self) -> Option<Sphere<R>> {
                 (**self).bounds()
+            }
+            fn is_lipschitz(&self) -> bool {
+                (**self).is_lipschitz()
             }
             fn has_creases(&self) -> bool {
                 (**self).has_creases()

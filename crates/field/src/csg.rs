@@ -200,6 +200,10 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Csg<R> {
         }
     }
 
+    fn is_lipschitz(&self) -> bool {
+        self.children.iter().all(|child| child.is_lipschitz())
+    }
+
     fn has_creases(&self) -> bool {
         (self.operation != Operation::SmoothUnion && self.children.len() > 1)
             || self.children.iter().any(|child| child.has_creases())

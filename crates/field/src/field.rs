@@ -26,6 +26,13 @@ pub trait Field<R: Real>: Send + Sync {
     /// field outside it.
     fn bounds(&self) -> Option<Sphere<R>>;
 
+    /// Whether |f(a) − f(b)| ≤ |a − b| is known for all points a and b, as for a distance.
+    ///
+    /// `false` by default: the slope of the field is then measured before rays are traced.
+    fn is_lipschitz(&self) -> bool {
+        false
+    }
+
     /// Whether the surface {f = 0} can have creases: curves across which ∇f jumps.
     ///
     /// `false` by default, for fields that are smooth near their surface.

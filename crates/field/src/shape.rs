@@ -186,6 +186,10 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
         Some(Sphere { center, radius })
     }
 
+    fn is_lipschitz(&self) -> bool {
+        true
+    }
+
     fn has_creases(&self) -> bool {
         self.kind == Kind::Box
     }

@@ -360,8 +360,13 @@ impl Fit {
 /// Rays that a thread traces together in [`Fit::has_visible_surface`].
 const VISIBLE_CHUNK: usize = 1024;
 
-/// The scene of a run: its model in front of its background, in its bounding sphere.
+/// Points at which the slope of the field is taken: a hundredth of the evaluations of an iteration.
+const SLOPE_POINTS: u64 = 128;
+
+/// The scene of a run: its model in front of its background, in its bounding sphere. Rays start
+/// with the slope that the field has now.
 pub fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
     let background = Vec3::from(file.background);
     Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)
+        .with_slope_of_field(SLOPE_POINTS)
 }

@@ -204,6 +204,10 @@ impl<R: Real> Scene<'_, R> {
             }
             let scale = self.tracing_scale(sample.camera, nearest);
             ray.scale = scale.max(radius * R::of(LEAST_SCALE));
+            if scale < radius {
+                // The part of the solid that the film shows widens along the ray.
+                ray.spread = self.film_angle(sample.camera);
+            }
             Some(TracedRay { ray, found: Intersection::unfinished() })
         })
     }

@@ -90,9 +90,14 @@ impl<'a, R: Real> Scene<'a, R> {
     /// The lengths in the tracer's options are relative to it. At most 256 pixels of the film count
     /// for its width.
     pub fn tracing_scale(&self, camera: usize, t: R) -> R {
+        self.radius().min(self.film_angle(camera) * t)
+    }
+
+    /// The width of a camera's film, at most 256 pixels of it, at distance 1, in world units.
+    pub(crate) fn film_angle(&self, camera: usize) -> R {
         let camera = &self.cameras[camera];
         let pixels = f64::from(camera.width.max(camera.height)).min(SCALE_PIXELS);
-        self.radius().min(R::of(camera.pixel_angle() * pixels) * t)
+        R::of(camera.pixel_angle() * pixels)
     }
 }
 

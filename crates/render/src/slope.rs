@@ -12,11 +12,18 @@ const QUANTILE: f64 = 0.98;
 /// Slopes up to this one are left to the tracer, which learns slopes along each ray.
 const LEARNED: f64 = 1.5;
 
+/// Points of [`slope`] that are enough for one scene: a few thousandths of an image's evaluations.
+pub const SLOPE_POINTS: u64 = 4096;
+
 /// The [`QUANTILE`] of |∇f| over `points` random points of a ball, per world unit, and at least 1:
 /// 1 also for slopes up to [`LEARNED`].
 ///
-/// The points are the same at every call. Points whose gradient is not finite are left out.
+/// It costs nothing for a field that is known to be Lipschitz. The points are the same at every
+/// call. Points whose gradient is not finite are left out.
 pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R {
+    if field.is_lipschitz() {
+        return R::one();
+    }
     let stream = Stream::new(0, Purpose::Slopes);
     let point = |i: u64| {
         let [a, b, c] = [0, 1, 2].map(|axis| stream.at(i).at(axis).unit());
@@ -39,18 +46,15 @@ pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R 
     if *slope > LEARNED { R::of(*slope) } else { R::one() }
 }
 
-/// Points of [`slope`] for one scene.
-const POINTS: u64 = 4096;
-
 impl<R: Real> Scene<'_, R> {
-    /// The scene with a relaxation that suits the slope of its field: 1/slope times that of its
-    /// options. It costs 4096 gradients.
+    /// The scene with a relaxation that suits the [`slope`] of its field, taken at `points` points:
+    /// 1/slope times that of its options.
     ///
     /// Rays start with the slope 1/relaxation. A ray that starts with less than the slope of the
     /// field can step over a part of the solid before it sees the slope.
-    pub fn with_slope_of_field(self) -> Self {
+    pub fn with_slope_of_field(self, points: u64) -> Self {
         let bounds = self.bounding_ball();
-        let slope = slope(self.field, &self.field.bounds().unwrap_or(bounds), POINTS);
+        let slope = slope(self.field, &self.field.bounds().unwrap_or(bounds), points);
         let mut options = self.tracing.options;
         options.relaxation /= slope;
         Scene { tracing: Tracing { options, ..self.tracing }, ..self }

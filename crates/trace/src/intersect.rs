@@ -17,8 +17,8 @@ const ON_THE_WAY: usize = 512;
 /// Finds the first crossing from f > 0 to f ≤ 0 of every ray.
 ///
 /// One call of [`Field::value`] evaluates up to 512 rays. `out` is cleared and gets one element per
-/// ray, in the order of `rays`. A ray costs at most `Options::step_limit` evaluations, and up to
-/// 200 more where it has to refine a root.
+/// ray, in the order of `rays`. A ray costs at most `Options::step_limit` evaluations (more
+/// if it is longer than 16 scales), and up to 200 more where it has to refine a root.
 ///
 /// The options are not checked here; see [`Options::validate`].
 pub fn intersect<R: Real>(
@@ -64,7 +64,7 @@ pub fn intersect_rows<R: Real, T>(
         for (i, f) in f.iter().enumerate().rev() {
             let (number, state) = &mut on_the_way[i];
             let Some((ray, found)) = parts(&mut rows[*number]) else { continue };
-            let min_step = options.min_step * ray.scale;
+            let min_step = options.min_step * ray.scale.max(ray.spread * state.t);
             if (Tracer { ray, options, min_step, found }).take_value(state, *f) {
                 x[i] = ray.at(state.t);
             } else if let Some(started) = start(rows) {

@@ -32,7 +32,8 @@ pub struct Intersection<R> {
     pub clearance: R,
     /// The distance along the ray of that closest approach; 0 if there was none.
     pub nearest: R,
-    /// The number of evaluations of f, at most `Options::step_limit` + 200.
+    /// The number of evaluations of f, at most `Options::step_limit` + 200 for rays of up to 16
+    /// scales.
     pub steps: u32,
 }
 

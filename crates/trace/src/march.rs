@@ -89,6 +89,14 @@ const LONGEST_STEP: f64 = 8.0;
 /// the steep edge.
 const TOUCH_SLACK: f64 = 1e-3;
 
+/// Length of a ray's interval, in units of `Ray::scale`, up to which the ray has the step limit of
+/// the options. Longer rays have more steps in proportion: those above a floor, for example, which
+/// end at its horizon. No ray of the gradient suite is as long.
+const SCALES: f64 = 16.0;
+
+/// The largest number of step limits that a long ray may take.
+const MOST_LIMITS: f64 = 64.0;
+
 /// One ray with the place of its result.
 pub(crate) struct Tracer<'a, R: Real> {
     pub(crate) ray: &'a Ray<R>,
@@ -130,7 +138,13 @@ impl<R: Real> Tracer<'_, R> {
     }
 
     fn at_limit(&self) -> bool {
-        self.found.steps >= self.options.step_limit
+        let limit = self.options.step_limit;
+        self.found.steps >= limit && {
+            // A ray along a wide surface goes on for many scales.
+            let scales = (self.ray.far - self.ray.near) / self.ray.scale;
+            let times = (scales / R::of(SCALES)).max(R::one()).min(R::of(MOST_LIMITS));
+            R::of(f64::from(self.found.steps)) >= R::of(f64::from(limit)) * times
+        }
     }
 
     /// Keeps the lowest point, for rays that miss.

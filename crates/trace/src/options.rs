@@ -8,7 +8,9 @@ use field::Real;
 pub struct Options<R> {
     /// A ray whose f is still positive at this number of evaluations ends as a miss. Dip searches
     /// count; the up to 200 evaluations that refine a root come on top. At the default `min_step`
-    /// of 0.005, a ray through the whole bounding ball in shortest steps takes 400 evaluations.
+    /// of 0.005, a ray through the whole bounding ball in shortest steps takes 400 evaluations. A
+    /// ray longer than 16 scales may take more, in proportion to its length, and at most 64 times
+    /// as many.
     pub step_limit: u32,
     /// The relaxation ρ in (0, 1]. Tracing assumes that f is at least 1/ρ times as steep as a
     /// distance, and corrects this upwards by the slopes that it meets. Below 1 for fields steeper

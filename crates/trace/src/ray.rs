@@ -15,13 +15,16 @@ pub struct Ray<R: Real> {
     pub far: R,
     /// The unit of the lengths in `Options`: the bounding radius, unless the caller sets another.
     pub scale: R,
+    /// The growth of that unit along the ray, for the shortest step: it is `spread` · t where that
+    /// is more than `scale`. 0 unless the caller sets another.
+    pub spread: R,
 }
 
 impl<R: Real> Ray<R> {
     /// The part of a ray inside the ball `bounds`, or `None` if the ray misses the ball.
     pub fn enter(origin: R::Vec3, direction: R::Vec3, bounds: &Sphere<R>) -> Option<Self> {
         let (near, far) = bounds.clip(origin, direction)?;
-        Some(Ray { origin, direction, near, far, scale: bounds.radius })
+        Some(Ray { origin, direction, near, far, scale: bounds.radius, spread: R::zero() })
     }
 
     /// The point at distance `t`.

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::common::Global;
 use io::{InputError, read_npy, write_npy};
+use render::{SLOPE_POINTS, slope};
 use scene::network;
 
 /// Arguments of `dsdf query`.
@@ -32,6 +33,14 @@ pub(crate) struct Query {
 struct QueryReport {
     /// Number of points.
     points: usize,
+    /// The slope of the network: the 98 % quantile of |∇f| over its ball, or 1 if it is at most
+    /// 1.5. Rays start with it.
+    slope: f32,
+}
+
+/// The slope that rays start with.
+fn slope_of(network: &Network<f32>) -> f32 {
+    network.bounds().map_or(1.0, |ball| slope(network, &ball, SLOPE_POINTS))
 }
 
 impl Query {
@@ -49,8 +58,9 @@ impl Query {
         } else {
             write_npy(&self.output, &[n], &values)?;
         }
-        let report = QueryReport { points: n };
-        global.report(&report, || format!("{n} points: {}", self.output.display()))
+        let slope = slope_of(&network);
+        let report = QueryReport { points: n, slope };
+        global.report(&report, || format!("{n} points: {}, slope {slope}", self.output.display()))
     }
 
     /// Reads the points.

@@ -7,11 +7,13 @@ use clap::Args;
 use field::{Counted, Evaluations};
 use serde::Serialize;
 
-use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, color};
+use super::common::{
+    ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, color, option_error,
+};
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
 use io::{InputError, write_image};
-use render::{Precision, Scene, render};
+use render::{Precision, SLOPE_POINTS, Scene, render};
 use scene::SceneFile;
 
 /// Arguments of `dsdf render`.
@@ -31,6 +33,10 @@ pub(crate) struct Render {
     /// Floating-point precision, for scene files
     #[arg(long, value_enum, default_value = "f32")]
     precision: PrecisionArg,
+    /// ρ: length of a tracing step as a fraction of f, for scene files; below 1 for fields steeper
+    /// than a distance
+    #[arg(long, default_value_t = 1.0)]
+    relaxation: f64,
     /// Number of views around the object, for runs
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=360))]
     views: u32,
@@ -101,6 +107,8 @@ impl Render {
 
     /// Renders a scene file.
     fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
+        let tracing = trace::Options { relaxation: R::of(self.relaxation), ..Default::default() };
+        tracing.validate().map_err(|e| option_error(e.name, e.found, e.expected))?;
         let file = SceneFile::load(&self.scene)?;
         let size = [file.camera.width, file.camera.height];
         check_film(&self.scene, "/camera", size, 1, RENDER_BYTES)?;
@@ -109,7 +117,7 @@ impl Render {
         let cameras = [file.camera];
         let background = color::<R>(file.background);
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
-        let scene = scene.with_slope_of_field();
+        let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("render");
         let start = Instant::now();
         let image = render(&scene, 0, self.spp, self.seed, &bar_mover(&bar))

@@ -6,7 +6,7 @@ use render::{InvalidField, Scene};
 use super::face_changes::FaceChange;
 use super::neighbours::Neighbours;
 use super::probes::{Place, Probes};
-use super::search::{KnownTangencies, Searches, first_reach};
+use super::search::{KnownTangencies, SAME_DEPTH, SAME_PLACE, Searches, first_reach};
 use super::visibility::visible;
 use crate::film_line::{Crossing, FilmLine, tolerance};
 use trace::Start;
@@ -70,10 +70,14 @@ pub(super) fn crossings<R: Real>(
 /// [`crossings`] takes two depths for those of one surface if a ball as large as the solid could
 /// have both. So it misses silhouettes in front of a surface close behind, and these are among
 /// them.
+/// Those of `known`, sorted by line, are left out: the tracer can pass through a solid that is
+/// shorter than its shortest step along the ray, so that a known silhouette seems to be further
+/// inside.
 pub(super) fn crossings_at<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
     places: &[FaceChange<R>],
+    known: &[Crossing<R>],
 ) -> Result<Crossings<R>, InvalidField> {
     let mut searches = Searches::new();
     let margin = tolerance::<R>();
@@ -85,9 +89,18 @@ pub(super) fn crossings_at<R: Real>(
         let start = Start { s: R::of(s), t, range, reach, steepest: R::one() };
         searches.push(place.line, [from - margin, to + margin], start);
     }
-    let mut known = KnownTangencies::new(lines.len());
-    known.search(scene, lines, &searches);
-    let visible = visible(scene, lines, known.since(0))?;
-    let rays = known.count() as u64;
-    Ok(Crossings { crossings: visible.into_iter().map(|v| v.crossing).collect(), rays })
+    let mut found = KnownTangencies::new(lines.len());
+    found.search(scene, lines, &searches);
+    let visible = visible(scene, lines, found.since(0))?;
+    let is_new = |new: &Crossing<R>| {
+        let first = known.partition_point(|old| old.line < new.line);
+        let same = scene.tracing_scale(lines[new.line].camera, new.rim.t) * R::of(SAME_DEPTH);
+        !known[first..].iter().take_while(|old| old.line == new.line).any(|old| {
+            (old.s - new.s).abs() < SAME_PLACE * tolerance::<R>()
+                && (old.rim.t - new.rim.t).abs() < same
+        })
+    };
+    let rays = found.count() as u64;
+    let crossings = visible.into_iter().map(|visible| visible.crossing).filter(is_new).collect();
+    Ok(Crossings { crossings, rays })
 }

@@ -161,7 +161,7 @@ fn add_silhouettes<R: Real>(
             add_crease(scene, &lines, crease, record);
             ends.push(SegmentEnd::crease(crease.line, crease.middle()));
         }
-        let Crossings { crossings, rays } = crossings_at(scene, &lines, &silhouettes)?;
+        let Crossings { crossings, rays } = crossings_at(scene, &lines, &silhouettes, &crossings)?;
         record.rays += rays;
         for crossing in &crossings {
             add_crossing(&lines[crossing.line], crossing, record);

@@ -72,7 +72,10 @@ pub(super) struct KnownTangencies<R: Real> {
 /// find new ones without end.
 const MAX_TANGENCIES: usize = 64;
 
-/// Two silhouettes of one line at the same film position, within the tolerance, are the same if
+/// The largest distance on the film of two silhouettes at the same position, in tolerances.
+pub(super) const SAME_PLACE: f64 = 10.0;
+
+/// Two silhouettes of one line at the same film position are the same if
 /// their depths differ by less than this, in [`Scene::tracing_scale`]. At 0.005 silhouettes of the
 /// smallest ball of the suite count twice: its error is 4.6 times as large. At 0.08 nothing
 /// changes; parts of a solid this far apart in depth would count as one.
@@ -134,7 +137,7 @@ impl<R: Real> KnownTangencies<R> {
     /// within `same` of its own.
     fn add(&mut self, found: LineTangency<R>, same: R) {
         let near = |other: &Tangency<R>| {
-            (other.s - found.tangency.s).to_double().abs() < 10.0 * tolerance::<R>()
+            (other.s - found.tangency.s).to_double().abs() < SAME_PLACE * tolerance::<R>()
                 && (other.t - found.tangency.t).abs() < same
         };
         let of_line = &self.of_line[found.line];

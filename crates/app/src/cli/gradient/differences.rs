@@ -8,7 +8,7 @@ use field::{Counted, Evaluations, Field};
 use film::Film;
 use gradient::finite_difference;
 use io::InputError;
-use render::{Scene, render};
+use render::{SLOPE_POINTS, Scene, render};
 use scene::SceneFile;
 use serde_json::Value;
 
@@ -124,6 +124,12 @@ fn image<R: EstimatorPrecision>(
     let cameras = [file.camera];
     let background = color::<R>(file.background);
     let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
-    let image = render(&scene.with_options(tracing).with_slope_of_field(), 0, spp, seed, &|_| {})?;
+    let image = render(
+        &scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS),
+        0,
+        spp,
+        seed,
+        &|_| {},
+    )?;
     Ok((image.film, field.evaluations()))
 }

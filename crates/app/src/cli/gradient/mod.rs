@@ -10,7 +10,7 @@ mod target;
 use estimate::{Discontinuity, EstimatorPrecision};
 use field::Counted;
 use io::InputError;
-use render::Scene;
+use render::{SLOPE_POINTS, Scene};
 use scene::{Appearance, SceneFile};
 
 use super::common::{Global, PrecisionArg, bar_mover, check_film, color};
@@ -62,7 +62,7 @@ impl Gradient {
         let cameras = [file.camera];
         let background = color::<R>(file.background);
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
-        let scene = scene.with_options(tracing).with_slope_of_field();
+        let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("gradient");
         let progress = bar_mover(&bar);
         let mut report = match method {
