@@ -146,7 +146,7 @@ fn intervals(sdf: &Value, o: DVec3, d: DVec3) -> Intervals {
 }
 
 /// The part of a smooth surface that lies in the light of the same lamps, and its Lambertian or
-/// constant radiance: the lamps are directional. The derivatives of the radiance jump between parts.
+/// constant radiance. The lamps are directional. Derivatives of the radiance jump between parts.
 pub(crate) fn lit(appearance: &Value, normal: DVec3) -> (u32, DVec3) {
     if appearance["type"] == "constant" {
         return (0, vector(&appearance["radiance"]));
