@@ -2,7 +2,7 @@
 //! and bounds.
 
 use approx::assert_relative_eq;
-use field::{Csg, Field, Kind, Operation, Shape};
+use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -36,6 +36,10 @@ fn cases() -> Vec<(&'static str, Vec<f64>, Build)> {
         }),
         ("subtraction", pair.clone(), |p| {
             Box::new(Csg::new(Operation::Subtraction, torus_and_capsule(p)))
+        }),
+        ("clipped", TORUS.to_vec(), |p| {
+            let ball = Sphere { center: DVec3::new(0.5, 0.0, 0.3), radius: 0.9 };
+            Box::new(Clipped::new(Shape::new(Kind::Torus, p), ball))
         }),
         ("smooth union", [&pair[..], &[0.6]].concat(), |p| {
             Box::new(Csg::smooth_union(p[15], torus_and_capsule(p)))

@@ -39,8 +39,9 @@ use survey::{mark_corners, sample_unmarked};
 /// It is the limit of warps whose V falls off ever faster away from silhouettes.
 ///
 /// It can miss a part that covers less of a pixel than one sample stands for, if no ray of the
-/// pixel comes near it; more samples find it. It does not cover creases and edges of shadows, where
-/// the radiance jumps without a silhouette.
+/// pixel comes near it; more samples find it. Creases, where the normal and so the radiance jumps,
+/// are found between hits on different faces ([`field::Field::faces`]). Edges of shadows are not
+/// covered.
 #[derive(Clone, Copy, Debug)]
 pub struct Refined;
 
