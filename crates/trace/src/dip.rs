@@ -241,3 +241,6 @@ impl<R: Real> DipSearch<R> {
             && slope_right + curvature * right <= self.slopes[1] + slack
     }
 }
+
+#[cfg(test)]
+mod tests;

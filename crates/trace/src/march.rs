@@ -368,3 +368,6 @@ fn expected_root<R: Real>(before: Option<Point<R>>, last: Point<R>, here: Point<
     // A NaN (no root) fails both comparisons.
     (fall > R::zero() && root > R::zero()).then_some(root)
 }
+
+#[cfg(test)]
+mod tests;

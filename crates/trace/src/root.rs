@@ -26,8 +26,8 @@ pub(crate) struct Bracket<R> {
 }
 
 /// Most evaluations of one root. The Illinois method takes three to six from a bracket of
-/// `Options::min_step` in double precision. The width is halved at least once in four evaluations,
-/// so 200 divide it by about 2⁵⁰ in the worst case.
+/// `Options::min_step` in double precision. The width is halved at least once in seven evaluations
+/// (a bisection, and twice [`HALVING_PERIOD`]), so 200 divide it by about 2²⁸ in the worst case.
 const ROOT_EVALUATIONS: u32 = 200;
 
 /// Evaluations in which the bracket has to become half as wide; if it does not, a bisection
@@ -91,3 +91,6 @@ impl<R: Real> Bracket<R> {
         self.last_moved = Some(moved);
     }
 }
+
+#[cfg(test)]
+mod tests;
