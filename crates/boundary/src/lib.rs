@@ -268,7 +268,34 @@ mod tests {
     }
 
     #[test]
+    fn a_renamed_edge_keeps_its_place_and_has_the_new_indices() {
+        for edge in Edges::film(3, 2).as_slice() {
+            let renamed = edge.renamed(|p| 10 * p + 7);
+            assert_eq!(renamed.inside(), edge.inside().map(|p| 10 * p + 7));
+            assert_eq!(renamed.outside(), edge.outside().map(|p| 10 * p + 7));
+            assert_eq!((renamed.point(0.3), renamed.axis()), (edge.point(0.3), edge.axis()));
+        }
+    }
+
+    /// A flux leaves `inside` and enters `outside`, in each colour channel for itself.
+    #[test]
+    fn a_flux_goes_from_pixel_to_pixel_in_every_channel() {
+        let edges = Edges::film(2, 1);
+        let is_shared = |e: &&Edge| e.inside() == Some(0) && e.outside() == Some(1);
+        let shared: Vec<&Edge> = edges.as_slice().iter().filter(is_shared).collect();
+        assert_eq!((shared.len(), shared[0].normal(), shared[0].axis()), (1, [1.0, 0.0], 0));
+        let mut out = [[10.0; 3]; 2];
+        shared[0].scatter([1.0, 2.0, 4.0], &mut out);
+        assert_eq!(out, [[9.0, 8.0, 6.0], [11.0, 12.0, 14.0]]);
+        assert_eq!(shared[0].gather(|p| [3.0, 5.0][p]), -2.0);
+        assert_eq!((shared[0].point(0.0), shared[0].point(0.25)), ([1.0, 0.0], [1.0, 0.25]));
+    }
+
+    #[test]
     fn pixels_outside_the_film_are_left_out() {
+        // The last pixel of a row and of a column is inside, the next one is not.
+        assert_eq!(Edges::of(&[(4, 3)], 5, 4).as_slice().len(), 4);
+        assert!(Edges::of(&[(5, 0), (0, 4)], 5, 4).as_slice().is_empty());
         assert!(Edges::of(&[(7, 0), (0, 9)], 5, 4).as_slice().is_empty());
         assert!(Edges::film(0, 0).as_slice().is_empty());
     }

@@ -212,7 +212,11 @@ fn a_decay_of_one_is_refused() {
 fn norms_of_very_large_and_small_values_are_right() {
     assert_relative_eq!(norm(&[3e30f32, 4e30]), 5e30, max_relative = 1e-6);
     assert_relative_eq!(norm(&[3e-30f32, 4e-30]), 5e-30, max_relative = 1e-6);
-    assert_eq!(norm::<f32>(&[]), 0.0);
+    assert_eq!((norm::<f32>(&[]), norm(&[0.0f32, -0.0])), (0.0, 0.0));
+    assert_eq!(norm(&[-3.0f32]), 3.0);
+    assert_eq!(norm(&[1.0, f32::NEG_INFINITY]), f32::INFINITY);
+    assert!(norm(&[f32::NAN, 1.0]).is_nan());
+    assert_eq!(first_non_finite(&[0.0, 1.0f32]), None);
     assert!(norm(&[1.0, f32::NAN]).is_nan());
     assert_eq!(first_non_finite(&[0.0, f32::INFINITY]), Some((1, f32::INFINITY)));
 }
@@ -225,4 +229,59 @@ fn wrong_lengths_are_errors() {
         Err(OptimError::Length { what: "parameters", .. })
     ));
     assert!(matches!(adam(3).restore(&[0.0; 2], &[0.0; 3], 1), Err(OptimError::Length { .. })));
+}
+
+#[test]
+fn a_gradient_is_clipped_only_if_its_norm_is_finite_and_larger() {
+    let clipped = |mut gradient: [f64; 2], most: f64| (clip_norm(&mut gradient, most), gradient);
+    assert_eq!(clipped([3.0, -4.0], 10.0), (5.0, [3.0, -4.0]));
+    assert_eq!(clipped([3.0, -4.0], 2.5), (5.0, [1.5, -2.0]));
+    assert_eq!(clipped([3.0, f64::INFINITY], 2.5), (f64::INFINITY, [3.0, f64::INFINITY]));
+}
+
+#[test]
+fn errors_name_the_group_the_place_and_the_number() {
+    let groups = || vec![Group::new("low", 0..2), Group::new("high", 2..5)];
+    let mut adam = Adam::<f64>::new(5, groups());
+    let mut p = [0.0; 5];
+    let error = adam.step(&mut p, &[0.0, 0.0, 0.0, 0.0, 1e200], 0.1).unwrap_err();
+    let expected = OptimError::NotFinite { group: String::from("high"), index: 4, value: 1e200 };
+    assert_eq!(error, expected);
+    let error = adam.step(&mut p, &[0.0; 5], f64::INFINITY).unwrap_err();
+    assert_eq!(error, OptimError::Rate { group: String::from("low"), value: f64::INFINITY });
+    let error = adam.restore(&[0.0; 5], &[0.0, 0.0, 0.0, -2.5, 0.0], 1).unwrap_err();
+    let what = "mean square gradient";
+    assert_eq!(error, OptimError::State { what, index: 3, value: -2.5 });
+    // A mean gradient may be negative, a mean square may be zero.
+    assert_eq!(adam.restore(&[-1.0; 5], &[0.0; 5], 1), Ok(()));
+}
+
+#[test]
+fn every_slice_of_a_wrong_length_is_named() {
+    let mut adam = adam(3);
+    let what = |result: Result<(), OptimError>| match result {
+        Err(OptimError::Length { what, found, expected }) => Some((what, found, expected)),
+        _ => None,
+    };
+    let step = adam.step(&mut [0.0; 3], &[0.0; 4], 0.1);
+    assert_eq!(what(step), Some(("gradient", 4, 3)));
+    assert_eq!(what(adam.restore(&[0.0; 2], &[0.0; 3], 1)), Some(("first moments", 2, 3)));
+    assert_eq!(what(adam.restore(&[0.0; 3], &[0.0; 2], 1)), Some(("second moments", 2, 3)));
+}
+
+#[test]
+#[should_panic(expected = "groups [2..5] reach beyond the 4 parameters")]
+fn a_group_beyond_the_parameters_is_refused() {
+    Adam::<f64>::new(4, vec![Group::new("a", 2..5)]);
+}
+
+/// Decoupled weight decay with a factor on the rate: the decay uses the rate of the group. The step
+/// of a constant gradient is the rate itself.
+#[test]
+fn the_decay_of_a_group_is_scaled_by_its_rate() {
+    let mut group = Group::new("all", 0..1);
+    (group.rate, group.weight_decay) = (3.0, 0.25);
+    let (mut adam, mut p) = (Adam::<f64>::new(1, vec![group]), [2.0]);
+    adam.step(&mut p, &[1.0], 0.1).unwrap();
+    assert_relative_eq!(p[0], 2.0 - 0.3 - 0.3 * 0.25 * 2.0, epsilon = 1e-7);
 }

@@ -201,6 +201,22 @@ fn a_search_goes_on_while_lines_allow_a_negative_value_and_evaluations_are_left(
     assert_eq!(s.left, DIP_EVALUATIONS - 1);
 }
 
+/// A solid without inner points, |t − 3|: a value of 0 is inside, so its tip is looked at.
+#[test]
+fn a_v_whose_tip_is_exactly_zero_is_followed_to_its_tip() {
+    let f = |t: f64| point(t, (t - 3.0).abs());
+    let next = DipSearch::new(f(1.0), f(6.0), -1.0, 1.0).narrow(f(2.0));
+    assert!(matches!(next, DipStep::Evaluate(3.0)));
+}
+
+#[test]
+fn a_search_ends_where_no_number_is_left_beside_the_lowest_point() {
+    let ulps = |n: f64| 1.0 + n * f64::EPSILON;
+    let steep = 4.0 / f64::EPSILON;
+    let mut search = DipSearch::new(point(1.0, 1.0), point(ulps(2.0), 1.0), -steep, steep);
+    assert!(matches!(search.narrow(point(ulps(1.0), 0.5)), DipStep::NoDip));
+}
+
 /// An agreement within [`PREDICTION_TOLERANCE`] of the value ends a search.
 #[test]
 fn a_search_ends_where_the_prediction_was_good() {
