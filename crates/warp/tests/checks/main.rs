@@ -2,6 +2,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "film axes and points go in step: an index says so")]
 
+mod batches;
 mod continuity;
 mod derivatives;
 mod lemmas;
