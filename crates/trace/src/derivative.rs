@@ -91,3 +91,73 @@ pub fn hit_vjp<R: Real>(
 ) -> HitAdjoint<R> {
     HitAdjoint { alpha: -point_bar.dot(direction) / facing(gradient, direction), c: m }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use glam::DVec3;
+
+    const BALL: Sphere<f64> = Sphere { center: DVec3::new(0.5, -1.0, 0.25), radius: 2.0 };
+
+    #[test]
+    fn entry_and_exit_follow_the_ball() {
+        let origin = DVec3::new(0.7, -0.4, 5.0);
+        let direction = DVec3::new(0.05, -0.1, -1.0).normalize();
+        for tangent in [DVec3::X, DVec3::Y, DVec3::new(0.3, -2.0, 0.5)] {
+            let dot = tangent.reject_from_normalized(direction);
+            let at = |h: f64| Ray::enter(origin, (direction + h * dot).normalize(), &BALL);
+            let (Some(here), Some(plus), Some(minus)) = (at(0.0), at(1e-5), at(-1e-5)) else {
+                panic!("the rays meet the ball")
+            };
+            let entry = (plus.near - minus.near) / 2e-5;
+            let exit = (plus.far - minus.far) / 2e-5;
+            assert_relative_eq!(entry_derivative(&here, &BALL, dot), entry, epsilon = 1e-6);
+            assert_relative_eq!(exit_derivative(&here, &BALL, dot), exit, epsilon = 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_end_that_is_not_on_the_sphere_does_not_move() {
+        let direction = -DVec3::Z;
+        let ray = Ray::enter(BALL.center + DVec3::X, direction, &BALL);
+        let ray = ray.unwrap_or_else(|| panic!("the ray starts in the ball"));
+        assert_eq!(ray.near, 0.0);
+        assert_eq!(entry_derivative(&ray, &BALL, DVec3::X), 0.0);
+        // The exit at √3 below: −t (x − c)·∂d/((x − c)·d) with (x − c)·∂d = 1.
+        let exit = exit_derivative(&ray, &BALL, DVec3::X);
+        assert_relative_eq!(exit, -1.0, epsilon = 1e-12);
+        let cut = Ray { far: 1.0, ..ray };
+        assert_eq!(exit_derivative(&cut, &BALL, DVec3::X), 0.0);
+    }
+
+    /// A plane with the normal (0, 3, 4)/5, hit at distance 2 by a ray along −z.
+    #[test]
+    fn a_hit_moves_along_its_plane() {
+        let gradient = DVec3::new(0.0, 3.0, 4.0);
+        let moved = hit_film_derivative::<f64>(gradient, -DVec3::Z, 2.0, DVec3::Y);
+        assert_relative_eq!(moved.distance(DVec3::new(0.0, 2.0, -1.5)), 0.0, epsilon = 1e-12);
+        let aside = hit_film_derivative::<f64>(gradient, -DVec3::Z, 2.0, DVec3::X);
+        assert_relative_eq!(aside.distance(DVec3::new(2.0, 0.0, 0.0)), 0.0, epsilon = 1e-12);
+    }
+
+    /// If f grows by 1, that hit moves along the ray by 1/4; a normal's adjoint counts across it.
+    #[test]
+    fn adjoints_of_a_hit_on_a_plane_are_exact() {
+        let gradient = DVec3::new(0.0, 3.0, 4.0);
+        let m = HitAdjoint::<f64>::normal_coefficient(gradient, DVec3::new(7.0, 5.0, 0.0));
+        // (I − n nᵀ)(7, 5, 0) = (7, 5, 0) − 3 (0, 0.6, 0.8), by the length 5.
+        assert_relative_eq!(m.distance(DVec3::new(1.4, 0.64, -0.48)), 0.0, epsilon = 1e-12);
+        let adjoint = hit_vjp::<f64>(gradient, -DVec3::Z, DVec3::new(9.0, 9.0, 2.0), m);
+        assert_eq!((adjoint.alpha, adjoint.c), (-0.5, m));
+    }
+
+    #[test]
+    fn a_tangent_hit_has_finite_derivatives() {
+        // ∇f·d counts as −1e-4 |∇f| at least.
+        let moved = hit_film_derivative::<f64>(DVec3::Y * 2.0, -DVec3::Z, 3.0, DVec3::Y);
+        let expected = DVec3::new(0.0, 3.0, -3.0 / MIN_COSINE);
+        assert_relative_eq!(moved.distance(expected), 0.0, epsilon = 1e-6);
+        assert!(hit_film_derivative::<f64>(DVec3::ZERO, -DVec3::Z, 3.0, DVec3::Y).is_finite());
+    }
+}

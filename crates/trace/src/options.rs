@@ -98,9 +98,23 @@ mod tests {
             (Options { relaxation: f64::NAN, ..good }, "relaxation"),
             (Options { tolerance: -1.0, ..good }, "tolerance"),
             (Options { min_step: 0.0, ..good }, "min_step"),
+            (Options { relaxation: 1.01, ..good }, "relaxation"),
+            (Options { tolerance: 1.0, ..good }, "tolerance"),
+            (Options { tolerance: f64::NAN, ..good }, "tolerance"),
+            (Options { min_step: 1.0, ..good }, "min_step"),
+            (Options { min_step: -0.1, ..good }, "min_step"),
         ];
         for (options, name) in bad {
             assert_eq!(options.validate().unwrap_err().name, name);
         }
+        let limits = [
+            Options { step_limit: 1, ..good },
+            Options { relaxation: 1e-300, ..good },
+            Options { tolerance: 0.0, ..good },
+            Options { tolerance: 0.999, min_step: 0.999, ..good },
+        ];
+        assert!(limits.iter().all(|options| options.validate().is_ok()));
+        // 16 units in the last place of 1.
+        assert_eq!(good.tolerance, f64::EPSILON * 16.0);
     }
 }

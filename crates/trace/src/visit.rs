@@ -153,3 +153,67 @@ impl<R: Real> Visits<R> {
         (step < left).then_some(t + step)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use field::{Kind, Shape};
+    use glam::DVec3;
+
+    fn ray(origin: DVec3) -> Ray<f64> {
+        Ray { origin, direction: -DVec3::Z, near: 1.0, far: 6.0, scale: 1.0 }
+    }
+
+    /// The half space z ≤ 0, seen from z = 5: with ρ = 1 the second point is the root, where the
+    /// recursion stands still. With ρ = 1/2 each step halves the rest.
+    #[test]
+    fn steps_towards_a_plane_shrink_geometrically() {
+        let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 0.0, 1.0, 0.0]);
+        let rays = [ray(DVec3::new(0.0, 0.0, 5.0))];
+        let whole = visit(&plane, &rays, 10, 1.0);
+        assert_eq!((whole.ray(0).t, whole.ray(0).f), (&[1.0, 5.0][..], &[4.0, 0.0][..]));
+        assert_eq!((whole.ray(0).step, whole.ray(0).clamped), (&[4.0, 0.0][..], false));
+        assert!(whole.ray(0).valid && whole.ray(0).gradient.iter().all(|g| *g == DVec3::Z));
+        let half = visit(&plane, &rays, 10, 0.5);
+        let v = half.ray(0);
+        assert_eq!(v.t.len(), 10);
+        for (i, rest) in (0..10).map(|i| (i as usize, 4.0 * 0.5f64.powi(i))) {
+            assert_relative_eq!(v.t[i], 5.0 - rest, epsilon = 1e-12);
+            assert_relative_eq!(v.f[i], rest, epsilon = 1e-12);
+            assert_relative_eq!(v.step[i], 0.5 * rest, epsilon = 1e-12);
+        }
+    }
+
+    /// A ray that moves away from a plane: f = 1, 2, 4 at t = 1, 2, 4, and 2 of the last 4 are left.
+    #[test]
+    fn the_last_step_is_cut_off_at_the_end_of_the_interval() {
+        let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 0.0, -1.0, 0.0]);
+        let rays = [ray(DVec3::ZERO), ray(DVec3::new(0.0, 0.0, 9.0))];
+        let visits = visit(&plane, &rays, 10, 1.0);
+        assert_eq!((visits.len(), visits.is_empty()), (2, false));
+        let v = visits.ray(0);
+        assert_eq!((v.t, v.step), (&[1.0, 2.0, 4.0][..], &[1.0, 2.0, 2.0][..]));
+        assert!(v.clamped && v.valid);
+        // Inside of the solid f is negative, and the recursion goes back: lengths are positive.
+        let v = visits.ray(1);
+        assert_eq!((v.t[0], v.f[0], v.t[1]), (1.0, -8.0, -7.0));
+        assert_eq!(v.step[0], 5.0);
+        assert!(!v.clamped);
+        let none = visit(&plane, &[], 10, 1.0);
+        assert_eq!((none.len(), none.is_empty()), (0, true));
+    }
+
+    #[test]
+    fn a_record_ends_before_a_number_that_is_not_finite() {
+        let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 0.0, 1.0, 0.0]);
+        let nan = Shape::<f64>::new(Kind::Plane, &[0.0, 0.0, f64::NAN, 0.0]);
+        let good = [ray(DVec3::new(0.0, 0.0, 5.0))];
+        let v = visit(&nan, &good, 4, 1.0);
+        assert_eq!((v.ray(0).t.len(), v.ray(0).valid), (0, false));
+        let infinite = [ray(DVec3::new(0.0, 0.0, f64::INFINITY)), good[0]];
+        let v = visit(&plane, &infinite, 4, 1.0);
+        assert_eq!((v.ray(0).t.len(), v.ray(0).valid), (0, false));
+        assert_eq!((v.ray(1).t.len(), v.ray(1).valid), (2, true));
+    }
+}

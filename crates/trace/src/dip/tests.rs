@@ -201,6 +201,27 @@ fn a_search_goes_on_while_lines_allow_a_negative_value_and_evaluations_are_left(
     assert_eq!(s.left, DIP_EVALUATIONS - 1);
 }
 
+/// (t − 3)² + c between 1 and 6 with its lowest point at 3 + shift: the next trial is the vertex, with
+/// its prediction, unless it is within a twentieth of 5 or a third trial. Then it is by lines.
+#[test]
+fn a_vertex_is_tried_if_it_is_far_enough_from_the_lowest_point() {
+    let c = 1e-3;
+    let f = |t: f64| point(t, (t - 3.0) * (t - 3.0) + c);
+    let next = |shift: f64, left: u32| {
+        let mut s = DipSearch::new(f(1.0), f(6.0), -4.0, 6.0);
+        (s.low, s.left) = (Some(f(3.0 + shift)), left);
+        let (t, predicted) = s.next().unwrap_or((f64::NAN, None));
+        (predicted.is_some_and(|f| (f - c).abs() < 1e-12), (t - 3.0).abs() < 1e-12)
+    };
+    let smallest = 5.0 * MIN_VERTEX_SHIFT;
+    for sign in [-1.0, 1.0] {
+        assert_eq!(next(sign * smallest * 1.01, 14), (true, true));
+        assert_eq!(next(sign * smallest * 1.01, 13), (true, true));
+        assert_eq!(next(sign * smallest * 0.99, 14), (false, false));
+        assert_eq!(next(sign * smallest * 1.01, 15), (false, false));
+    }
+}
+
 /// A solid without inner points, |t − 3|: a value of 0 is inside, so its tip is looked at.
 #[test]
 fn a_v_whose_tip_is_exactly_zero_is_followed_to_its_tip() {

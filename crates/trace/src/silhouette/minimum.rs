@@ -88,3 +88,68 @@ impl<R: Real> Minimum<R> {
         self.before.gradient.length().max(self.after.gradient.length())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use glam::DVec3;
+
+    /// A point with a gradient of the given slope along the ray, +x, and of 1 across it.
+    fn point(t: f64, f: f64, slope: f64) -> Point<f64> {
+        Point { t, f, slope, gradient: DVec3::new(slope, 1.0, 0.0) }
+    }
+
+    #[test]
+    fn the_minimum_of_a_parabola_is_exact() {
+        // (t − 3)² + c: its tangents at 2 and at 5 meet at 3.5, at the height c − 2.
+        for c in [-0.5, 0.0, 0.25] {
+            let at = |t: f64| point(t, (t - 3.0) * (t - 3.0) + c, 2.0 * (t - 3.0));
+            let m = Minimum::between(at(2.0), at(5.0), DVec3::new(0.0, 7.0, 0.0));
+            assert_relative_eq!(m.t, 3.0, epsilon = 1e-12);
+            assert_relative_eq!(m.f, c, epsilon = 1e-12);
+            assert_relative_eq!(m.meeting, 3.5, epsilon = 1e-12);
+            assert_relative_eq!(m.gap, 3.0, epsilon = 1e-12);
+            assert_relative_eq!(m.weight, 1.0 / 3.0, epsilon = 1e-12);
+            // The interpolated gradient is orthogonal to the ray, and ∂m/∂s = ∇f·∂d t.
+            assert_relative_eq!(m.gradient.distance(DVec3::Y), 0.0, epsilon = 1e-12);
+            assert_relative_eq!(m.slope, 21.0, epsilon = 1e-12);
+            assert_eq!(m.width(), 3.0);
+            assert_relative_eq!(m.steepest(), 17f64.sqrt(), epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_minimum_of_a_kink_is_the_point_next_to_its_tip() {
+        // −(t − 3) before 3 and 2 (t − 3) behind, plus 0.5.
+        let at = |t: f64| {
+            let slope = if t < 3.0 { -1.0 } else { 2.0 };
+            point(t, slope * (t - 3.0) + 0.5, slope)
+        };
+        // A parabola's minimum would lie below the tip in the first case, and above the lower point
+        // in the second.
+        for (a, b, nearer, f) in [(2.875, 4.0, 2.875, 0.5), (2.0, 3.0625, 3.0625, 0.625)] {
+            let m = Minimum::between(at(a), at(b), DVec3::Y);
+            assert_eq!(m.t, nearer);
+            assert_relative_eq!(m.meeting, 3.0, epsilon = 1e-12);
+            assert_relative_eq!(m.f, f, epsilon = 1e-12);
+            assert_relative_eq!(m.gap, at(nearer).f - 0.5, epsilon = 1e-12);
+            assert_relative_eq!(m.weight, 1.0 / 3.0, epsilon = 1e-12);
+            assert_relative_eq!(m.slope, nearer, epsilon = 1e-12);
+        }
+        // Both points are as far from the tip: neither is taken for it.
+        let m = Minimum::between(at(2.5), at(3.25), DVec3::Y);
+        assert_relative_eq!(m.t, 2.75, epsilon = 1e-12);
+    }
+
+    #[test]
+    fn faces_differ_by_their_gradients() {
+        let gradient = |gradient: DVec3| Point { t: 1.0, f: 0.0, slope: 0.0, gradient };
+        let base = gradient(DVec3::new(0.0, 4.0, 0.0));
+        // Longer gradients of 4, turned by 9 % and by 11 % of their length.
+        assert!(!on_different_faces(base, gradient(DVec3::new(0.36, 4.0, 0.0))));
+        assert!(on_different_faces(base, gradient(DVec3::new(0.44, 4.0, 0.0))));
+        assert!(on_different_faces(base, gradient(DVec3::new(0.0, -4.0, 0.0))));
+        assert!(!on_different_faces(gradient(DVec3::ZERO), gradient(DVec3::ZERO)));
+    }
+}
