@@ -148,12 +148,12 @@ fn the_expected_root_is_that_of_the_line_or_of_the_parabola() {
     // 9 − 2t from t = 2: the root is at 4.5.
     let line = |t: f64| 9.0 - 2.0 * t;
     assert_relative_eq!(root(None, 1.5, 2.0, line).unwrap_or(0.0), 2.5, epsilon = 1e-12);
-    assert_relative_eq!(root(Some(0.0), 1.5, 2.0, line).unwrap_or(0.0), 2.5, epsilon = 1e-12);
+    assert_relative_eq!(root(Some(0.25), 1.5, 2.0, line).unwrap_or(0.0), 2.5, epsilon = 1e-12);
     // Opening upwards with the first root at 3, and opening downwards with its root at 3.
     let upwards = |t: f64| (t - 3.0) * (t - 7.0);
-    assert_relative_eq!(root(Some(0.0), 0.5, 2.0, upwards).unwrap_or(0.0), 1.0, epsilon = 1e-12);
+    assert_relative_eq!(root(Some(0.25), 0.5, 2.0, upwards).unwrap_or(0.0), 1.0, epsilon = 1e-12);
     let downwards = |t: f64| 2.0 * (3.0 - t) * (t + 5.0);
-    assert_relative_eq!(root(Some(0.0), 0.5, 2.0, downwards).unwrap_or(0.0), 1.0, epsilon = 1e-12);
+    assert_relative_eq!(root(Some(0.25), 0.5, 2.0, downwards).unwrap_or(0.0), 1.0, epsilon = 1e-12);
     // f rises; the parabola stays above zero; its roots lie behind.
     assert!(root(None, 1.0, 2.0, |t| t).is_none());
     assert!(root(None, 1.0, 2.0, |_| 1.0).is_none());
@@ -210,14 +210,16 @@ fn a_plane_ahead_takes_four_evaluations() {
     }
 }
 
-/// f = 1 at all points: after the first step of 1 (a radius), each step is 0.95 times the 2 at which
-/// balls of radius 1 touch. The ray ends at the first point with less than a radius left.
+/// f = 1 at all points, and slopes of up to 1/ρ are expected: balls have the radius ρ. After a first
+/// step of one radius, each step is 0.95 times the 2ρ at which balls touch. The ray ends at the
+/// first point with less than a radius left.
 #[test]
-fn a_ray_beside_a_plane_takes_steps_of_nearly_a_ball() {
-    for far in [9.0, 20.0, 33.3] {
-        let found = trace(3.0, far, |_| 1.0);
-        let left = far - 3.0 - 1.0f64.min(FIRST_STEP_PER_INTERVAL * (far - 3.0)) - 1.0;
-        let expected = 2 + (left / (2.0 * TOUCHING_STEP)).ceil() as u32;
+fn a_ray_beside_a_plane_takes_steps_of_nearly_two_radii() {
+    for (far, relaxation) in [(9.0, 1.0), (20.0, 1.0), (33.3, 1.0), (20.0, 0.5), (9.1, 0.3)] {
+        let options = Options { relaxation, ..Options::default() };
+        let found = trace_with(ray(3.0, far, 2.0), &options, |_| 1.0);
+        let left = far - 3.0 - 2.0 * relaxation;
+        let expected = 2 + (left / (2.0 * TOUCHING_STEP * relaxation)).ceil() as u32;
         assert_eq!((found.outcome, found.steps), (Outcome::Miss, expected), "to {far}");
         assert_eq!(found.f, 1.0);
     }
@@ -329,7 +331,7 @@ proptest! {
     #[test]
     fn a_wedge_is_hit_exactly_if_its_edge_is_below_zero(
         edge in 4.0..8.0f64,
-        depth in 1e-9..1e-2f64,
+        depth in (-9.0..-2.0f64).prop_map(|exponent| f64::powf(10.0, exponent)),
         slopes in (0.1..1.0f64, 0.1..1.0f64),
         inside in any::<bool>(),
     ) {
