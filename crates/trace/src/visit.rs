@@ -185,7 +185,7 @@ mod tests {
         }
     }
 
-    /// A ray that moves away from a plane: f = 1, 2, 4 at t = 1, 2, 4, and 2 of the last 4 are left.
+    /// A ray that moves away from a plane: f = 1, 2, 4 at t = 1, 2, 4. Of the last 4, 2 are left.
     #[test]
     fn the_last_step_is_cut_off_at_the_end_of_the_interval() {
         let plane = Shape::<f64>::new(Kind::Plane, &[0.0, 0.0, -1.0, 0.0]);

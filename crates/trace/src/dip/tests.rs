@@ -201,8 +201,8 @@ fn a_search_goes_on_while_lines_allow_a_negative_value_and_evaluations_are_left(
     assert_eq!(s.left, DIP_EVALUATIONS - 1);
 }
 
-/// (t − 3)² + c between 1 and 6 with its lowest point at 3 + shift: the next trial is the vertex, with
-/// its prediction, unless it is within a twentieth of 5 or a third trial. Then it is by lines.
+/// (t − 3)² + c between 1 and 6, with the lowest point at 3 + shift. The next trial is the vertex,
+/// with its prediction, unless it is within a twentieth of 5 or a third trial. Then it is by lines.
 #[test]
 fn a_vertex_is_tried_if_it_is_far_enough_from_the_lowest_point() {
     let c = 1e-3;

@@ -49,7 +49,7 @@ fn trace_with(
     out[0]
 }
 
-/// Calls `act` with a tracer of a ray of the given interval and scale, with a shortest step of 0.01.
+/// Calls `act` with a tracer of a ray of the given interval and scale. The shortest step is 0.01.
 fn with_tracer<T>(
     (near, far, scale): (f64, f64, f64),
     act: impl FnOnce(&mut Tracer<'_, f64>, &mut RayState<f64>) -> T,
@@ -210,9 +210,9 @@ fn a_plane_ahead_takes_four_evaluations() {
     }
 }
 
-/// f = 1 at all points, and slopes of up to 1/ρ are expected: balls have the radius ρ. After a first
-/// step of one radius, each step is 0.95 times the 2ρ at which balls touch. The ray ends at the
-/// first point with less than a radius left.
+/// f = 1 at all points, and slopes of up to 1/ρ are expected: balls have the radius ρ. After a
+/// first step of one radius, each step is 0.95 times the 2ρ at which balls touch. The ray ends at
+/// the first point with less than a radius left.
 #[test]
 fn a_ray_beside_a_plane_takes_steps_of_nearly_two_radii() {
     for (far, relaxation) in [(9.0, 1.0), (20.0, 1.0), (33.3, 1.0), (20.0, 0.5), (9.1, 0.3)] {

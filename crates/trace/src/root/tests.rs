@@ -69,8 +69,8 @@ fn the_middle_follows_where_the_secant_rounds_to_an_end() {
     assert_eq!(bracket((1.0, 1e-40), (3.0, -1.0)).trial(0.0), Some(2.0));
 }
 
-/// The weights of the ends that stay, by hand: an end that stays for the second time in a row counts
-/// with half of its value, and with its whole value after it has moved or the other end has stayed.
+/// The weights of the ends that stay, by hand: an end that stays for the second time in a row
+/// counts with half of its value, and with its whole value after the other end has stayed.
 #[test]
 fn an_end_that_stays_twice_counts_half() {
     // In eighths beyond 1.
