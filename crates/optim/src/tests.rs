@@ -285,3 +285,14 @@ fn the_decay_of_a_group_is_scaled_by_its_rate() {
     adam.step(&mut p, &[1.0], 0.1).unwrap();
     assert_relative_eq!(p[0], 2.0 - 0.3 - 0.3 * 0.25 * 2.0, epsilon = 1e-7);
 }
+
+/// Both factors are finite, and their product overflows.
+#[test]
+fn a_rate_that_overflows_with_the_factor_of_its_group_is_refused() {
+    let mut group = Group::new("all", 0..1);
+    group.rate = 1e200;
+    let (mut adam, mut p) = (Adam::<f64>::new(1, vec![group]), [2.0]);
+    let error = adam.step(&mut p, &[1.0], 1e200).unwrap_err();
+    assert_eq!(error, OptimError::Rate { group: String::from("all"), value: f64::INFINITY });
+    assert_eq!((p, adam.state().2), ([2.0], 0));
+}
