@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use approx::assert_relative_eq;
-use field::{Counted, Csg, Field, Kind, Operation, Real, Shape, Vector3};
+use field::{Counted, Csg, Field, Kind, Operation, Real, Shape, Sphere, Vector3};
 use glam::DVec3;
 use proptest::prelude::*;
 use trace::{RayFamily, Start, Tangency, tangencies};
@@ -78,6 +78,47 @@ fn value(field: &dyn Field<f64>, x: DVec3) -> f64 {
     let mut f = [0.0];
     field.value(&[x], &mut f);
     f[0]
+}
+
+/// Four times the distance to a ball about the origin: |∇f| is 4.
+struct SteepBall(f64);
+
+impl Field<f64> for SteepBall {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+    fn bounds(&self) -> Option<Sphere<f64>> {
+        None
+    }
+    fn value(&self, x: &[DVec3], f: &mut [f64]) {
+        f.iter_mut().zip(x).for_each(|(f, x)| *f = 4.0 * (x.length() - self.0));
+    }
+    fn value_gradient(&self, x: &[DVec3], f: &mut [f64], g: &mut [DVec3]) {
+        self.value(x, f);
+        g.iter_mut().zip(x).for_each(|(g, x)| *g = 4.0 * x.normalize());
+    }
+    fn hessian_vector(&self, _: &[DVec3], _: &[DVec3], _: &mut [DVec3], _: &mut [DVec3]) {}
+    fn parameter_vjp(&self, _: &[DVec3], _: &[f64], _: &[DVec3], _: &mut [f64]) {}
+}
+
+/// The start at distance 3 along a ray at an angle of 0.1: the cosine between the reversed ray and
+/// the direction to that point from the origin is given by the triangle of both and the eye.
+#[test]
+fn a_search_fails_at_once_where_the_ray_meets_the_surface_too_steeply() {
+    let (s, t, eye) = (0.1f64, 3.0, 4.0);
+    let distance = (eye * eye + t * t - 2.0 * eye * t * s.cos()).sqrt();
+    let cosine = (eye * s.cos() - t) / distance;
+    for (steepest, found) in [(cosine * 0.99, false), (cosine * 1.01, true), (1.0, true)] {
+        let ball = Counted::new(SteepBall(0.8));
+        let start = Start { s, t, range: [0.0, 0.5], reach: 0.1, steepest };
+        let tangency = tangencies(&ball, &plane(DVec3::X), &[start], 1e-6)[0];
+        assert_eq!(tangency.is_some(), found, "steepest {steepest}");
+        assert_eq!(ball.evaluations().gradient == 1, !found);
+        if let Some(tangency) = tangency {
+            assert_relative_eq!(tangency.s, 0.2f64.asin(), epsilon = 1e-6);
+            assert_relative_eq!(tangency.slope, 4.0 * tangency.t, epsilon = 1e-3);
+        }
+    }
 }
 
 proptest! {

@@ -137,6 +137,11 @@ mod tests {
             assert_relative_eq!(m.weight, 1.0 / 3.0, epsilon = 1e-12);
             assert_relative_eq!(m.slope, nearer, epsilon = 1e-12);
         }
+        // The heights above the tip decide, here 0.4 and 4, and not the values.
+        for offset in [0.0, 9.5] {
+            let high = |t: f64| Point { f: at(t).f + offset, ..at(t) };
+            assert_eq!(Minimum::between(high(2.6), high(5.0), DVec3::Y).t, 2.6);
+        }
         // Both points are as far from the tip: neither is taken for it.
         let m = Minimum::between(at(2.5), at(3.25), DVec3::Y);
         assert_relative_eq!(m.t, 2.75, epsilon = 1e-12);
