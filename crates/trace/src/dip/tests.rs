@@ -233,9 +233,9 @@ fn a_v_whose_tip_is_exactly_zero_is_followed_to_its_tip() {
 #[test]
 fn a_search_ends_where_no_number_is_left_beside_the_lowest_point() {
     let ulps = |n: f64| 1.0 + n * f64::EPSILON;
-    let steep = 4.0 / f64::EPSILON;
+    let steep = 40.0 / f64::EPSILON;
     let mut search = DipSearch::new(point(1.0, 1.0), point(ulps(2.0), 1.0), -steep, steep);
-    assert!(matches!(search.narrow(point(ulps(1.0), 0.5)), DipStep::NoDip));
+    assert!(matches!(search.narrow(point(ulps(1.0), 0.1)), DipStep::NoDip));
 }
 
 /// An agreement within [`PREDICTION_TOLERANCE`] of the value ends a search.
