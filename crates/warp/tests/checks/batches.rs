@@ -67,6 +67,18 @@ fn a_ray_that_is_not_valid_has_no_samples_and_is_counted() {
     }
 }
 
+/// The motion of the end of the interval is an input of rays that reach it, and of no other.
+#[test]
+fn the_motion_of_the_exit_counts_for_rays_that_reach_it() {
+    let scene = Scene::new(field(0), WarpOptions { top_k: 7, ..IMAGE });
+    let records = records(&scene);
+    for (clamped, valid) in [(false, true), (true, false)] {
+        let ray = WarpedRay { clamped, exit_du: [f64::NAN; 2], ..records[0].ray() };
+        assert_eq!(scene.warp(&[ray]).valid, [valid], "clamped: {clamped}");
+        assert_eq!(scene.warp_with_divergence(&[ray]).warp.valid, [valid], "clamped: {clamped}");
+    }
+}
+
 /// With half of the focal length, V is half as long.
 #[test]
 fn every_ray_has_its_own_chart() {
