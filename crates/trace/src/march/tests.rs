@@ -32,7 +32,7 @@ impl<F: Fn(f64) -> f64 + Send + Sync> Field<f64> for Along<F> {
 }
 
 fn ray(near: f64, far: f64, scale: f64) -> Ray<f64> {
-    Ray { origin: DVec3::ZERO, direction: DVec3::X, near, far, scale }
+    Ray { origin: DVec3::ZERO, direction: DVec3::X, near, far, scale, spread: 0.0 }
 }
 
 fn trace(near: f64, far: f64, f: impl Fn(f64) -> f64 + Send + Sync) -> Intersection<f64> {
@@ -244,7 +244,7 @@ fn a_ray_ends_at_a_value_that_is_not_finite_and_at_a_start_inside() {
 fn the_step_limit_ends_a_ray_at_its_lowest_point() {
     for step_limit in [1, 2, 5] {
         let options = Options { step_limit, ..Options::default() };
-        let found = trace_with(ray(3.0, 1000.0, 2.0), &options, |t| 1.0 + 0.01 * (5.0 - t).abs());
+        let found = trace_with(ray(3.0, 1000.0, 100.0), &options, |t| 1.0 + 0.01 * (5.0 - t).abs());
         assert_eq!((found.outcome, found.steps), (Outcome::Miss, step_limit));
         assert!(found.f < 1.03 && found.f >= 1.0, "{found:?}");
     }
