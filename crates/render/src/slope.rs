@@ -15,8 +15,8 @@ const LEARNED: f64 = 1.5;
 /// Points of [`slope`] that are enough for one scene: a few thousandths of an image's evaluations.
 pub const SLOPE_POINTS: u64 = 4096;
 
-/// The [`QUANTILE`] of |∇f| over `points` random points of a ball, per world unit, and at least 1:
-/// 1 also for slopes up to [`LEARNED`].
+/// The 98 % quantile of |∇f| over `points` random points of a ball, per world unit, and at least 1:
+/// 1 also for slopes up to 1.5.
 ///
 /// It costs nothing for a field that is known to be Lipschitz. The points are the same at every
 /// call. Points whose gradient is not finite are left out.
