@@ -28,6 +28,14 @@ impl Stream {
     pub fn unit(self) -> f64 {
         (self.key >> 11) as f64 / (1u64 << 53) as f64
     }
+
+    /// A point uniform in the unit ball.
+    pub fn in_ball(self) -> [f64; 3] {
+        let [a, b, c] = [0, 1, 2].map(|i| self.at(i).unit());
+        let (z, angle) = (2.0 * a - 1.0, std::f64::consts::TAU * b);
+        let across = (1.0 - z * z).sqrt();
+        [across * angle.cos(), across * angle.sin(), z].map(|v| v * c.cbrt())
+    }
 }
 
 /// A well-mixed number from two: the finaliser of SplitMix64 (Steele, Lea and Flood, "Fast
@@ -51,6 +59,18 @@ pub fn gaussian([a, b]: [f64; 2]) -> [f64; 2] {
 mod tests {
     use super::*;
     use std::collections::HashSet;
+
+    #[test]
+    fn points_are_uniform_in_the_unit_ball() {
+        let (n, stream) = (20_000, Stream::new(1, Purpose::EikonalPoints));
+        let points: Vec<[f64; 3]> = (0..n).map(|i| stream.at(i).in_ball()).collect();
+        let length = |p: &[f64; 3]| p.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!(points.iter().all(|p| length(p) <= 1.0));
+        let inner = points.iter().filter(|p| length(p) < 0.5).count() as f64 / n as f64;
+        assert!((inner - 0.125).abs() < 0.01, "{inner} within half the radius");
+        let mean = [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / n as f64);
+        assert!(length(&mean) < 0.02, "{mean:?}");
+    }
 
     #[test]
     fn gaussian_numbers_have_unit_variance() {

@@ -26,11 +26,7 @@ pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R 
     }
     let stream = Stream::new(0, Purpose::Slopes);
     let point = |i: u64| {
-        let [a, b, c] = [0, 1, 2].map(|axis| stream.at(i).at(axis).unit());
-        let (z, radius) = (2.0 * a - 1.0, c.cbrt());
-        let (sin, cos) = (std::f64::consts::TAU * b).sin_cos();
-        let across = (1.0 - z * z).sqrt();
-        let unit = [across * cos, across * sin, z].map(|v| R::of(v * radius));
+        let unit = stream.at(i).in_ball().map(R::of);
         ball.center + R::Vec3::from_array(unit) * ball.radius
     };
     let x: Vec<R::Vec3> = (0..points).map(point).collect();

@@ -7,7 +7,6 @@ mod sdf;
 use std::path::Path;
 
 use field::{Clipped, Field, Real, Sphere, Vector3};
-use glam::DVec3;
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
@@ -72,11 +71,10 @@ impl SceneFile {
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
         let background = root.light("background")?;
         root.finish()?;
-        let clip = match sdf.build::<f64>()?.bounds() {
-            Some(_) => None,
-            None => Some(unbounded_ball(&camera)),
-        };
-        let bounds = bounds(&sdf, clip)?;
+        let own_ball = sdf.build::<f64>()?.bounds();
+        let ball = own_ball.unwrap_or_else(|| unbounded_ball(&camera));
+        let clip = own_ball.is_none().then_some(ball);
+        let bounds = ball.scaled(bounds_margin(&sdf));
         Ok(SceneFile { camera, sdf, appearance, background, bounds, clip })
     }
 
@@ -107,15 +105,10 @@ impl SceneFile {
     }
 }
 
-/// The tracing sphere: it has room around the solid, but for a network inside of its own ball.
-fn bounds(sdf: &Sdf, clip: Option<Sphere<f64>>) -> Result<Sphere<f64>> {
-    let ball = match clip {
-        Some(ball) => ball,
-        None => sdf.build::<f64>()?.bounds().unwrap_or(Sphere { center: DVec3::ZERO, radius: 1.0 }),
-    };
-    let margin =
-        if matches!(sdf, Sdf::Neural { clipped: false, .. }) { 1.0 } else { BOUNDS_MARGIN };
-    Ok(ball.scaled(margin))
+/// The radius of the tracing sphere in radii of the solid's ball: it has room around the solid, but
+/// for a network inside of its own ball.
+fn bounds_margin(sdf: &Sdf) -> f64 {
+    if matches!(sdf, Sdf::Neural { clipped: false, .. }) { 1.0 } else { BOUNDS_MARGIN }
 }
 
 /// The ball of an unbounded solid, far outside the camera.

@@ -5,7 +5,7 @@
 
 use estimate::record::PointAdjoint;
 use field::Vector3;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use random::{Purpose, Stream};
 use render::Primary;
 
@@ -71,24 +71,5 @@ impl Chunk<'_> {
 
 /// A uniform random point in the unit ball.
 fn in_ball(stream: Stream) -> Vec3 {
-    let [a, b, c] = [0, 1, 2].map(|i| stream.at(i).unit());
-    let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f64::consts::PI * b);
-    let across = (1.0 - z * z).sqrt();
-    let point = DVec3::new(across * angle.cos(), across * angle.sin(), z) * c.cbrt();
-    <Vec3 as Vector3<f32>>::of(point)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_are_uniform_in_the_unit_ball() {
-        let (n, stream) = (20_000, Stream::new(1, Purpose::EikonalPoints));
-        let points: Vec<Vec3> = (0..n).map(|i| in_ball(stream.at(i))).collect();
-        assert!(points.iter().all(|p| p.length() <= 1.0));
-        let inner = points.iter().filter(|p| p.length() < 0.5).count() as f64 / n as f64;
-        assert!((inner - 0.125).abs() < 0.01, "{inner} within half the radius");
-        assert!(points.iter().sum::<Vec3>().length() / (n as f32) < 0.02);
-    }
+    <Vec3 as Vector3<f32>>::of(stream.in_ball().into())
 }
