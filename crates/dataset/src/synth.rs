@@ -10,7 +10,7 @@ use crate::split::HELD_OUT;
 use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};
-use mesh::{extract, write_mesh};
+use mesh::{Mesh, extract, write_mesh};
 use render::{Camera, SLOPE_POINTS, Scene, render};
 use scene::SceneFile;
 
@@ -114,22 +114,23 @@ pub fn synthesise(
         for (i, camera) in cameras.iter().enumerate() {
             let progress = |p: f64| progress((done + p) / total);
             let image = render(&ready, i, options.spp, options.seed, &progress)?;
-            frames.push(set.write_view(folder, i, camera, image.film, &image.coverage)?);
+            let world = camera.about(-scene.origin);
+            frames.push(set.write_view(folder, i, &world, image.film, &image.coverage)?);
             done += 1.0;
         }
         set.write_transforms(folder, &cameras[0], frames)?;
     }
     copy_scene(source, folder)?;
     let mesh = extract(&*field, &ball.scaled(TRUTH_MARGIN), TRUTH_CELLS, &|_| {});
-    write_mesh(&folder.join("truth.ply"), &mesh)
+    write_mesh(&folder.join("truth.ply"), &Mesh { origin: scene.origin, ..mesh })
 }
 
-/// The solid's bounding ball. Refuses a solid without one, or of a size whose square single
-/// precision cannot represent.
+/// The solid's bounding ball, relative to the scene's origin. Refuses a solid without one, or of a
+/// size whose square single precision cannot represent.
 fn bounding_ball(scene: &SceneFile, source: &Path) -> anyhow::Result<Sphere<f64>> {
     let error =
         |found: String, expected: &str| InputError::new(source, "/sdf", found, expected).into();
-    let Some(ball) = scene.sdf.build::<f64>()?.bounds() else {
+    let Some(ball) = scene.field::<f64>()?.bounds().filter(|_| scene.clip.is_none()) else {
         return Err(error("an unbounded solid".to_owned(), "a solid that a sphere can contain"));
     };
     if ball.center.is_finite() && ((ball.radius * ball.radius) as f32).is_normal() {

@@ -23,7 +23,8 @@ pub struct View {
     pub mask: Option<Vec<f32>>,
 }
 
-/// A data set. Lengths are in its own units.
+/// A data set. Lengths are in its own units. Positions are relative to the origin of these units,
+/// or to a point given to [`Dataset::about`].
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The folder or camera file that was loaded.
@@ -38,4 +39,19 @@ pub struct Dataset {
     pub bounds: Option<Sphere<f64>>,
     /// Points on the scene's surfaces, if the data set has any (COLMAP); else empty.
     pub points: Vec<DVec3>,
+}
+
+impl Dataset {
+    /// The same data set with positions relative to `origin`, a point in its own units.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        for view in self.train.iter_mut().chain(&mut self.test) {
+            view.camera = view.camera.about(origin);
+        }
+        if let Some(bounds) = &mut self.bounds {
+            bounds.center -= origin;
+        }
+        self.points.iter_mut().for_each(|point| *point -= origin);
+        self
+    }
 }

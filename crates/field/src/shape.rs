@@ -48,6 +48,9 @@ impl Kind {
 
 type Vec3<S> = [S; 3];
 
+/// The point that positions are relative to, in world units; `None` for the world's origin.
+type Origin<R> = Option<[R; 3]>;
+
 fn sub<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
     std::array::from_fn(|i| a[i] - b[i])
 }
@@ -67,13 +70,13 @@ fn constant<S: Scalar>(value: f64) -> S {
 
 /// The signed distance of `x` to a shape with parameters `p`. All derivatives come from this
 /// formula.
-fn distance<S: Scalar>(kind: Kind, p: &[S], x: Vec3<S>) -> S {
+fn distance<S: Scalar>(kind: Kind, p: &[S], x: Vec3<S>, origin: Origin<S::Real>) -> S {
     match kind {
         Kind::Sphere => sphere_distance(p, x),
         Kind::Box => box_distance(p, x),
         Kind::Torus => torus_distance(p, x),
         Kind::Capsule => capsule_distance(p, x),
-        Kind::Plane => plane_distance(p, x),
+        Kind::Plane => plane_distance(p, x, origin),
     }
 }
 
@@ -117,9 +120,14 @@ fn capsule_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
 }
 
 #[inline]
-fn plane_distance<S: Scalar>(p: &[S], x: Vec3<S>) -> S {
+fn plane_distance<S: Scalar>(p: &[S], x: Vec3<S>, origin: Origin<S::Real>) -> S {
     let n = first_three(p);
-    dot(x, n) / dot(n, n).sqrt() - p[3]
+    let f = dot(x, n) / dot(n, n).sqrt() - p[3];
+    // The plane turns about the world's origin. The value is that of `x`: the offset is relative.
+    origin.map_or(f, |origin| {
+        let turn = dot(origin.map(S::constant), n) / dot(n, n).sqrt();
+        f + (turn - S::constant(turn.real()))
+    })
 }
 
 /// The largest number of parameters of a kind: the torus has 8.
@@ -134,7 +142,9 @@ const MAX_PARAMETERS: usize = 8;
 #[derive(Clone, Debug)]
 pub struct Shape<R> {
     kind: Kind,
+    /// Relative to `origin`.
     parameters: Vec<R>,
+    origin: Origin<R>,
 }
 
 impl<R: Real + Scalar<Real = R>> Shape<R> {
@@ -143,8 +153,34 @@ impl<R: Real + Scalar<Real = R>> Shape<R> {
     /// # Panics
     /// If the number of parameters is not [`Kind::parameter_count`].
     pub fn new(kind: Kind, parameters: &[f64]) -> Self {
+        Self::about([0.0; 3], kind, parameters)
+    }
+
+    /// The shape of [`new`](Self::new) in coordinates relative to the point `origin`, in world
+    /// units.
+    ///
+    /// A small shape far from the world's origin keeps its digits in single precision only relative
+    /// to a point near it. Derivatives are by the flat parameters of the world.
+    ///
+    /// # Panics
+    /// If the number of parameters is not [`Kind::parameter_count`].
+    pub fn about(origin: [f64; 3], kind: Kind, parameters: &[f64]) -> Self {
         assert_eq!(parameters.len(), kind.parameter_count(), "number of parameters of {kind:?}");
-        Shape { kind, parameters: parameters.iter().map(|&p| R::of(p)).collect() }
+        let mut parameters = parameters.to_vec();
+        let mut subtract = |start: usize| (0..3).for_each(|i| parameters[start + i] -= origin[i]);
+        match kind {
+            Kind::Sphere | Kind::Box | Kind::Torus => subtract(0),
+            Kind::Capsule => [0, 3].into_iter().for_each(subtract),
+            Kind::Plane => {
+                let n = first_three(&parameters);
+                parameters[3] -= dot(origin, n) / Scalar::sqrt(dot(n, n));
+            }
+        }
+        Shape {
+            kind,
+            parameters: parameters.into_iter().map(R::of).collect(),
+            origin: (origin != [0.0; 3]).then(|| origin.map(R::of)),
+        }
     }
 
     /// A sphere, in world units.
@@ -162,7 +198,7 @@ impl<R: Real + Scalar<Real = R>> Shape<R> {
         for (i, &value) in self.parameters.iter().enumerate() {
             p[i] = parameter(i, value);
         }
-        distance(self.kind, &p[..self.parameters.len()], x)
+        distance(self.kind, &p[..self.parameters.len()], x, self.origin)
     }
 }
 
@@ -214,7 +250,7 @@ impl<R: Real + Scalar<Real = R>> Field<R> for Shape<R> {
 
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
         for (x, f) in x.iter().zip(f) {
-            *f = distance(self.kind, &self.parameters, x.to_array());
+            *f = distance(self.kind, &self.parameters, x.to_array(), self.origin);
         }
     }
 

@@ -1,5 +1,7 @@
 //! Balls that bound fields.
 
+use glam::DVec3;
+
 use crate::real::{Real, Vector3};
 
 /// A ball of world space, used as the bound of a field.
@@ -49,6 +51,17 @@ impl<R: Real> Sphere<R> {
     /// The ball with the same centre and `factor` times the radius.
     pub fn scaled(&self, factor: R) -> Self {
         Sphere { center: self.center, radius: self.radius * factor }
+    }
+}
+
+impl Sphere<f64> {
+    /// The origin of coordinates in which single precision can describe the ball: its centre where
+    /// that is further from the world's origin than the radius, else the world's origin.
+    ///
+    /// Rounding grows with the distance from the origin. In the second case it is at most twice
+    /// that about the centre, and coordinates keep their bits.
+    pub fn precise_origin(&self) -> DVec3 {
+        if self.center.length() > self.radius { self.center } else { DVec3::ZERO }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use field::Sphere;
+use glam::DVec3;
 use io::{InputError, atomic_write};
 use random::{Purpose, Stream};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
@@ -65,22 +66,23 @@ impl Model {
         self.head.set_parameters(head);
     }
 
-    /// Writes `model.safetensors` and `radiance.safetensors` into a run folder.
+    /// Writes `model.safetensors` and `radiance.safetensors` into a run folder, in world units. The
+    /// model is relative to `origin`.
     ///
     /// # Errors
     /// If a file cannot be written. A file that was there before then stays complete.
-    pub fn save(&self, run: &Path) -> anyhow::Result<()> {
-        let field = self.field.to_safetensors()?;
+    pub fn save(&self, run: &Path, origin: DVec3) -> anyhow::Result<()> {
+        let field = self.field.clone().about(-origin).to_safetensors()?;
         atomic_write(&run.join("model.safetensors"), |out| Ok(out.write_all(&field)?))?;
-        let head = self.head.to_safetensors()?;
+        let head = self.head.clone().about(-origin).to_safetensors()?;
         atomic_write(&run.join("radiance.safetensors"), |out| Ok(out.write_all(&head)?))
     }
 
-    /// Reads the model of a run folder.
+    /// Reads the model of a run folder, for points relative to `origin`.
     ///
     /// # Errors
     /// If a file is missing or is not a model file.
-    pub fn load(run: &Path) -> Result<Self, InputError> {
+    pub fn load(run: &Path, origin: DVec3) -> Result<Self, InputError> {
         let read = |name: &str| {
             let path = run.join(name);
             io::read(&path, "model", "the model file of a run")
@@ -88,11 +90,12 @@ impl Model {
         let wrong = |name: &str, e: sdf_nn::ModelError| {
             InputError::new(run.join(name), "weights", e, "a model file")
         };
-        let field = Network::from_safetensors(&read("model.safetensors")?)
+        let field: Network<f32> = Network::from_safetensors(&read("model.safetensors")?)
             .map_err(|e| wrong("model.safetensors", e))?;
-        let head = RadianceHead::from_safetensors(&read("radiance.safetensors")?)
-            .map_err(|e| wrong("radiance.safetensors", e))?;
-        Ok(Model { field, head })
+        let head: RadianceHead<f32> =
+            RadianceHead::from_safetensors(&read("radiance.safetensors")?)
+                .map_err(|e| wrong("radiance.safetensors", e))?;
+        Ok(Model { field: field.about(origin), head: head.about(origin) })
     }
 }
 

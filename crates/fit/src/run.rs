@@ -164,7 +164,7 @@ impl Fit {
             steps,
         };
         state.save(&self.checkpoint_path())?;
-        self.model.save(&self.folder)
+        self.model.save(&self.folder, self.file.origin())
     }
 
     /// Wall time of all sessions of the run, in seconds.

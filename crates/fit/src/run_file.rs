@@ -30,8 +30,19 @@ pub struct RunFile {
 }
 
 impl RunFile {
-    /// The bounding sphere.
+    /// The point that a run's cameras, model and mesh are relative to, in the units of the data
+    /// set: see [`Sphere::precise_origin`].
+    pub fn origin(&self) -> DVec3 {
+        self.world_sphere().precise_origin()
+    }
+
+    /// The bounding sphere, relative to [`origin`](Self::origin).
     pub fn sphere(&self) -> Sphere<f64> {
+        let sphere = self.world_sphere();
+        Sphere { center: sphere.center - self.origin(), ..sphere }
+    }
+
+    fn world_sphere(&self) -> Sphere<f64> {
         let [x, y, z, radius] = self.bounds;
         Sphere { center: DVec3::new(x, y, z), radius }
     }
@@ -86,7 +97,7 @@ impl RunFile {
 
     fn refuse_out_of_range(&self, path: &Path) -> Result<(), InputError> {
         let Background { color, spread, confidence } = self.background();
-        let sphere = self.sphere();
+        let sphere = self.world_sphere();
         let positive =
             sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;
         let FitOptions { iterations, time, .. } = self.options;

@@ -122,13 +122,13 @@ fn read_meshes(folder: &Path) -> anyhow::Result<()> {
 }
 
 fn read_model(folder: &Path) -> anyhow::Result<()> {
-    Model::load(folder)?;
+    Model::load(folder, DVec3::ZERO)?;
     Ok(())
 }
 
 fn read_scene(folder: &Path) -> anyhow::Result<()> {
     let scene = SceneFile::load(&folder.join("scene.json"))?;
-    let field = scene.sdf.build::<f32>()?;
+    let field = scene.field::<f32>()?;
     scene.shader(&*field)?;
     Ok(())
 }
@@ -161,7 +161,7 @@ fn one_view() -> Option<Dataset> {
 fn read_run(folder: &Path) -> anyhow::Result<()> {
     let run = folder.join("run");
     let file = RunFile::load(&run)?;
-    Model::load(&run)?;
+    Model::load(&run, file.origin())?;
     let dataset = one_view().context("a camera")?;
     // The bounding sphere of a run is seen by its photographs; here, by the view in memory.
     let file = RunFile { bounds: runs::run_file(1, 1, 0).bounds, ..file };

@@ -28,7 +28,7 @@ fn images(c: &mut Criterion) {
     });
     let file =
         SceneFile::from_value(Path::new("ball.json"), &value).unwrap_or_else(|e| panic!("{e}"));
-    let field = file.sdf.build::<f64>().unwrap_or_else(|e| panic!("{e}"));
+    let field = file.field::<f64>().unwrap_or_else(|e| panic!("{e}"));
     let shader = file.shader::<f64>(&*field).unwrap_or_else(|e| panic!("{e}"));
     let cameras = [file.camera];
     let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into());

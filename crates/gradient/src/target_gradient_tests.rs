@@ -25,7 +25,7 @@ fn file(radius: f64, x: f64) -> SceneFile {
 }
 
 fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T {
-    let field = file.sdf.build::<f64>().unwrap();
+    let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
     run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into()))

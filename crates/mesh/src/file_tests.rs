@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 
 use crate::{Mesh, read_mesh, write_mesh};
@@ -8,7 +8,12 @@ use crate::{Mesh, read_mesh, write_mesh};
 fn tetrahedron() -> Mesh {
     let vertices = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.1, 1.0 / 3.0, 1e-7)];
     let normals = vec![Vec3::NEG_X, Vec3::X, Vec3::Y, Vec3::Z];
-    Mesh { vertices, normals, faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] }
+    Mesh {
+        vertices,
+        normals,
+        faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+        ..Mesh::default()
+    }
 }
 
 /// Reads a file of the given name and content.
@@ -37,6 +42,23 @@ fn meshes_that_are_written_and_read_are_equal() {
     }
     let error = write_mesh(Path::new("a.stl"), &tetrahedron()).unwrap_err();
     assert!(error.is::<io::InputError>());
+}
+
+/// Digits of single precision would leave steps of 0.06 units at this distance.
+#[test]
+fn a_distant_mesh_keeps_its_digits_in_every_format() {
+    let origin = DVec3::new(1e6, -2e6, 3e6);
+    let mesh = Mesh { origin, ..tetrahedron() };
+    for name in ["a.ply", "a.obj"] {
+        let read = read_bytes(name, &written(name, &mesh)).unwrap();
+        assert!((read.origin - origin).length() < 2.0, "{}", read.origin);
+        for (a, b) in read.about(origin).vertices.iter().zip(&mesh.vertices) {
+            assert!((*a - *b).length() < 1e-6, "{name}: {a} instead of {b}");
+        }
+    }
+    let glb = written("a.glb", &mesh);
+    let (json, _) = glb_chunks(&glb);
+    assert_eq!(json["nodes"][0]["translation"], serde_json::json!([1e6, -2e6, 3e6]));
 }
 
 /// The JSON chunk and the binary chunk of a .glb file (glTF 2.0, section 4.4).

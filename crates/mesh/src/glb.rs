@@ -7,7 +7,7 @@
 use std::io::Write;
 
 use anyhow::Context;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 use crate::Mesh;
@@ -74,11 +74,15 @@ fn document(mesh: &Mesh, normals: &[Vec3]) -> Value {
     accessors.push(accessor(views.len(), UNSIGNED_INT, 3 * mesh.faces.len(), "SCALAR"));
     views.push(view(offset, mesh.faces.len(), ELEMENT_ARRAY_BUFFER));
     let primitive = json!({"attributes": attributes, "indices": accessors.len() - 1});
+    let mut node = json!({"mesh": 0});
+    if mesh.origin != DVec3::ZERO {
+        node["translation"] = json!(mesh.origin.to_array());
+    }
     json!({
         "asset": {"version": "2.0", "generator": "dsdf"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [node],
         "meshes": [{"primitives": [primitive]}],
         "buffers": [{"byteLength": offset + TRIPLE_BYTES * mesh.faces.len()}],
         "bufferViews": views,

@@ -9,7 +9,9 @@ use crate::{components, edges};
 /// The methods panic if a face has an index beyond the vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Vertex positions, world units.
+    /// The point that the vertices are relative to, world units.
+    pub origin: DVec3,
+    /// Vertex positions relative to `origin`, world units.
     pub vertices: Vec<Vec3>,
     /// Unit normals, one per vertex, or empty.
     pub normals: Vec<Vec3>,
@@ -23,9 +25,31 @@ impl Mesh {
         !self.normals.is_empty() && self.normals.len() == self.vertices.len()
     }
 
-    /// The corners of face `i`, world units, in double precision.
+    /// The corners of face `i` relative to `origin`, world units, in double precision.
     pub fn corners(&self, i: usize) -> [DVec3; 3] {
         self.faces[i].map(|v| self.vertices[v as usize].as_dvec3())
+    }
+
+    /// The same mesh with vertices relative to `origin`, a point in world units.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        let step = self.origin - origin;
+        for v in self.vertices.iter_mut().filter(|_| step != DVec3::ZERO) {
+            *v = (v.as_dvec3() + step).as_vec3();
+        }
+        Mesh { origin, ..self }
+    }
+
+    /// A mesh of vertices in world units, without faces. They become relative to their centre where
+    /// that is further from the world's origin than from them.
+    pub(crate) fn of_vertices(vertices: &[DVec3]) -> Self {
+        let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = vertices.iter().fold(start, |(l, h), v| (l.min(*v), h.max(*v)));
+        let center = 0.5 * (low + high);
+        let is_far = center.is_finite() && center.length() > 0.5 * (high - low).length();
+        let origin = if is_far { center } else { DVec3::ZERO };
+        let vertices = vertices.iter().map(|v| (*v - origin).as_vec3()).collect();
+        Mesh { origin, vertices, ..Mesh::default() }
     }
 
     /// The outward normal of face `i` with twice the face's area as its length, square world units.

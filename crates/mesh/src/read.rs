@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::DVec3;
 use io::InputError;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
@@ -62,13 +62,13 @@ fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
 /// The properties of a vertex or a face of a PLY file that a mesh needs.
 struct Element {
     /// x, y, z, nx, ny, nz; NaN if missing.
-    numbers: [f32; 6],
+    numbers: [f64; 6],
     polygon: Option<Vec<u32>>,
 }
 
 impl PropertyAccess for Element {
     fn new() -> Self {
-        Element { numbers: [f32::NAN; 6], polygon: None }
+        Element { numbers: [f64::NAN; 6], polygon: None }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -89,16 +89,16 @@ impl PropertyAccess for Element {
     }
 }
 
-fn number(property: &Property) -> Option<f32> {
+fn number(property: &Property) -> Option<f64> {
     Some(match property {
-        Property::Float(v) => *v,
-        Property::Double(v) => *v as f32,
-        Property::Char(v) => f32::from(*v),
-        Property::UChar(v) => f32::from(*v),
-        Property::Short(v) => f32::from(*v),
-        Property::UShort(v) => f32::from(*v),
-        Property::Int(v) => *v as f32,
-        Property::UInt(v) => *v as f32,
+        Property::Float(v) => f64::from(*v),
+        Property::Double(v) => *v,
+        Property::Char(v) => f64::from(*v),
+        Property::UChar(v) => f64::from(*v),
+        Property::Short(v) => f64::from(*v),
+        Property::UShort(v) => f64::from(*v),
+        Property::Int(v) => f64::from(*v),
+        Property::UInt(v) => f64::from(*v),
         _ => return None,
     })
 }
@@ -168,11 +168,13 @@ fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     check_counts(path, &header, reader.get_ref().len())?;
     let mut payload = parser.read_payload(&mut reader, &header).map_err(|e| error("mesh", &e))?;
     let vertices = payload.swap_remove("vertex").unwrap_or_default();
-    let vector = |e: &Element, start: usize| Vec3::from_slice(&e.numbers[start..start + 3]);
-    let mut mesh =
-        Mesh { vertices: vertices.iter().map(|v| vector(v, 0)).collect(), ..Mesh::default() };
-    if vertices.iter().all(|v| vector(v, 3).is_finite()) {
-        mesh.normals = vertices.iter().map(|v| vector(v, 3)).collect();
+    let vectors = |start: usize| -> Vec<DVec3> {
+        vertices.iter().map(|e| DVec3::from_slice(&e.numbers[start..start + 3])).collect()
+    };
+    let mut mesh = Mesh::of_vertices(&vectors(0));
+    let normals = vectors(3);
+    if normals.iter().all(|n| n.is_finite()) {
+        mesh.normals = normals.iter().map(|n| n.as_vec3()).collect();
     }
     for (i, face) in payload.swap_remove("face").unwrap_or_default().iter().enumerate() {
         let missing = || error(&format!("face {i}"), &"no vertex_indices");
@@ -182,33 +184,36 @@ fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
 }
 
 fn parse_obj(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
-    let mut mesh = Mesh::default();
+    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
     for (i, line) in bytes.split(|b| *b == b'\n').enumerate() {
         let line = String::from_utf8_lossy(line);
-        parse_obj_line(&line, &mut mesh).map_err(|expected| {
+        parse_obj_line(&line, &mut vertices, &mut faces).map_err(|expected| {
             InputError::new(path, format!("line {}", i + 1), line.trim(), expected)
         })?;
     }
-    Ok(mesh)
+    Ok(Mesh { faces, ..Mesh::of_vertices(&vertices) })
 }
 
 /// Adds the vertex or the face of a line of an OBJ file. The error is a description of a correct
 /// line.
-fn parse_obj_line(line: &str, mesh: &mut Mesh) -> Result<(), &'static str> {
+fn parse_obj_line(
+    line: &str,
+    vertices: &mut Vec<DVec3>,
+    faces: &mut Vec<[u32; 3]>,
+) -> Result<(), &'static str> {
     let mut words = line.split('#').next().unwrap_or("").split_whitespace();
     match words.next() {
         Some("v") => {
-            let numbers: Vec<f32> = words.map_while(|w| w.parse().ok()).collect();
+            let numbers: Vec<f64> = words.map_while(|w| w.parse().ok()).collect();
             let position = numbers.get(..3).ok_or("v and three coordinates")?;
-            mesh.vertices.push(Vec3::from_slice(position));
+            vertices.push(DVec3::from_slice(position));
         }
         Some("f") => {
-            let polygon: Option<Vec<u32>> =
-                words.map(|w| obj_index(w, mesh.vertices.len())).collect();
+            let polygon: Option<Vec<u32>> = words.map(|w| obj_index(w, vertices.len())).collect();
             let polygon = polygon
                 .filter(|p| p.len() > 2)
                 .ok_or("f and three or more corners, each with the number of an existing vertex")?;
-            mesh.faces.extend(fan(&polygon));
+            faces.extend(fan(&polygon));
         }
         _ => {}
     }

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
+use glam::DVec3;
 use io::{InputError, atomic_write};
 
 use crate::bytes::little_endian;
@@ -10,7 +11,9 @@ use crate::glb::write_glb;
 use crate::{Mesh, extension};
 
 /// Writes a mesh in the format of its extension: .ply (binary, little endian), .obj or .glb (binary
-/// glTF 2.0). Normals are written if each vertex has one. A file at `path` is replaced whole.
+/// glTF 2.0). Normals are written if each vertex has one. Positions are in world units. A mesh with
+/// an origin of its own has them in double precision; a .glb has the origin as the translation of
+/// its node. A file at `path` is replaced whole.
 ///
 /// # Errors
 /// An [`InputError`] if the extension is another one or the folder does not accept files. Other
@@ -28,11 +31,21 @@ pub fn write_mesh(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
     atomic_write(path, |out| write(mesh, out))
 }
 
+/// Whether positions need double precision.
+fn is_far(mesh: &Mesh) -> bool {
+    mesh.origin != DVec3::ZERO
+}
+
 fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
     let normals = mesh.has_normals();
     write_ply_header(mesh, normals, out)?;
     for (i, v) in mesh.vertices.iter().enumerate() {
-        out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
+        if is_far(mesh) {
+            let position = (mesh.origin + v.as_dvec3()).to_array();
+            position.iter().try_for_each(|c| out.write_all(&c.to_le_bytes()))?;
+        } else {
+            out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
+        }
         if normals {
             out.write_all(&little_endian(mesh.normals[i].to_array().map(f32::to_bits)))?;
         }
@@ -47,7 +60,11 @@ fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
 fn write_ply_header(mesh: &Mesh, normals: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
     writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment dsdf\nelement vertex {vertices}")?;
-    for name in ["x", "y", "z", "nx", "ny", "nz"].iter().take(if normals { 6 } else { 3 }) {
+    let position = if is_far(mesh) { "double" } else { "float" };
+    for name in ["x", "y", "z"] {
+        writeln!(out, "property {position} {name}")?;
+    }
+    for name in ["nx", "ny", "nz"].iter().filter(|_| normals) {
         writeln!(out, "property float {name}")?;
     }
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
@@ -58,7 +75,12 @@ fn write_obj(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
     writeln!(out, "# dsdf")?;
     let normals = mesh.has_normals();
     for v in &mesh.vertices {
-        writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
+        if is_far(mesh) {
+            let v = mesh.origin + v.as_dvec3();
+            writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
+        } else {
+            writeln!(out, "v {} {} {}", v.x, v.y, v.z)?;
+        }
     }
     for n in mesh.normals.iter().filter(|_| normals) {
         writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;

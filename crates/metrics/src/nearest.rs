@@ -136,7 +136,7 @@ mod tests {
             x in points(8..9),
         ) {
             let faces = pick.iter().map(|f| f.map(|v| v % vertices.len() as u32)).collect();
-            let mesh = Mesh { vertices, normals: vec![], faces };
+            let mesh = Mesh { vertices, faces, ..Mesh::default() };
             let tree = FaceTree::new(&mesh);
             for x in x {
                 let x = 2.0 * x.as_dvec3();

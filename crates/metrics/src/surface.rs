@@ -39,6 +39,9 @@ pub struct Comparison {
 /// surface has no faces, the distances are infinite, and the F-score and the normal consistency are
 /// 0.
 pub fn compare(a: &Mesh, b: &Mesh, samples: usize, threshold: f64) -> Comparison {
+    if a.origin != b.origin {
+        return compare(a, &b.clone().about(a.origin), samples, threshold);
+    }
     let [forward, backward] = [(a, b, 1), (b, a, 2)]
         .map(|(from, to, seed)| OneSided::new(from, to, samples, seed, threshold));
     let variance = forward.variance_of_mean + backward.variance_of_mean;
@@ -123,7 +126,7 @@ pub(crate) fn square(z: f32) -> Mesh {
     let vertices = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
         .map(|[x, y]| glam::Vec3::new(x, y, z))
         .to_vec();
-    Mesh { vertices, normals: vec![], faces: vec![[0, 1, 2], [0, 2, 3]] }
+    Mesh { vertices, faces: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() }
 }
 
 #[cfg(test)]
@@ -185,7 +188,8 @@ mod tests {
     fn meshes_without_faces_or_area_are_handled() {
         let c = compare(&Mesh::default(), &square(0.0), 10, 0.1);
         assert_eq!((c.chamfer, c.f_score, c.normal_consistency), (f64::INFINITY, 0.0, 0.0));
-        let flat = Mesh { vertices: vec![Vec3::ZERO; 3], normals: vec![], faces: vec![[0, 1, 2]] };
+        let flat =
+            Mesh { vertices: vec![Vec3::ZERO; 3], faces: vec![[0, 1, 2]], ..Mesh::default() };
         assert_eq!(compare(&flat, &square(0.0), 10, 0.1).accuracy, 0.0);
         assert!(compare(&square(0.0), &square(0.0), 0, 0.1).chamfer < 1e-12);
     }

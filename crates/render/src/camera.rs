@@ -95,6 +95,12 @@ impl Camera {
         )
     }
 
+    /// The same camera in coordinates relative to `origin`, in world units.
+    #[must_use]
+    pub fn about(&self, origin: DVec3) -> Self {
+        Camera { eye: self.eye - origin, ..*self }
+    }
+
     /// The same camera with a film of `width` × `height` pixels over the same field of view.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let scale = DVec2::new(

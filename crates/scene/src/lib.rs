@@ -7,6 +7,7 @@ mod sdf;
 use std::path::Path;
 
 use field::{Clipped, Field, Real, Sphere, Vector3};
+use glam::DVec3;
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
@@ -17,8 +18,12 @@ use io::json::Object;
 use render::{Camera, Precision, Shader};
 
 /// The content of a scene file.
+///
+/// Camera, bounds, field and shader are in coordinates relative to [`origin`](Self::origin).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
+    /// The point that positions are relative to, world units: see [`Sphere::precise_origin`].
+    pub origin: DVec3,
     /// The camera.
     pub camera: Camera,
     /// The signed distance field.
@@ -40,9 +45,13 @@ pub struct SceneFile {
 /// the network is not defined outside it.
 const BOUNDS_MARGIN: f64 = 1.5;
 
-/// Radius of the tracing sphere of an unbounded solid, in distances of the eye from the origin. A
-/// distance below 1 world unit counts as 1.
-const UNBOUNDED_REACH: f64 = 1e3;
+/// Radius of the ball of an unbounded solid, in distances from the eye to the surface. The edge of
+/// a floor, as seen from above it, is 1e-4 radians below the horizon.
+const REACH_OF_SURFACE: f64 = 1e4;
+
+/// Radius of the ball of an unbounded solid, in distances from the eye to the far side of its
+/// furthest bounded part.
+const REACH_OF_PARTS: f64 = 1e3;
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -71,11 +80,17 @@ impl SceneFile {
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
         let background = root.light("background")?;
         root.finish()?;
-        let own_ball = sdf.build::<f64>()?.bounds();
-        let ball = own_ball.unwrap_or_else(|| unbounded_ball(&camera));
+        let own_ball = sdf.build::<f64>(DVec3::ZERO)?.bounds();
+        let mut ball = match own_ball {
+            Some(ball) => ball,
+            None => unbounded_ball(&sdf, camera.eye)?,
+        };
+        let origin = ball.precise_origin();
+        ball.center -= origin;
+        let camera = camera.about(origin);
         let clip = own_ball.is_none().then_some(ball);
         let bounds = ball.scaled(bounds_margin(&sdf));
-        Ok(SceneFile { camera, sdf, appearance, background, bounds, clip })
+        Ok(SceneFile { origin, camera, sdf, appearance, background, bounds, clip })
     }
 
     /// Builds the field in single or double precision.
@@ -83,7 +98,7 @@ impl SceneFile {
     /// # Errors
     /// If a model file cannot be used.
     pub fn field<R: Precision>(&self) -> Result<Box<dyn Field<R>>> {
-        let field = self.sdf.build::<R>()?;
+        let field = self.sdf.build::<R>(self.origin)?;
         Ok(match &self.clip {
             Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
             None => field,
@@ -101,7 +116,7 @@ impl SceneFile {
         &self,
         occluders: &'a dyn Field<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
-        self.appearance.build(occluders, in_precision(&self.bounds))
+        self.appearance.build(self.origin, occluders, in_precision(&self.bounds))
     }
 }
 
@@ -111,9 +126,15 @@ fn bounds_margin(sdf: &Sdf) -> f64 {
     if matches!(sdf, Sdf::Neural { clipped: false, .. }) { 1.0 } else { BOUNDS_MARGIN }
 }
 
-/// The ball of an unbounded solid, far outside the camera.
-fn unbounded_ball(camera: &Camera) -> Sphere<f64> {
-    Sphere { center: camera.eye, radius: UNBOUNDED_REACH * camera.eye.length().max(1.0) }
+/// The ball of an unbounded solid: about the eye, far outside everything that the scene shows.
+fn unbounded_ball(sdf: &Sdf, eye: DVec3) -> Result<Sphere<f64>> {
+    let mut distance = [0.0];
+    sdf.build::<f64>(eye)?.value(&[DVec3::ZERO], &mut distance);
+    let parts = sdf.bounded_parts(eye)?;
+    let furthest = parts.iter().map(|part| part.center.length() + part.radius).fold(0.0, f64::max);
+    let radius = (REACH_OF_SURFACE * distance[0].abs()).max(REACH_OF_PARTS * furthest);
+    let radius = if radius > 0.0 && radius.is_finite() { radius } else { REACH_OF_SURFACE };
+    Ok(Sphere { center: eye, radius })
 }
 
 fn in_precision<R: Precision>(ball: &Sphere<f64>) -> Sphere<R> {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use field::{Clipped, Csg, Field, Kind, Operation, Shape, fibonacci_direction};
+use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere, fibonacci_direction};
 use glam::DVec3;
 use sdf_nn::Network;
 
@@ -105,27 +105,41 @@ impl Sdf {
         Ok(Sdf::Neural { path, bytes, clipped })
     }
 
-    /// Builds the field in single or double precision.
+    /// Builds the field in single or double precision, for points relative to `origin`.
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub fn build<R: Precision>(&self) -> Result<Box<dyn Field<R>>> {
+    pub(crate) fn build<R: Precision>(&self, origin: DVec3) -> Result<Box<dyn Field<R>>> {
         Ok(match self {
-            Sdf::Shape(kind, parameters) => Box::new(Shape::<R>::new(*kind, parameters)),
+            Sdf::Shape(kind, parameters) => {
+                Box::new(Shape::<R>::about(origin.to_array(), *kind, parameters))
+            }
             Sdf::Csg(operation, k, children) => {
-                let children: Result<Vec<_>> = children.iter().map(Sdf::build).collect();
+                let children: Result<Vec<_>> = children.iter().map(|c| c.build(origin)).collect();
                 Box::new(match operation {
                     Operation::SmoothUnion => Csg::smooth_union(*k, children?),
                     _ => Csg::new(*operation, children?),
                 })
             }
             Sdf::Neural { path, bytes, clipped } => {
-                let network = network::<R>(path, bytes)?;
+                let network = network::<R>(path, bytes)?.about(origin);
                 match network.bounds().filter(|_| *clipped) {
                     Some(ball) => Box::new(Clipped::new(network, ball)),
                     None => Box::new(network),
                 }
             }
+        })
+    }
+
+    /// The balls of all bounded shapes and networks in the tree, relative to `origin`.
+    pub(crate) fn bounded_parts(&self, origin: DVec3) -> Result<Vec<Sphere<f64>>> {
+        Ok(match self {
+            Sdf::Csg(_, _, children) => {
+                let parts: Result<Vec<_>> =
+                    children.iter().map(|child| child.bounded_parts(origin)).collect();
+                parts?.concat()
+            }
+            part => part.build::<f64>(origin)?.bounds().into_iter().collect(),
         })
     }
 

@@ -1,6 +1,7 @@
 //! The radiance head: the radiance from a surface point towards the camera.
 
 use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
+use glam::DVec3;
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
@@ -55,6 +56,14 @@ impl<R: Lane> RadianceHead<R> {
     ) -> Self {
         let mlp = Mlp::new(encoding.features() + DIRECTIONS, hidden, 3, &[], activation);
         RadianceHead { encoding, transform, mlp, encoder: Encoder::new(encoding, &transform) }
+    }
+
+    /// The same head for points relative to `origin`, a point in world units.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        self.transform.center -= origin;
+        self.encoder = Encoder::new(self.encoding, &self.transform);
+        self
     }
 
     /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias.

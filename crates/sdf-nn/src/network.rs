@@ -1,6 +1,7 @@
 //! A perceptron as a signed distance field.
 
 use field::{Field, Real, Sphere, Vector3};
+use glam::DVec3;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
@@ -45,6 +46,14 @@ impl<R: Lane> Network<R> {
     /// The map from world space to the unit ball.
     pub fn transform(&self) -> &Transform {
         &self.transform
+    }
+
+    /// The same network for points relative to `origin`, a point in world units.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        self.transform.center -= origin;
+        self.encoder = Encoder::new(self.architecture.encoding, &self.transform);
+        self
     }
 
     /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias.

@@ -14,7 +14,7 @@ use ::fit::{FitOptions, Model, RunFile, parse_duration, scene, write_preview};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
 use dataset::{Dataset, LoadOptions};
-use mesh::{extract, read_mesh, write_mesh};
+use mesh::{Mesh, extract, read_mesh, write_mesh};
 
 /// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -134,12 +134,14 @@ fn evaluate(
     picture: &Path,
     global: &Global,
 ) -> anyhow::Result<EvalReport> {
-    let (file, model) = (RunFile::load(run)?, Model::load(run)?);
-    let dataset = dataset::load(data, &LoadOptions::default())?;
+    let file = RunFile::load(run)?;
+    let model = Model::load(run, file.origin())?;
+    let dataset = dataset::load(data, &LoadOptions::default())?.about(file.origin());
     let bar = global.progress("evaluate");
     let progress = bar_mover(&bar);
     let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &progress)?;
     let mesh = extract(&model.field, &file.sphere(), MESH_CELLS, &progress);
+    let mesh = Mesh { origin: file.origin(), ..mesh };
     write_mesh(mesh_path, &mesh)?;
     report.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
     preview(&dataset, &model, &file, picture)?;

@@ -56,15 +56,17 @@ pub(super) struct EvalReport {
 impl Eval {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         let file = RunFile::load(&self.run)?;
-        let model = Model::load(&self.run)?;
+        let model = Model::load(&self.run, file.origin())?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
-        let dataset = dataset::load(path, &LoadOptions { downscale: file.options.downscale })?;
+        let options = LoadOptions { downscale: file.options.downscale };
+        let dataset = dataset::load(path, &options)?.about(file.origin());
         let bar = global.progress("eval");
         let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar_mover(&bar))?;
         if let Some(truth) = truth {
             let cells = self.resolution as usize;
             let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
+            let mesh = mesh::Mesh { origin: file.origin(), ..mesh };
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();

@@ -44,7 +44,7 @@ impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["ply", "obj", "glb"])?;
         let file = RunFile::load(&self.run)?;
-        let model = Model::load(&self.run)?;
+        let model = Model::load(&self.run, file.origin())?;
         let bar = global.progress("mesh");
         let cells = self.resolution as usize;
         let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
@@ -54,6 +54,7 @@ impl Mesh {
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
+        let mesh = mesh::Mesh { origin: file.origin(), ..mesh };
         write_mesh(&self.output, &mesh)?;
         let report = MeshReport::new(&mesh);
         global.report(&report, || format!("{}: {}", report.text(), self.output.display()))

@@ -50,7 +50,8 @@ impl Query {
         let network = network::<f32>(&self.model, &bytes)?;
         let points = self.read_points()?;
         let n = points.len();
-        let (values, gradients) = self.evaluate(&network, &points)?;
+        let slope = slope_of(&network);
+        let (values, gradients) = self.evaluate(network, &points)?;
         if self.gradient {
             let rows = values.iter().zip(&gradients);
             let rows: Vec<f32> = rows.flat_map(|(f, g)| [*f, g.x, g.y, g.z]).collect();
@@ -58,7 +59,6 @@ impl Query {
         } else {
             write_npy(&self.output, &[n], &values)?;
         }
-        let slope = slope_of(&network);
         let report = QueryReport { points: n, slope };
         global.report(&report, || format!("{n} points: {}, slope {slope}", self.output.display()))
     }
@@ -86,15 +86,20 @@ impl Query {
     /// If a result is not finite.
     fn evaluate(
         &self,
-        network: &Network<f32>,
+        network: Network<f32>,
         points: &[Vec3],
     ) -> Result<(Vec<f32>, Vec<Vec3>), InputError> {
+        // Single precision has the most digits relative to the network's centre.
+        let center = network.transform().center;
+        let network = network.about(center);
+        let relative: Vec<Vec3> =
+            points.iter().map(|p| (p.as_dvec3() - center).as_vec3()).collect();
         let n = points.len();
         let (mut values, mut gradients) = (vec![0.0; n], vec![Vec3::ZERO; n]);
         if self.gradient {
-            network.value_gradient(points, &mut values, &mut gradients);
+            network.value_gradient(&relative, &mut values, &mut gradients);
         } else {
-            network.value(points, &mut values);
+            network.value(&relative, &mut values);
         }
         if let Some(bad) = (0..n).find(|&i| !values[i].is_finite() || !gradients[i].is_finite()) {
             let (field, expected) = (format!("point {bad}"), "a point where the network is finite");

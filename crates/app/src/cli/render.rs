@@ -90,8 +90,9 @@ impl Render {
         // The sheet has a view and its normals for each image, beside the images themselves.
         let (views, bytes) = (u64::from(self.views), 2 * RENDER_BYTES);
         check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
-        let (file, model) = (RunFile::load(&self.scene)?, Model::load(&self.scene)?);
-        let dataset = dataset::load(&file.dataset, &LoadOptions::default())?;
+        let file = RunFile::load(&self.scene)?;
+        let model = Model::load(&self.scene, file.origin())?;
+        let dataset = dataset::load(&file.dataset, &LoadOptions::default())?.about(file.origin());
         let bounds = file.sphere();
         let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
         let up = upwards(&training, bounds.center);

@@ -6,6 +6,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use field::{Field, Real, Sphere};
+use glam::DVec3;
 use io::InputError;
 use io::json::Object;
 use render::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
@@ -94,22 +95,24 @@ impl AppearanceModel {
         Ok(AppearanceModel { appearance, parameters: values, pointers })
     }
 
-    /// Builds the shader in single or double precision.
+    /// Builds the shader in single or double precision, for points relative to `origin`, in world
+    /// units.
     ///
     /// If the appearance has shadows, the field `occluders` blocks lights within `bounds`, in world
     /// units. Both are unused otherwise.
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub fn build<'a, R: Precision>(
+    pub(crate) fn build<'a, R: Precision>(
         &self,
+        origin: DVec3,
         occluders: &'a dyn Field<R>,
         bounds: Sphere<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
         if let Some(head) = radiance_head(&self.appearance)? {
-            return Ok(Box::new(head));
+            return Ok(Box::new(head.about(origin)));
         }
-        let parameters = self.parameters.iter().map(|&p| <R as Real>::of(p)).collect();
+        let parameters = self.parameters_about(origin).map(<R as Real>::of).collect();
         let formula = match &self.appearance {
             Appearance::Lambert { lights, .. } => Formula::Lambert { lights: lights.clone() },
             Appearance::Normal => Formula::Normal,
@@ -122,6 +125,19 @@ impl AppearanceModel {
             }
             _ => Box::new(analytic),
         })
+    }
+
+    /// The parameters, with the positions of lights relative to `origin`.
+    fn parameters_about(&self, origin: DVec3) -> impl Iterator<Item = f64> {
+        let mut parameters = self.parameters.clone();
+        if let Appearance::Lambert { lights, .. } = &self.appearance {
+            for (light, values) in lights.iter().zip(parameters[6..].chunks_mut(6)) {
+                if *light == Light::Point {
+                    values.iter_mut().zip(origin.to_array()).for_each(|(v, o)| *v -= o);
+                }
+            }
+        }
+        parameters.into_iter()
     }
 }
 

@@ -37,7 +37,7 @@ fn dotted_radiance(
     adjoint: DVec3,
 ) -> f64 {
     let mut rgb = [DVec3::ZERO];
-    let shader = model.build::<f64>(solid, BOUNDS).unwrap();
+    let shader = model.build::<f64>(DVec3::ZERO, solid, BOUNDS).unwrap();
     shader.radiance(&SurfaceBatch { x: &[x], normal: &[n], direction: &[DVec3::Z] }, &mut rgb);
     rgb[0].dot(adjoint)
 }
@@ -47,7 +47,7 @@ fn dotted_radiance(
 fn check(model: &AppearanceModel, solid: &dyn Field<f64>, x: DVec3, n: DVec3, adjoint: DVec3) {
     const H: f64 = 1e-6;
     let radiance = |model: &AppearanceModel, x, n| dotted_radiance(model, solid, x, n, adjoint);
-    let shader = model.build::<f64>(solid, BOUNDS).unwrap();
+    let shader = model.build::<f64>(DVec3::ZERO, solid, BOUNDS).unwrap();
     // The VJP overwrites these.
     let nan = vec![DVec3::NAN];
     let mut bars = SurfaceAdjoint::<f64> { x: nan.clone(), normal: nan.clone(), direction: nan };
@@ -122,7 +122,7 @@ fn a_blocked_light_has_no_derivative() {
     let ball = Shape::<f64>::sphere([0.0, 0.0, 0.0], 0.4);
     let behind = -TO_LIGHT.normalize() * 1.1;
     let model = lambert(true);
-    let shader = model.build::<f64>(&ball, BOUNDS).unwrap();
+    let shader = model.build::<f64>(DVec3::ZERO, &ball, BOUNDS).unwrap();
     let mut parameters = vec![0.0; shader.parameter_count()];
     let point = SurfaceBatch { x: &[behind], normal: &[DVec3::Z], direction: &[DVec3::Z] };
     shader.vjp(&point, &[DVec3::ONE], &mut SurfaceAdjoint::zeros(1), &mut parameters);
@@ -133,7 +133,7 @@ fn a_blocked_light_has_no_derivative() {
 fn nan_in_a_point_or_normal_gives_no_finite_radiance() {
     let ball = Shape::<f64>::sphere([0.0, 0.0, 0.0], 0.4);
     let model = lambert(false);
-    let shader = model.build::<f64>(&ball, BOUNDS).unwrap();
+    let shader = model.build::<f64>(DVec3::ZERO, &ball, BOUNDS).unwrap();
     let mut rgb = [DVec3::ZERO; 2];
     let (x, normal) = ([DVec3::ONE, DVec3::NAN], [DVec3::NAN, DVec3::Z]);
     shader.radiance(&SurfaceBatch { x: &x, normal: &normal, direction: &[DVec3::Z; 2] }, &mut rgb);

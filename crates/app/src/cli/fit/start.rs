@@ -21,7 +21,8 @@ impl Fit {
     }
 }
 
-/// Loads a data set and determines the bounding sphere and the background of a run.
+/// Loads a data set and determines the bounding sphere and the background of a run. The data set
+/// is relative to the run's origin.
 ///
 /// The bounding sphere is the one of the options or of the data set. Without these it is estimated
 /// from cameras and background.
@@ -44,5 +45,5 @@ pub(in crate::cli) fn new_run(
         background_confidence: background.confidence,
         options: options.clone(),
     };
-    Ok((dataset, file))
+    Ok((dataset.about(file.origin()), file))
 }
