@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use tests::input::Folder;
 use tests::{dsdf_json, dsdf_ok};
 
-/// The result of a short fit of a ball at `center`: the report of `eval` with the true mesh, and the
-/// model file as text.
+/// The result of a short fit of a ball at `center`: the report of `eval` with the true mesh, and
+/// the model file as text.
 fn fit(center: [f64; 3]) -> (Value, String) {
     let folder = Folder::new();
     let mut scene = tests::input::scene();

@@ -11,11 +11,11 @@ use std::path::Path;
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::Field;
 use gradient::{Direction, Sampling, differentiate, random_unit};
-use render::{SLOPE_POINTS, Scene};
+use render::{SLOPE_POINTS, Scene, render};
 use scene::SceneFile;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde_json::{Value, json};
-use truth::{Camera, dense, derivative, solid};
+use truth::{Camera, dense, derivative, image, solid};
 
 /// Random numbers of a family.
 struct Random(random::Stream);
@@ -126,17 +126,12 @@ fn check(
     (bias.is_nan() || bias > allowed).then_some(row)
 }
 
-/// The radius of the ball that an unbounded solid ends at, world units.
-fn reach(value: &Value) -> f64 {
-    let eye = [0, 1, 2].map(|i| value["camera"]["eye"][i].as_f64().unwrap());
-    1000.0 * glam::DVec3::from_array(eye).length().max(1.0)
-}
-
 /// Checks estimators on a scene, by each of the parameters.
 fn check_solid(name: &str, value: &Value, wrt: &[&str], methods: &[Method]) -> Vec<String> {
     let file = SceneFile::from_value(Path::new("family.json"), value).unwrap();
     let camera = Camera::of(value);
-    let reach = reach(value);
+    // An unbounded solid ends at a ball around the eye.
+    let reach = file.clip.map_or(f64::INFINITY, |ball| ball.radius);
     let mut failures = Vec::new();
     for wrt in wrt {
         let truth = derivative(&camera, 1e-5, |offset| {
@@ -244,7 +239,7 @@ fn capsule_pairs() {
 #[test]
 fn floors() {
     let mut failures = Vec::new();
-    for seed in 0..1 {
+    for seed in 0..2 {
         let mut random = Random::new(seed);
         let (tilt, height) = (random.between(-0.1, 0.1), random.between(-1.2, -0.8));
         let sdf = json!({"type": "union", "children": [
@@ -270,18 +265,45 @@ fn bumpy(random: &mut Random, radius: f64, bump: f64, factor: f64) -> Network<f6
         skip: vec![],
         activation: Activation::Softplus { beta: 5.0 },
     };
-    let mut network = Network::geometric(architecture, Transform::default(), radius, 7);
-    let mut parameters = network.parameters().to_vec();
-    parameters.iter_mut().for_each(|p| *p += random.between(-bump, bump));
-    // The last layer has 16 weights and a bias.
-    let last = parameters.len() - 17;
-    parameters[last..].iter_mut().for_each(|p| *p *= factor);
-    network.set_parameters(&parameters);
-    network
+    let ball = Network::geometric(architecture, Transform::default(), radius, 7);
+    loop {
+        let mut parameters = ball.parameters().to_vec();
+        parameters.iter_mut().for_each(|p| *p += random.between(-bump, bump));
+        // The last layer has 16 weights and a bias.
+        let last = parameters.len() - 17;
+        parameters[last..].iter_mut().for_each(|p| *p *= factor);
+        let mut network = ball.clone();
+        network.set_parameters(&parameters);
+        // Some sets of weights have no solid.
+        let mut f = [0.0];
+        network.value(&[glam::DVec3::ZERO], &mut f);
+        if f[0] < 0.0 {
+            return network;
+        }
+    }
 }
 
-/// Checks `refined` on a network along a random direction of its weights.
-fn check_network(name: &str, scene: &mut Value, network: &Network<f64>) -> Vec<String> {
+/// The sum of all numbers of an image, in pixels for a white solid in front of black.
+fn total(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.sum::<f64>() / 3.0
+}
+
+/// Checks the area of a white network in an image of 256 samples a pixel.
+fn check_area(name: &str, file: &SceneFile, truth: &[[f64; 3]]) -> Option<String> {
+    let field = file.field::<f64>().unwrap();
+    let shader = file.shader::<f64>(&*field).unwrap();
+    let cameras = [file.camera];
+    let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into());
+    let film = render(&scene.with_slope_of_field(SLOPE_POINTS), 0, 256, 1, &|_| {}).unwrap().film;
+    let area = total(film.pixels.iter().flatten().copied().map(f64::from));
+    let expected = total(truth.iter().flatten().copied());
+    let row = format!("{name}: area {area:.4}, expected {expected:.4}");
+    println!("{row}");
+    ((area / expected - 1.0).abs() > 0.005).then_some(row)
+}
+
+/// Checks the area of a white network, and `refined` along a random direction of its weights.
+fn check_network(name: &str, scene: &mut Value, network: &Network<f64>, spp: u32) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("n.safetensors"), network.to_safetensors().unwrap()).unwrap();
     scene["sdf"] = json!({"type": "neural", "weights": "n.safetensors"});
@@ -299,7 +321,9 @@ fn check_network(name: &str, scene: &mut Value, network: &Network<f64>) -> Vec<S
         let (eye, scene) = (camera.eye, &*scene);
         move |d| dense::see(scene, &moved, eye, d)
     });
-    check(name, &file, ("refined", SPP), Direction::Along(3), &truth).into_iter().collect()
+    let area = image(&camera, |d| dense::see(scene, &network, camera.eye, d));
+    let derivative = check(name, &file, ("refined", spp), Direction::Along(3), &truth);
+    check_area(name, &file, &area).into_iter().chain(derivative).collect()
 }
 
 #[test]
@@ -309,7 +333,20 @@ fn networks_of_all_slopes() {
         let mut random = Random::new(seed as u64);
         let network = bumpy(&mut random, 0.6, 0.15, factor);
         let mut scene = white(&mut random);
-        failures.extend(check_network(&format!("network × {factor}"), &mut scene, &network));
+        failures.extend(check_network(&format!("network × {factor}"), &mut scene, &network, SPP));
+    }
+    assert_none(&failures);
+}
+
+#[test]
+fn lit_networks() {
+    let mut failures = Vec::new();
+    for (seed, factor) in [(21, 1.0), (23, 10.0)] {
+        let mut random = Random::new(seed);
+        let network = bumpy(&mut random, 0.6, 0.15, factor);
+        let mut scene = lit(&mut random, &json!(null), 8);
+        let name = format!("lit network × {factor}");
+        failures.extend(check_network(&name, &mut scene, &network, 512));
     }
     assert_none(&failures);
 }
@@ -321,7 +358,7 @@ fn networks_that_reach_their_ball() {
         let mut random = Random::new(seed);
         let network = bumpy(&mut random, 0.95, 0.15, 1.0);
         let mut scene = white(&mut random);
-        failures.extend(check_network(&format!("cut network {seed}"), &mut scene, &network));
+        failures.extend(check_network(&format!("cut network {seed}"), &mut scene, &network, SPP));
     }
     assert_none(&failures);
 }

@@ -10,13 +10,17 @@ use super::rows::Seen;
 use super::solid::lit;
 
 /// Samples along the chord of the ball.
-const SAMPLES: usize = 160;
+const SAMPLES: usize = 64;
 
 /// Parts of an interval in each round of refinement.
 const PARTS: usize = 16;
 
-/// Rounds of refinement of a minimum or a root: intervals shrink to 2⁻²⁴ of the first.
-const ROUNDS: u32 = 6;
+/// Rounds of refinement of a minimum: its interval shrinks to 2⁻¹² of the first, and the error of
+/// f, which is of second order, to 2⁻²⁴.
+const ROUNDS: u32 = 4;
+
+/// Rounds of refinement of a root: its interval shrinks to 2⁻²⁴ of the first.
+const ROOT_ROUNDS: u32 = 6;
 
 /// The network's values along a ray.
 struct Line<'a> {
@@ -57,7 +61,7 @@ impl Line<'_> {
 
     /// The root in an interval from f > 0 to f ≤ 0.
     fn root(&self, mut ends: [f64; 2]) -> f64 {
-        for _ in 0..2 * ROUNDS {
+        for _ in 0..ROOT_ROUNDS {
             let (t, f) = self.samples(ends, PARTS);
             let i = f[1..].iter().position(|f| *f <= 0.0).unwrap_or(PARTS - 1);
             ends = [t[i], t[i + 1]];

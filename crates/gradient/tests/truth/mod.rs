@@ -8,4 +8,4 @@ mod rows;
 pub(crate) mod solid;
 
 pub(crate) use camera::Camera;
-pub(crate) use rows::derivative;
+pub(crate) use rows::{derivative, image};

@@ -26,8 +26,9 @@ const EXACT: f64 = 1e-11;
 /// Rows where the order of jumps changes are known to this length, in pixels.
 const EXACT_ROW: f64 = 1e-8;
 
-/// On one face, a jump of the depth by more than this between two rays is looked into, world units.
-const JUMP: f64 = 0.02;
+/// On one face, a jump of 1/t by more than this between two rays is looked into. It is a jump by
+/// 0.02 at the distance 4. Along a plane 1/t is linear on the film; t grows towards the horizon.
+const JUMP: f64 = 1.25e-3;
 
 /// Abscissas and weights of Gauss's quadrature on [0, 1] with six points.
 const GAUSS: [(f64, f64); 6] = [
@@ -51,7 +52,7 @@ fn integral([from, to]: [f64; 2], mut add: impl FnMut(f64, f64)) {
 
 /// Whether the radiance may jump between two rays.
 fn differ(a: &Seen, b: &Seen) -> bool {
-    a.face != b.face || (a.t - b.t).abs() > JUMP
+    a.face != b.face || (1.0 / a.t - 1.0 / b.t).abs() > JUMP
 }
 
 /// A film, and the surfaces along its rays.
@@ -175,15 +176,18 @@ impl Film<'_> {
     }
 }
 
+/// The mean radiance of every pixel: rows of pixels, linear RGB.
+pub(crate) fn image(camera: &Camera, see: impl Fn(DVec3) -> Seen) -> Vec<[f64; 3]> {
+    Film { camera, see: &see }.image().iter().map(|pixel| pixel.to_array()).collect()
+}
+
 /// The central difference of the image of `see(parameter)` at ±`step`: rows of pixels, RGB.
 pub(crate) fn derivative<S: Fn(DVec3) -> Seen>(
     camera: &Camera,
     step: f64,
     see: impl Fn(f64) -> S,
 ) -> Vec<[f64; 3]> {
-    let [plus, minus] = [step, -step].map(|offset| {
-        let see = see(offset);
-        Film { camera, see: &see }.image()
-    });
-    plus.iter().zip(&minus).map(|(a, b)| ((*a - *b) / (2.0 * step)).to_array()).collect()
+    let [plus, minus] = [step, -step].map(|offset| image(camera, see(offset)));
+    let difference = |i: usize, c: usize| (plus[i][c] - minus[i][c]) / (2.0 * step);
+    (0..plus.len()).map(|i| [0, 1, 2].map(|c| difference(i, c))).collect()
 }
