@@ -221,7 +221,10 @@ fn other_commands_read_the_run_of_a_fit() {
     let inspect = folder.path().join("i.png").to_string_lossy().into_owned();
     let report = dsdf_json(&["inspect", &data, "-o", &inspect]);
     assert_eq!((report["train_views"].as_u64(), report["test_views"].as_u64()), (Some(6), Some(1)));
-    assert!(Path::new(&inspect).exists());
+    assert!(Path::new(&inspect).exists() && report["slope"].is_null());
+    let report = dsdf_json(&["inspect", &run, "-o", &inspect]);
+    assert_eq!(report["bounds_from"], "from the run");
+    assert!(report["slope"].as_f64().is_some_and(|slope| slope >= 1.0), "{report}");
 }
 
 /// A single ball smaller than a pixel. Its larger copy in the difference leaves the bounds of the

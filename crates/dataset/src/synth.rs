@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use field::{Field, Sphere, fibonacci_direction};
+use field::{Field, SLOPE_POINTS, Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
@@ -11,7 +11,7 @@ use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};
 use mesh::{Mesh, extract, write_mesh};
-use render::{Camera, SLOPE_POINTS, Scene, render};
+use render::{Camera, Scene, render};
 use scene::SceneFile;
 
 /// Options of [`synthesise`].

@@ -11,6 +11,7 @@ mod pyramid;
 mod run;
 mod run_file;
 mod schedule;
+mod solid;
 mod step;
 mod turntable;
 
@@ -18,6 +19,7 @@ pub use iteration::Metrics;
 pub use model::Model;
 pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};
 pub use preview::{difference, normal_map, write_preview};
-pub use run::{Fit, scene};
+pub use run::Fit;
 pub use run_file::RunFile;
+pub use solid::Solid;
 pub use turntable::{around, turntable, upwards};

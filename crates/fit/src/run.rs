@@ -22,6 +22,7 @@ use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::{background_group, band_window, learning_rate, level, weights};
+use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, gradient};
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
@@ -328,8 +329,12 @@ impl Fit {
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
         let cameras = [view.camera];
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
-        let image =
-            write_preview(&path, &scene(&self.model, &self.file, &cameras), 0, &view.image)?;
+        let image = write_preview(
+            &path,
+            &Solid::new(&self.model, &self.file).scene(&cameras),
+            0,
+            &view.image,
+        )?;
         self.held_out_psnr = held_out.map(|view| psnr(&image, &view.image));
         Ok(())
     }
@@ -361,11 +366,11 @@ impl Fit {
 const VISIBLE_CHUNK: usize = 1024;
 
 /// Points at which the slope of the field is taken: a hundredth of the evaluations of an iteration.
-const SLOPE_POINTS: u64 = 128;
+pub(crate) const SLOPE_POINTS: u64 = 128;
 
-/// The scene of a run: its model in front of its background, in its bounding sphere. Rays start
-/// with the slope that the field has now.
-pub fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
+/// The scene that a run fits: its model in front of its background, in its bounding sphere, without
+/// the cap of a [`Solid`]. Rays start with the slope that the field has now.
+fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
     let background = Vec3::from(file.background);
     Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)
         .with_slope_of_field(SLOPE_POINTS)

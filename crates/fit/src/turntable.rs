@@ -5,8 +5,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::model::Model;
 use crate::preview::normal_map;
-use crate::run::scene;
 use crate::run_file::RunFile;
+use crate::solid::Solid;
 use film::{Film, contact_sheet};
 use render::Camera;
 
@@ -98,7 +98,8 @@ pub fn turntable(
     spp: u32,
     progress: &dyn Fn(f64),
 ) -> anyhow::Result<Film> {
-    let scene = scene(model, file, cameras);
+    let solid = Solid::new(model, file);
+    let scene = solid.scene(cameras);
     let (mut images, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
         images.push(render::render(&scene, camera, spp, 0, &|_| {})?.film);

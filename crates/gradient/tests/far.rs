@@ -5,8 +5,9 @@
 use std::path::Path;
 
 use estimate::{EstimatorOptions, Registry, SampleCounts};
+use field::SLOPE_POINTS;
 use gradient::{Direction, Sampling, differentiate};
-use render::{SLOPE_POINTS, Scene, render};
+use render::{Scene, render};
 use scene::SceneFile;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde_json::{Value, json};

@@ -45,8 +45,9 @@ pub fn extract<R: Real>(
 /// any number of threads.
 ///
 /// 1. The field is evaluated on a grid, except in blocks whose centre is far from the surface. The
-///    test allows slopes of f up to 2; a steeper field may get steps in its surface or lose parts
-///    of it, but no holes. A NaN counts as outside.
+///    test allows slopes of f up to twice those seen at random points ([`field::slope`]). A field
+///    that is steeper elsewhere may get steps in its surface or lose parts of it, but no holes. A
+///    NaN counts as outside.
 /// 2. Cells are polygonised by naive surface nets (Gibson, "Constrained Elastic Surface Nets",
 ///    MICCAI 1998).
 /// 3. Parts of the surface that touch are separated (Guéziec, Taubin, Lazarus, Horn, "Cutting and

@@ -110,6 +110,43 @@ fn a_solid_beyond_the_bounding_sphere_is_closed_by_the_sphere() {
     assert!(all.vertices.iter().all(|v| (v.length() - 1.0).abs() < 1e-6));
 }
 
+/// A torus, with f times a factor.
+struct Steep(Shape<f64>, f64);
+
+impl Field<f64> for Steep {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+    fn bounds(&self) -> Option<Sphere<f64>> {
+        self.0.bounds()
+    }
+    fn value(&self, x: &[DVec3], f: &mut [f64]) {
+        self.0.value(x, f);
+        f.iter_mut().for_each(|f| *f *= self.1);
+    }
+    fn value_gradient(&self, x: &[DVec3], f: &mut [f64], g: &mut [DVec3]) {
+        self.0.value_gradient(x, f, g);
+        f.iter_mut().for_each(|f| *f *= self.1);
+        g.iter_mut().for_each(|g| *g *= self.1);
+    }
+    fn hessian_vector(&self, x: &[DVec3], p: &[DVec3], g: &mut [DVec3], h: &mut [DVec3]) {
+        self.0.hessian_vector(x, p, g, h);
+    }
+    fn parameter_vjp(&self, _: &[DVec3], _: &[f64], _: &[DVec3], _: &mut [f64]) {}
+}
+
+#[test]
+fn a_steep_or_flat_field_has_the_mesh_of_a_distance() {
+    let mesh = |factor: f64| extract(&Steep(torus(), factor), &BOUNDS, 64, &|_| {});
+    let distance = mesh(1.0);
+    for factor in [0.2, 10.0] {
+        let mesh = mesh(factor);
+        assert_sound(&mesh);
+        assert_relative_eq!(mesh.volume(), distance.volume(), max_relative = 1e-3);
+        assert_eq!(mesh.faces.len(), distance.faces.len());
+    }
+}
+
 #[test]
 fn a_cavity_is_a_component_with_negative_volume() {
     let shell = Csg::new(

@@ -6,7 +6,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use field::{Field, Real, Sphere};
+use field::{Field, Real, SLOPE_POINTS, Sphere, Vector3, slope};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -21,8 +21,8 @@ const SUBBLOCK: usize = 4;
 /// Sub-blocks of a block.
 const SUBBLOCKS: usize = (BLOCK / SUBBLOCK).pow(3);
 
-/// The slope of the field, between the centre of a block and its corners, up to which the test
-/// above is right. A distance has the slope 1; the factor 2 is for fields that are steeper.
+/// The slope of the field between the centre of a block and its corners, up to which the test above
+/// is right, in slopes that the field is seen to have ([`field::slope`]).
 const LARGEST_SLOPE: f64 = 2.0;
 
 /// Grid points along a side of a block with its padding.
@@ -37,6 +37,8 @@ pub(crate) struct Grid {
     low: DVec3,
     /// The distance between neighbouring points, world units.
     pub(crate) cell: f64,
+    /// The slope that the field is seen to have.
+    slope: f64,
     /// The number of blocks along a side.
     blocks: usize,
     /// For every block `OUTSIDE`, `INSIDE`, or the index of its values.
@@ -67,7 +69,9 @@ impl Grid {
         // The number of points along a side is even. So the planes through the centre, where
         // symmetric solids often have faces, are between points.
         let low = bounds.center - DVec3::splat(0.5 * cell * (blocks * BLOCK - 1) as f64);
-        let mut grid = Grid { low, cell, blocks, state: Vec::new(), values: Vec::new() };
+        let ball = Sphere { center: R::Vec3::of(bounds.center), radius: R::of(bounds.radius) };
+        let slope = slope(field, &ball, SLOPE_POINTS).to_double();
+        let mut grid = Grid { low, cell, slope, blocks, state: Vec::new(), values: Vec::new() };
         let solid = Solid::new(field, bounds, cell);
         grid.state = grid.classify_blocks(&solid);
         grid.evaluate(&solid, progress);
@@ -91,7 +95,7 @@ impl Grid {
 
     /// The state of a cube of `size`³ points by F at its centre; `MIXED` if F may vanish in it.
     fn classify(&self, center_value: f64, size: usize) -> u32 {
-        let reach = LARGEST_SLOPE * 0.5 * (size - 1) as f64 * self.cell * 3f64.sqrt();
+        let reach = LARGEST_SLOPE * self.slope * 0.5 * (size - 1) as f64 * self.cell * 3f64.sqrt();
         match center_value {
             f if f > reach => OUTSIDE,
             f if f < -reach => INSIDE,

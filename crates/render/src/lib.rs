@@ -16,4 +16,3 @@ pub use primary::{Hit, Primary, Surface, TracedRay, TracedSample, normals, retai
 pub use sample::{Pixel, Sample, pixel_samples};
 pub use scene::{Scene, Tracing};
 pub use shader::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
-pub use slope::{SLOPE_POINTS, slope};

@@ -1,46 +1,8 @@
-//! The slope that a field is seen to have, for the first steps of rays.
+//! The slope of a scene's field, for the first steps of rays.
 
-use field::{Field, Real, Sphere, Vector3};
-use random::{Purpose, Stream};
+use field::{Real, slope};
 
 use crate::scene::{Scene, Tracing};
-
-/// The quantile of |∇f| that counts as the slope of a field. The largest of the sampled slopes can
-/// be a spike that no ray meets.
-const QUANTILE: f64 = 0.98;
-
-/// Slopes up to this one are left to the tracer, which learns slopes along each ray.
-const LEARNED: f64 = 1.5;
-
-/// Points of [`slope`] that are enough for one scene: a few thousandths of an image's evaluations.
-pub const SLOPE_POINTS: u64 = 4096;
-
-/// The 98 % quantile of |∇f| over `points` random points of a ball, per world unit, and at least 1:
-/// 1 also for slopes up to 1.5.
-///
-/// It costs nothing for a field that is known to be Lipschitz. The points are the same at every
-/// call. Points whose gradient is not finite are left out.
-pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R {
-    if field.is_lipschitz() {
-        return R::one();
-    }
-    let stream = Stream::new(0, Purpose::Slopes);
-    let point = |i: u64| {
-        let unit = stream.at(i).in_ball().map(R::of);
-        ball.center + R::Vec3::from_array(unit) * ball.radius
-    };
-    let x: Vec<R::Vec3> = (0..points).map(point).collect();
-    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-    field.value_gradient(&x, &mut f, &mut gradient);
-    let mut slopes: Vec<f64> =
-        gradient.iter().map(|g| g.length().to_double()).filter(|slope| slope.is_finite()).collect();
-    if slopes.is_empty() {
-        return R::one();
-    }
-    let at = ((slopes.len() - 1) as f64 * QUANTILE) as usize;
-    let (_, slope, _) = slopes.select_nth_unstable_by(at, f64::total_cmp);
-    if *slope > LEARNED { R::of(*slope) } else { R::one() }
-}
 
 impl<R: Real> Scene<'_, R> {
     /// The scene with a relaxation that suits the [`slope`] of its field, taken at `points` points:

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere, fibonacci_direction};
+use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere, may_reach};
 use glam::DVec3;
 use sdf_nn::Network;
 
@@ -101,7 +101,8 @@ impl Sdf {
     fn read_network(object: &Object<'_>, folder: &Path) -> Result<Self> {
         let path = folder.join(object.string("weights")?);
         let bytes = io::read(&path, "weights", "a model file")?;
-        let clipped = may_reach_its_ball(&network::<f64>(&path, &bytes)?);
+        let network = network::<f64>(&path, &bytes)?;
+        let clipped = network.bounds().is_some_and(|ball| may_reach(&network, &ball));
         Ok(Sdf::Neural { path, bytes, clipped })
     }
 
@@ -177,25 +178,6 @@ impl Sdf {
             }
         }
     }
-}
-
-/// Points of the network's sphere at which f is taken. They are at most 0.045 radii from any other.
-const SPHERE_POINTS: usize = 4096;
-
-/// The largest distance of a point of a sphere from one of the [`SPHERE_POINTS`], in radii, with a
-/// third more for slopes that grow between them.
-const SPHERE_GAP: f64 = 0.06;
-
-/// Whether the solid of a network may reach the network's ball: f may fall to zero between points
-/// of the sphere.
-fn may_reach_its_ball(network: &Network<f64>) -> bool {
-    let Some(ball) = Field::<f64>::bounds(network) else { return false };
-    let point = |i| ball.center + fibonacci_direction(i, SPHERE_POINTS, 0.0) * ball.radius;
-    let x: Vec<DVec3> = (0..SPHERE_POINTS).map(point).collect();
-    let (mut f, mut gradient) = (vec![0.0; x.len()], vec![DVec3::ZERO; x.len()]);
-    network.value_gradient(&x, &mut f, &mut gradient);
-    let gap = SPHERE_GAP * ball.radius;
-    f.iter().zip(&gradient).any(|(f, gradient)| *f <= gap * gradient.length())
 }
 
 /// Builds a network from the bytes of a model file; `path` is for error messages.

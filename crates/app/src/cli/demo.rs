@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::common::{Global, bar_mover};
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
-use ::fit::{FitOptions, Model, RunFile, parse_duration, scene, write_preview};
+use ::fit::{FitOptions, Model, RunFile, Solid, parse_duration, write_preview};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
 use dataset::{Dataset, LoadOptions};
@@ -153,7 +153,7 @@ fn evaluate(
 fn preview(dataset: &Dataset, model: &Model, file: &RunFile, picture: &Path) -> anyhow::Result<()> {
     if let Some(view) = dataset.test.first() {
         let cameras = [view.camera];
-        write_preview(picture, &scene(model, file, &cameras), 0, &view.image)?;
+        write_preview(picture, &Solid::new(model, file).scene(&cameras), 0, &view.image)?;
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::common::{Global, bar_mover};
 use dataset::{LoadOptions, View};
-use fit::{Model, RunFile, scene};
+use fit::{Model, RunFile, Solid};
 use mesh::{extract, read_mesh};
 use metrics::{compare, mask_iou, psnr, ssim};
 use render::render;
@@ -86,7 +86,8 @@ pub(super) fn compare_views(
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<EvalReport> {
     let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
-    let scene = scene(model, file, &cameras);
+    let solid = Solid::new(model, file);
+    let scene = solid.scene(&cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
     for (i, view) in views.iter().enumerate() {
         let image = render(&scene, i, spp, file.options.seed, &|p| {

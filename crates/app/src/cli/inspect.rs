@@ -1,21 +1,22 @@
 //! `dsdf inspect`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use field::Sphere;
+use field::{Field, SLOPE_POINTS, Sphere, slope};
 use glam::DVec3;
+use serde::Serialize;
 
 use super::common::Global;
 use dataset::LoadOptions;
-use dataset::inspect::{inspect, overlay};
-use fit::parse_bounds;
+use dataset::inspect::{Report, inspect, overlay};
+use fit::{Model, RunFile, parse_bounds};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
-    /// Data set folder
+    /// Data set folder, or folder of a run: its data set with its bounding sphere, and its model
     dataset: PathBuf,
     /// Overlay image to write: every view with the axes and the outline of the bounding sphere
     #[arg(short, long, default_value = "inspect.png")]
@@ -23,25 +24,57 @@ pub(crate) struct Inspect {
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Read images at 1/N of their width and height
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    downscale: u32,
+    /// Read images at 1/N of their width and height [default: 1, or that of the run]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: Option<u32>,
+}
+
+/// The report on a data set, or on a run with its data set.
+#[derive(Serialize)]
+struct InspectReport {
+    #[serde(flatten)]
+    dataset: Report,
+    /// The slope of the run's network: the 98 % quantile of |∇f| over the bounding sphere, or 1 if
+    /// it is at most 1.5. Rays start with it. `None` for a data set.
+    slope: Option<f32>,
+}
+
+/// The slope of the network of a run.
+fn slope_of_run(run: &Path, file: &RunFile) -> anyhow::Result<Option<f32>> {
+    let field = Model::load(run, file.origin())?.field;
+    Ok(field.bounds().map(|ball| slope(&field, &ball, SLOPE_POINTS)))
 }
 
 impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["png", "exr", "npy"])?;
-        let dataset = dataset::load(&self.dataset, &LoadOptions { downscale: self.downscale })?;
-        let given =
-            self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
-        let source = match (given.is_some(), dataset.bounds.is_some()) {
-            (true, _) => "as asked",
-            (false, true) => "from the data set",
-            (false, false) => "estimated from cameras and background",
+        let run = match self.dataset.join("fit.toml").is_file() {
+            true => Some(RunFile::load(&self.dataset)?),
+            false => None,
         };
+        let path = run.as_ref().map_or(&self.dataset, |file| &file.dataset);
+        let of_run = run.as_ref().map_or(1, |file| file.options.downscale);
+        let options = LoadOptions { downscale: self.downscale.unwrap_or(of_run) };
+        let dataset = dataset::load(path, &options)?;
+        let source = match (self.bounds, &run, dataset.bounds) {
+            (Some(_), _, _) => "as asked",
+            (None, Some(_), _) => "from the run",
+            (None, None, Some(_)) => "from the data set",
+            (None, None, None) => "estimated from cameras and background",
+        };
+        let given = self.bounds.or(run.as_ref().map(|file| file.bounds));
+        let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
         let (bounds, background) = dataset::surroundings(&dataset, given);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
-        let report = inspect(&dataset, &bounds, &background, source);
-        global.report(&report, || format!("{report}\npicture      {}", self.output.display()))
+        let slope = match &run {
+            Some(file) => slope_of_run(&self.dataset, file)?,
+            None => None,
+        };
+        let dataset = inspect(&dataset, &bounds, &background, source);
+        let report = InspectReport { dataset, slope };
+        global.report(&report, || {
+            let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));
+            format!("{}{slope}\npicture      {}", report.dataset, self.output.display())
+        })
     }
 }

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use field::Field;
+use field::{Field, SLOPE_POINTS, slope};
 use glam::Vec3;
 use sdf_nn::Network;
 use serde::Serialize;
 
 use super::common::Global;
 use io::{InputError, read_npy, write_npy};
-use render::{SLOPE_POINTS, slope};
 use scene::network;
 
 /// Arguments of `dsdf query`.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use field::{Counted, Evaluations};
+use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
 use super::common::{
@@ -13,7 +13,7 @@ use super::common::{
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
 use io::{InputError, write_image};
-use render::{Precision, SLOPE_POINTS, Scene, render};
+use render::{Precision, Scene, render};
 use scene::SceneFile;
 
 /// Arguments of `dsdf render`.

@@ -4,7 +4,8 @@
 use field::{Real, Vector3};
 use render::Scene;
 
-use super::face_changes::{FaceChange, FaceHit};
+use super::face_changes::FaceChange;
+use super::line_places::FaceHit;
 use crate::film_line::FilmLine;
 use record::Record;
 

@@ -64,6 +64,9 @@ pub(super) fn crossings<R: Real>(
     Ok(Crossings { crossings, rays })
 }
 
+/// The first step of a search along a ray, as a share of the distance to the surface behind.
+const SHARE_OF_GAP: f64 = 0.1;
+
 /// The crossings with the silhouettes at known places: those of changes from one face to another
 /// that does not meet it there.
 ///
@@ -84,7 +87,9 @@ pub(super) fn crossings_at<R: Real>(
     for place in places {
         let [(from, first), (to, second)] = place.ends;
         let (s, t) = if first.t < second.t { (from, first.t) } else { (to, second.t) };
-        let reach = first_reach(scene, lines[place.line].camera, t);
+        // The minimum of f is in front of the surface behind.
+        let behind = (first.t - second.t).abs() * R::of(SHARE_OF_GAP);
+        let reach = first_reach(scene, lines[place.line].camera, t).min(behind);
         let range = [R::zero(); 2];
         let start = Start { s: R::of(s), t, range, reach, steepest: R::one() };
         searches.push(place.line, [from - margin, to + margin], start);

@@ -1,32 +1,11 @@
 //! Places on lines of the film where the visible surface goes from one face to another.
 
 use field::{Real, Vector3};
-use render::{InvalidField, Sample, Scene};
+use render::{InvalidField, Scene};
 
-use super::visibility::INSIDE;
+use super::line_places::{FaceHit, LinePlaces, Place, trace};
 use crate::film_line::{Crossing, FilmLine, Rim, tolerance};
 use record::Record;
-
-/// The visible surface at one place of a line.
-#[derive(Clone, Copy, Debug)]
-struct Place<R: Real> {
-    s: f64,
-    /// The hit of the ray there; `None` for a miss.
-    hit: Option<FaceHit<R>>,
-}
-
-/// A hit with its face.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FaceHit<R: Real> {
-    /// The number of the face; see [`field::Field::faces`].
-    face: u32,
-    /// The distance along the ray, in world units.
-    pub(super) t: R,
-    pub(super) x: R::Vec3,
-    /// ∇f at the hit.
-    pub(super) gradient: R::Vec3,
-    pub(super) radiance: R::Vec3,
-}
 
 /// A part of a line whose ends hit different faces.
 #[derive(Clone, Copy, Debug)]
@@ -97,8 +76,9 @@ impl<R: Real> FaceChange<R> {
 /// Finds the places where lines go from face to face between silhouettes. Each result is two
 /// tolerances wide.
 ///
-/// It can miss two changes between the same two faces that lie between all of a line's places: the
-/// ends of the line, both sides of silhouettes, and one inner place of each part between them.
+/// It can miss two changes between the same two faces that lie between all places of
+/// [`LinePlaces::new`]. (To look for a face on the lines beside the one that has met it changes no
+/// error of the families, with 1.5 % more evaluations.)
 ///
 /// `crossings` are sorted by line, and along each line by s. `inner` has one more place per line.
 pub(super) fn face_changes<R: Real>(
@@ -108,8 +88,11 @@ pub(super) fn face_changes<R: Real>(
     crossings: &[Crossing<R>],
     record: &mut Record<R>,
 ) -> Result<Vec<FaceChange<R>>, InvalidField> {
-    let mut found = at_rims(scene, lines, crossings, record)?;
-    let mut open = first_intervals(scene, lines, inner, crossings, record)?;
+    let places = LinePlaces::new(scene, lines, inner, crossings, record)?;
+    let mut found = at_rims(scene, crossings, &places);
+    let pairs = (0..lines.len()).flat_map(|line| places.pairs(line).map(move |pair| (line, pair)));
+    let mut open: Vec<FaceChange<R>> =
+        pairs.filter_map(|(line, [a, b])| FaceChange::between(line, a, b)).collect();
     let done = 2.0 * tolerance::<R>();
     for round in 0..ROUNDS {
         open.retain(|interval| {
@@ -133,80 +116,22 @@ pub(super) fn face_changes<R: Real>(
 /// the two curves meet, they have a common tangent, so this is a large part of their last pixel.
 fn at_rims<R: Real>(
     scene: &Scene<'_, R>,
-    lines: &[FilmLine],
     crossings: &[Crossing<R>],
-    record: &mut Record<R>,
-) -> Result<Vec<FaceChange<R>>, InvalidField> {
+    places: &LinePlaces<R>,
+) -> Vec<FaceChange<R>> {
     let smooth: Vec<&Crossing<R>> =
         crossings.iter().filter(|crossing| !crossing.rim.edge).collect();
-    let aside = INSIDE * tolerance::<R>();
-    let inside = |c: &&Crossing<R>| (c.line, if c.leaves { c.s - aside } else { c.s + aside });
-    let wanted: Vec<(usize, f64)> = smooth.iter().map(inside).collect();
-    let places = places(scene, lines, &wanted, record)?;
     let x: Vec<R::Vec3> = smooth.iter().map(|crossing| crossing.rim.x).collect();
     let mut face = vec![0; x.len()];
     scene.field.faces(&x, &mut face);
-    let mut changes = Vec::new();
-    for ((crossing, place), face) in smooth.iter().zip(&places).zip(face) {
+    let change = |(crossing, face): (&&Crossing<R>, u32)| {
+        let place = places.inside(crossing)?;
         let Rim { t, x, gradient, radiance, .. } = crossing.rim;
-        let rim = Place { s: crossing.s, hit: Some(FaceHit { face, t, x, gradient, radiance }) };
+        let rim = Place::new(crossing.s, Some(FaceHit { face, t, x, gradient, radiance }));
         let [a, b] = if crossing.leaves { [place, &rim] } else { [&rim, place] };
-        changes.extend(FaceChange::between(crossing.line, a, b));
-    }
-    Ok(changes)
-}
-
-/// The intervals between the ends of lines, their inner places and both sides of silhouettes.
-fn first_intervals<R: Real>(
-    scene: &Scene<'_, R>,
-    lines: &[FilmLine],
-    inner: &[f64],
-    crossings: &[Crossing<R>],
-    record: &mut Record<R>,
-) -> Result<Vec<FaceChange<R>>, InvalidField> {
-    let aside = INSIDE * tolerance::<R>();
-    let mut next = crossings.iter().peekable();
-    // Pairs of places, without a silhouette between them.
-    let mut wanted: Vec<(usize, f64)> = Vec::new();
-    for (number, inner) in inner.iter().enumerate() {
-        let mut from = 0.0;
-        let mut segment = |from: f64, to: f64| {
-            let middle = if (from..to).contains(inner) { *inner } else { (from + to) * 0.5 };
-            if to > from {
-                wanted.extend([from, middle, middle, to].map(|s| (number, s)));
-            }
-        };
-        while let Some(crossing) = next.next_if(|crossing| crossing.line == number) {
-            segment(from, crossing.s - aside);
-            from = crossing.s + aside;
-        }
-        segment(from, 1.0);
-    }
-    let places = places(scene, lines, &wanted, record)?;
-    let pairs = wanted.chunks_exact(2).zip(places.chunks_exact(2));
-    Ok(pairs.filter_map(|(at, pair)| FaceChange::between(at[0].0, &pair[0], &pair[1])).collect())
-}
-
-/// Traces a ray at every place (line, s).
-fn places<R: Real>(
-    scene: &Scene<'_, R>,
-    lines: &[FilmLine],
-    wanted: &[(usize, f64)],
-    record: &mut Record<R>,
-) -> Result<Vec<Place<R>>, InvalidField> {
-    let samples: Vec<Sample> = wanted.iter().map(|(line, s)| lines[*line].at(*s)).collect();
-    let primary = scene.primary(&samples)?;
-    record.rays += samples.len() as u64;
-    let mut face = vec![0; primary.hits.len()];
-    scene.field.faces(&primary.surface.x, &mut face);
-    let mut places: Vec<Place<R>> =
-        wanted.iter().map(|(_, s)| Place { s: *s, hit: None }).collect();
-    for ((hit, x), face) in primary.hits.iter().zip(&primary.surface.x).zip(face) {
-        let radiance = primary.samples[hit.sample].radiance;
-        let (t, gradient) = (hit.t, hit.gradient);
-        places[hit.sample].hit = Some(FaceHit { face, t, x: *x, gradient, radiance });
-    }
-    Ok(places)
+        FaceChange::between(crossing.line, a, b)
+    };
+    smooth.iter().zip(face).filter_map(change).collect()
 }
 
 /// The parts of intervals that have a change: around the expected place, or halves.
@@ -226,11 +151,11 @@ fn divided<R: Real>(
             [(at - reach).max(from), (at + reach).min(to)].map(|s| (interval.line, s))
         })
         .collect();
-    let places = places(scene, lines, &wanted, record)?;
+    let places = trace(scene, lines, &wanted, record)?;
     let mut of_line = vec![0; lines.len()];
     let mut parts = Vec::new();
     for (interval, inner) in open.iter().zip(places.chunks_exact(2)) {
-        let [first, last] = interval.ends.map(|(s, hit)| Place { s, hit: Some(hit) });
+        let [first, last] = interval.ends.map(|(s, hit)| Place::new(s, Some(hit)));
         for pair in [[&first, &inner[0]], [&inner[0], &inner[1]], [&inner[1], &last]] {
             let part = FaceChange::between(interval.line, pair[0], pair[1]);
             if let Some(part) = part.filter(|_| of_line[interval.line] < MAX_INTERVALS) {

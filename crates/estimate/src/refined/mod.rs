@@ -1,9 +1,11 @@
 //! The estimator `refined`, the default: a curve integral over silhouettes, which are found along
 //! random lines on the film.
 
+mod crease_margin;
 mod creases;
 mod crossings;
 mod face_changes;
+mod line_places;
 mod neighbours;
 mod probes;
 mod search;

@@ -7,6 +7,7 @@ use render::{InvalidField, Pixel, Primary, Sample, Scene, TracedRay, TracedSampl
 use rustc_hash::FxHashMap;
 use trace::Outcome;
 
+use super::crease_margin::near_creases;
 use crate::estimator::{Batch, SilhouetteMask};
 use crate::film_line::has_visible_creases;
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
@@ -34,17 +35,21 @@ pub(super) fn sample_unmarked<R: Real>(
 ) -> Result<Vec<u32>, InvalidField> {
     let unmarked: Vec<u32> =
         (0..batch.pixels.len() as u32).filter(|&i| !mask.may_cross[i as usize]).collect();
-    let pixels = unmarked.iter().map(|&i| batch.pixels[i as usize]);
-    let primary = scene.primary(&pixel_samples(pixels, &range, batch.seed))?;
+    let pixels: Vec<Pixel> = unmarked.iter().map(|&i| batch.pixels[i as usize]).collect();
+    let primary = scene.primary(&pixel_samples(pixels.iter().copied(), &range, batch.seed))?;
     record.rays += primary.samples.len() as u64;
     let near = near_silhouettes(scene, &primary, SilhouetteMargin::SMALL);
     let seen = seen_faces(scene, &primary);
     let count = range.len();
+    let creased = match has_visible_creases(scene) {
+        true => near_creases(scene, &primary, &pixels, count),
+        false => vec![false; pixels.len()],
+    };
     let mixed = |own: &[Option<u32>]| own.iter().any(|face| *face != own[0]);
     let mut not_far = Vec::new();
     for (i, &pixel) in unmarked.iter().enumerate() {
         let own = i * count..(i + 1) * count;
-        if near[own.clone()].contains(&true) || mixed(&seen[own.clone()]) {
+        if near[own.clone()].contains(&true) || mixed(&seen[own.clone()]) || creased[i] {
             mask.may_cross[pixel as usize] = true;
         } else if !primary.samples[own].iter().any(|sample| is_far(scene, &primary, sample)) {
             not_far.push(pixel);

@@ -23,6 +23,9 @@ const RAYS: usize = 12;
 /// Jumps of the radiance along a row are known to this length, in pixels.
 const EXACT: f64 = 1e-11;
 
+/// Intervals of rows are halved this often at most: the part around a corner is 1e-6 pixels long.
+const MOST_HALVINGS: u32 = 20;
+
 /// Rows where the order of jumps changes are known to this length, in pixels.
 const EXACT_ROW: f64 = 1e-8;
 
@@ -59,6 +62,9 @@ fn differ(a: &Seen, b: &Seen) -> bool {
 struct Film<'a> {
     camera: &'a Camera,
     see: &'a dyn Fn(DVec3) -> Seen,
+    /// The error of the integral over an interval of rows where it is not divided further; infinite
+    /// for outlines without corners.
+    tolerance: f64,
 }
 
 /// A row of the film with the places of its jumps and the faces behind them.
@@ -153,6 +159,34 @@ impl Film<'_> {
         }
     }
 
+    /// The integral of the radiance between two rows of the same order.
+    fn between(&self, [from, to]: &[Row; 2], width: usize) -> Vec<DVec3> {
+        let mut pixels = vec![DVec3::ZERO; width];
+        integral([from.y, to.y], |y, weight| {
+            self.add_row(&self.row(y, &[&Row::between(from, to, y)]), weight, &mut pixels);
+        });
+        pixels
+    }
+
+    /// Adds the integral between two rows, which is about `whole`, by halves where these differ
+    /// from it: an outline has a corner there, with the same face before and after.
+    fn add_between(&self, ends: &[Row; 2], whole: Vec<DVec3>, left: u32, pixels: &mut [DVec3]) {
+        let [from, to] = ends;
+        let y = (from.y + to.y) * 0.5;
+        let middle = self.row(y, &[&Row::between(from, to, y)]);
+        let halves = [[from.clone(), middle.clone()], [middle, to.clone()]];
+        let parts = halves.each_ref().map(|half| self.between(half, whole.len()));
+        let off = |i: usize| (parts[0][i] + parts[1][i] - whole[i]).length();
+        if left == 0 || (0..whole.len()).all(|i| off(i) < self.tolerance) {
+            let sums = parts[0].iter().zip(&parts[1]).map(|(a, b)| *a + *b);
+            pixels.iter_mut().zip(sums).for_each(|(pixel, sum)| *pixel += sum);
+            return;
+        }
+        for (half, part) in halves.iter().zip(parts) {
+            self.add_between(half, part, left - 1, pixels);
+        }
+    }
+
     /// The mean radiance of every pixel, linear RGB.
     fn image(&self) -> Vec<DVec3> {
         let [width, height] = self.camera.size;
@@ -165,29 +199,34 @@ impl Film<'_> {
                 self.add_intervals(&last, &next, &mut intervals);
                 last = next;
             }
-            for [from, to] in &intervals {
-                integral([from.y, to.y], |y, weight| {
-                    let expected = Row::between(from, to, y);
-                    self.add_row(&self.row(y, &[&expected]), weight, pixels);
-                });
+            for interval in &intervals {
+                let whole = self.between(interval, width);
+                if self.tolerance.is_finite() {
+                    self.add_between(interval, whole, MOST_HALVINGS, pixels);
+                } else {
+                    pixels.iter_mut().zip(whole).for_each(|(pixel, whole)| *pixel += whole);
+                }
             }
         }
         pixels
     }
 }
 
-/// The mean radiance of every pixel: rows of pixels, linear RGB.
-pub(crate) fn image(camera: &Camera, see: impl Fn(DVec3) -> Seen) -> Vec<[f64; 3]> {
-    Film { camera, see: &see }.image().iter().map(|pixel| pixel.to_array()).collect()
+/// The mean radiance of every pixel: rows of pixels, linear RGB. `tolerance` is the error of the
+/// integral over an interval of rows.
+pub(crate) fn image(camera: &Camera, tolerance: f64, see: impl Fn(DVec3) -> Seen) -> Vec<[f64; 3]> {
+    Film { camera, see: &see, tolerance }.image().iter().map(|pixel| pixel.to_array()).collect()
 }
 
 /// The central difference of the image of `see(parameter)` at ±`step`: rows of pixels, RGB.
+/// `tolerance` is that of [`image`] in steps.
 pub(crate) fn derivative<S: Fn(DVec3) -> Seen>(
     camera: &Camera,
     step: f64,
+    tolerance: f64,
     see: impl Fn(f64) -> S,
 ) -> Vec<[f64; 3]> {
-    let [plus, minus] = [step, -step].map(|offset| image(camera, see(offset)));
+    let [plus, minus] = [step, -step].map(|offset| image(camera, tolerance * step, see(offset)));
     let difference = |i: usize, c: usize| (plus[i][c] - minus[i][c]) / (2.0 * step);
     (0..plus.len()).map(|i| [0, 1, 2].map(|c| difference(i, c))).collect()
 }

@@ -4,11 +4,11 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use estimate::EstimatorPrecision;
-use field::{Counted, Evaluations, Field};
+use field::{Counted, Evaluations, Field, SLOPE_POINTS};
 use film::Film;
 use gradient::finite_difference;
 use io::InputError;
-use render::{SLOPE_POINTS, Scene, render};
+use render::{Scene, render};
 use scene::SceneFile;
 use serde_json::Value;
 

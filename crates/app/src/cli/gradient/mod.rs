@@ -8,9 +8,9 @@ mod report;
 mod target;
 
 use estimate::{Discontinuity, EstimatorPrecision};
-use field::Counted;
+use field::{Counted, SLOPE_POINTS};
 use io::InputError;
-use render::{SLOPE_POINTS, Scene};
+use render::Scene;
 use scene::{Appearance, SceneFile};
 
 use super::common::{Global, PrecisionArg, bar_mover, check_film, color};
