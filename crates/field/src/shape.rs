@@ -51,15 +51,18 @@ type Vec3<S> = [S; 3];
 /// The point that positions are relative to, in world units; `None` for the world's origin.
 type Origin<R> = Option<[R; 3]>;
 
+#[inline(always)]
 fn sub<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
+#[inline(always)]
 fn dot<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The first three parameters of a slice.
+#[inline(always)]
 fn first_three<S: Scalar>(p: &[S]) -> Vec3<S> {
     [p[0], p[1], p[2]]
 }
