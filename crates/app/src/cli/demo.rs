@@ -10,11 +10,12 @@ use serde::Serialize;
 use super::common::{Global, bar_mover};
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
+use super::mesh::mesh_of_run;
 use ::fit::{FitOptions, Model, RunFile, Solid, parse_duration, write_preview};
+use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
 use dataset::synth::{Options, synthesise};
 use dataset::{Dataset, LoadOptions};
-use mesh::{Mesh, extract, read_mesh, write_mesh};
 
 /// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -140,8 +141,7 @@ fn evaluate(
     let bar = global.progress("evaluate");
     let progress = bar_mover(&bar);
     let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &progress)?;
-    let mesh = extract(&model.field, &file.sphere(), MESH_CELLS, &progress);
-    let mesh = Mesh { origin: file.origin(), ..mesh };
+    let mesh = mesh_of_run(&model, &file, MESH_CELLS, &progress);
     write_mesh(mesh_path, &mesh)?;
     report.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
     preview(&dataset, &model, &file, picture)?;

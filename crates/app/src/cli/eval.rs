@@ -6,9 +6,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, bar_mover};
+use super::mesh::mesh_of_run;
 use dataset::{LoadOptions, View};
 use fit::{Model, RunFile, Solid};
-use mesh::{extract, read_mesh};
+use mesh::read_mesh;
 use metrics::{compare, mask_iou, psnr, ssim};
 use render::render;
 
@@ -65,8 +66,7 @@ impl Eval {
         let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar_mover(&bar))?;
         if let Some(truth) = truth {
             let cells = self.resolution as usize;
-            let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
-            let mesh = mesh::Mesh { origin: file.origin(), ..mesh };
+            let mesh = mesh_of_run(&model, &file, cells, &bar_mover(&bar));
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();

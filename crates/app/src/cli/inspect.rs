@@ -1,13 +1,14 @@
 //! `dsdf inspect`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use field::{Field, SLOPE_POINTS, Sphere, slope};
+use field::Sphere;
 use glam::DVec3;
 use serde::Serialize;
 
 use super::common::Global;
+use super::query::slope_of;
 use dataset::LoadOptions;
 use dataset::inspect::{Report, inspect, overlay};
 use fit::{Model, RunFile, parse_bounds};
@@ -39,12 +40,6 @@ struct InspectReport {
     slope: Option<f32>,
 }
 
-/// The slope of the network of a run.
-fn slope_of_run(run: &Path, file: &RunFile) -> anyhow::Result<Option<f32>> {
-    let field = Model::load(run, file.origin())?.field;
-    Ok(field.bounds().map(|ball| slope(&field, &ball, SLOPE_POINTS)))
-}
-
 impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["png", "exr", "npy"])?;
@@ -67,7 +62,7 @@ impl Inspect {
         let (bounds, background) = dataset::surroundings(&dataset, given);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
         let slope = match &run {
-            Some(file) => slope_of_run(&self.dataset, file)?,
+            Some(file) => Some(slope_of(&Model::load(&self.dataset, file.origin())?.field)),
             None => None,
         };
         let dataset = inspect(&dataset, &bounds, &background, source);

@@ -40,6 +40,17 @@ struct MeshReport {
     volume: f64,
 }
 
+/// The mesh of a run, with `cells` grid cells along the diameter of its bounding sphere.
+pub(super) fn mesh_of_run(
+    model: &Model,
+    file: &RunFile,
+    cells: usize,
+    progress: &(dyn Fn(f64) + Sync),
+) -> mesh::Mesh {
+    let mesh = extract(&model.field, &file.sphere(), cells, progress);
+    mesh::Mesh { origin: file.origin(), ..mesh }
+}
+
 impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["ply", "obj", "glb"])?;
@@ -47,14 +58,13 @@ impl Mesh {
         let model = Model::load(&self.run, file.origin())?;
         let bar = global.progress("mesh");
         let cells = self.resolution as usize;
-        let mesh = extract(&model.field, &file.sphere(), cells, &bar_mover(&bar));
+        let mesh = mesh_of_run(&model, &file, cells, &bar_mover(&bar));
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
             let path = self.run.join("model.safetensors");
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
-        let mesh = mesh::Mesh { origin: file.origin(), ..mesh };
         write_mesh(&self.output, &mesh)?;
         let report = MeshReport::new(&mesh);
         global.report(&report, || format!("{}: {}", report.text(), self.output.display()))

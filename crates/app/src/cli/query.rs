@@ -38,7 +38,7 @@ struct QueryReport {
 }
 
 /// The slope that rays start with.
-fn slope_of(network: &Network<f32>) -> f32 {
+pub(super) fn slope_of(network: &Network<f32>) -> f32 {
     network.bounds().map_or(1.0, |ball| slope(network, &ball, SLOPE_POINTS))
 }
 

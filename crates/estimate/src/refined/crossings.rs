@@ -6,7 +6,7 @@ use render::{InvalidField, Scene};
 use super::face_changes::FaceChange;
 use super::neighbours::Neighbours;
 use super::probes::{Place, Probes};
-use super::search::{KnownTangencies, SAME_DEPTH, SAME_PLACE, Searches, first_reach};
+use super::search::{KnownTangencies, SAME_DEPTH, Searches, first_reach, is_same};
 use super::visibility::visible;
 use crate::film_line::{Crossing, FilmLine, tolerance};
 use trace::Start;
@@ -100,10 +100,8 @@ pub(super) fn crossings_at<R: Real>(
     let is_new = |new: &Crossing<R>| {
         let first = known.partition_point(|old| old.line < new.line);
         let same = scene.tracing_scale(lines[new.line].camera, new.rim.t) * R::of(SAME_DEPTH);
-        !known[first..].iter().take_while(|old| old.line == new.line).any(|old| {
-            (old.s - new.s).abs() < SAME_PLACE * tolerance::<R>()
-                && (old.rim.t - new.rim.t).abs() < same
-        })
+        let mut of_line = known[first..].iter().take_while(|old| old.line == new.line);
+        !of_line.any(|old| is_same(old.s - new.s, old.rim.t - new.rim.t, same))
     };
     let rays = found.count() as u64;
     let crossings = visible.into_iter().map(|visible| visible.crossing).filter(is_new).collect();

@@ -73,13 +73,19 @@ pub(super) struct KnownTangencies<R: Real> {
 const MAX_TANGENCIES: usize = 64;
 
 /// The largest distance on the film of two silhouettes at the same position, in tolerances.
-pub(super) const SAME_PLACE: f64 = 10.0;
+const SAME_PLACE: f64 = 10.0;
 
 /// Two silhouettes of one line at the same film position are the same if
 /// their depths differ by less than this, in [`Scene::tracing_scale`]. At 0.005 silhouettes of the
 /// smallest ball of the suite count twice: its error is 4.6 times as large. At 0.08 nothing
 /// changes; parts of a solid this far apart in depth would count as one.
 pub(super) const SAME_DEPTH: f64 = 0.02;
+
+/// Whether two silhouettes of one line are the same: `along` is the difference of their s, `depth`
+/// that of their depths, which is less than `same` for the same silhouette.
+pub(super) fn is_same<R: Real>(along: f64, depth: R, same: R) -> bool {
+    along.abs() < SAME_PLACE * tolerance::<R>() && depth.abs() < same
+}
 
 /// The width of a minimum of f along a ray that searches assume at first, in bounding radii; the
 /// width of a pixel if that is less. At 0.005: evaluations 1.014. At 0.08: the largest bias of the
@@ -137,8 +143,8 @@ impl<R: Real> KnownTangencies<R> {
     /// within `same` of its own.
     fn add(&mut self, found: LineTangency<R>, same: R) {
         let near = |other: &Tangency<R>| {
-            (other.s - found.tangency.s).to_double().abs() < SAME_PLACE * tolerance::<R>()
-                && (other.t - found.tangency.t).abs() < same
+            let along = (other.s - found.tangency.s).to_double();
+            is_same(along, other.t - found.tangency.t, same)
         };
         let of_line = &self.of_line[found.line];
         if of_line.len() < MAX_TANGENCIES && !self.of(found.line).any(near) {
