@@ -1,6 +1,6 @@
 //! Lines on the film, and their crossings with silhouettes.
 
-use field::Real;
+use field::{Real, Vector3};
 use glam::DVec2;
 use render::{Sample, Scene};
 
@@ -47,6 +47,8 @@ pub(crate) struct Crossing<R: Real> {
     pub(crate) contrast: R::Vec3,
     /// The surface at the silhouette, seen from inside.
     pub(crate) rim: Rim<R>,
+    /// Whether the ray just outside meets a surface at a grazing angle.
+    pub(crate) grazing_outside: bool,
 }
 
 /// The surface at a silhouette.
@@ -76,15 +78,25 @@ pub(crate) struct SegmentEnd {
 }
 
 impl SegmentEnd {
-    /// A crossing with a silhouette, where the line leaves the solid, or enters it.
-    pub(crate) fn silhouette(line: usize, s: f64, leaves: bool) -> Self {
-        SegmentEnd { line, s, steep: [leaves, !leaves] }
+    /// A crossing with a silhouette, where the line leaves the solid, or enters it. `outside`: the
+    /// surface outside is at a grazing angle too.
+    pub(crate) fn silhouette(line: usize, s: f64, leaves: bool, outside: bool) -> Self {
+        SegmentEnd { line, s, steep: if leaves { [true, outside] } else { [outside, true] } }
     }
 
-    /// A crossing with a crease.
-    pub(crate) fn crease(line: usize, s: f64) -> Self {
-        SegmentEnd { line, s, steep: [false; 2] }
+    /// A crossing with a crease between faces, of which some are at a grazing angle.
+    pub(crate) fn crease(line: usize, s: f64, grazing: [bool; 2]) -> Self {
+        SegmentEnd { line, s, steep: grazing }
     }
+}
+
+/// A surface is at a grazing angle if the cosine between the reversed ray and its normal is below
+/// this. Its own silhouette is then close, and the derivative of the hit point grows towards it.
+const GRAZING: f64 = 0.3;
+
+/// Whether a surface with this ∇f is at a grazing angle to a ray along the unit vector `direction`.
+pub(crate) fn is_grazing<R: Real>(gradient: R::Vec3, direction: R::Vec3) -> bool {
+    -gradient.dot(direction) < gradient.length() * R::of(GRAZING)
 }
 
 /// Whether the radiance of a scene can jump at creases.

@@ -110,9 +110,9 @@ impl Grid {
                     let s = (event.u - pixel.corner())[axis as usize];
                     match event.kind {
                         EventKind::Silhouette { leaves } => {
-                            SegmentEnd::silhouette(number, s, leaves)
+                            SegmentEnd::silhouette(number, s, leaves, false)
                         }
-                        EventKind::Crease => SegmentEnd::crease(number, s),
+                        EventKind::Crease => SegmentEnd::crease(number, s, [false; 2]),
                     }
                 }));
                 let end = line == 0 || line == self.cells;

@@ -44,6 +44,33 @@ pub(super) fn is_crease<R: Real>(
     (a.t - b.t).abs() <= most
 }
 
+/// The projection of a crease onto the film.
+pub(super) struct Projection<R> {
+    /// ∇f·d of both faces.
+    along: [R; 2],
+    /// (∇f₁·x_s)(∇f₂·d) − (∇f₁·d)(∇f₂·x_s) along both axes of the film: a normal of the curve.
+    pub(super) determinant: [R; 2],
+}
+
+/// Projects the crease between the two faces of a change.
+pub(super) fn project<R: Real>(
+    scene: &Scene<'_, R>,
+    lines: &[FilmLine],
+    change: &FaceChange<R>,
+) -> Projection<R> {
+    let line = &lines[change.line];
+    let [a, b] = change.ends.map(|(_, hit)| hit);
+    let sample = line.at(change.middle());
+    let (d, du) = scene.cameras[line.camera].direction_du(sample.u);
+    let d = R::Vec3::of(d);
+    let along = [a.gradient.dot(d), b.gradient.dot(d)];
+    let determinant = du.map(|du| {
+        let x = R::Vec3::of(du) * a.t;
+        a.gradient.dot(x) * along[1] - along[0] * b.gradient.dot(x)
+    });
+    Projection { along, determinant }
+}
+
 /// Adds a crease to the record.
 ///
 /// A crease is the curve {f₁ = f₂ = 0} of two faces. With x(s, t) on the rays of a line, the two
@@ -64,14 +91,7 @@ pub(super) fn add_crease<R: Real>(
     if sine < R::of(LEAST_SINE) {
         return;
     }
-    let sample = line.at(change.middle());
-    let (d, du) = scene.cameras[line.camera].direction_du(sample.u);
-    let d = R::Vec3::of(d);
-    let (along_a, along_b) = (a.gradient.dot(d), b.gradient.dot(d));
-    let determinant = du.map(|du| {
-        let x = R::Vec3::of(du) * a.t;
-        a.gradient.dot(x) * along_b - along_a * b.gradient.dot(x)
-    });
+    let Projection { along: [along_a, along_b], determinant } = project(scene, lines, change);
     let square = determinant[0] * determinant[0] + determinant[1] * determinant[1];
     if square <= R::min_positive_value() {
         return;

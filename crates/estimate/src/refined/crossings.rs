@@ -9,7 +9,7 @@ use super::probes::{Place, Probes};
 use super::search::{KnownTangencies, SAME_DEPTH, Searches, first_reach, is_same};
 use super::visibility::visible;
 use crate::film_line::{Crossing, FilmLine, tolerance};
-use trace::Start;
+use trace::{Start, Tangency};
 
 /// Crossings of lines with visible silhouettes, and the number of rays of the search.
 pub(super) struct Crossings<R: Real> {
@@ -67,6 +67,13 @@ pub(super) fn crossings<R: Real>(
 /// The first step of a search along a ray, as a share of the distance to the surface behind.
 const SHARE_OF_GAP: f64 = 0.1;
 
+/// The largest number of searches for one silhouette at a known place.
+const ATTEMPTS: i32 = 4;
+
+/// The first step of each of these, as a share of that of the one before. Where a ray passes an
+/// edge close to another face, f rises behind the edge for a short way only.
+const SHORTER: f64 = 0.1;
+
 /// The crossings with the silhouettes at known places: those of changes from one face to another
 /// that does not meet it there.
 ///
@@ -82,20 +89,32 @@ pub(super) fn crossings_at<R: Real>(
     places: &[FaceChange<R>],
     known: &[Crossing<R>],
 ) -> Result<Crossings<R>, InvalidField> {
-    let mut searches = Searches::new();
-    let margin = tolerance::<R>();
-    for place in places {
-        let [(from, first), (to, second)] = place.ends;
-        let (s, t) = if first.t < second.t { (from, first.t) } else { (to, second.t) };
-        // The minimum of f is in front of the surface behind.
-        let behind = (first.t - second.t).abs() * R::of(SHARE_OF_GAP);
-        let reach = first_reach(scene, lines[place.line].camera, t).min(behind);
-        let range = [R::zero(); 2];
-        let start = Start { s: R::of(s), t, range, reach, steepest: R::one() };
-        searches.push(place.line, [from - margin, to + margin], start);
-    }
     let mut found = KnownTangencies::new(lines.len());
-    found.search(scene, lines, &searches);
+    let margin = tolerance::<R>();
+    let range = |place: &FaceChange<R>| [place.ends[0].0 - margin, place.ends[1].0 + margin];
+    let mut left: Vec<&FaceChange<R>> = places.iter().collect();
+    for attempt in 0..ATTEMPTS {
+        let mut searches = Searches::new();
+        for place in &left {
+            let [(from, first), (to, second)] = place.ends;
+            let (s, t) = if first.t < second.t { (from, first.t) } else { (to, second.t) };
+            // The minimum of f is in front of the surface behind.
+            let behind = (first.t - second.t).abs() * R::of(SHARE_OF_GAP);
+            let widest = first_reach(scene, lines[place.line].camera, t).min(behind);
+            let reach = widest * R::of(SHORTER.powi(attempt));
+            let start = Start { s: R::of(s), t, range: [R::zero(); 2], reach, steepest: R::one() };
+            searches.push(place.line, range(place), start);
+        }
+        found.search(scene, lines, &searches);
+        left.retain(|place| {
+            let [from, to] = range(place);
+            let is_it = |tangency: &Tangency<R>| (from..=to).contains(&tangency.s.to_double());
+            !found.of(place.line).any(is_it)
+        });
+        if left.is_empty() {
+            break;
+        }
+    }
     let visible = visible(scene, lines, found.since(0))?;
     let is_new = |new: &Crossing<R>| {
         let first = known.partition_point(|old| old.line < new.line);

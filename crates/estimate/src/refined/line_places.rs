@@ -1,6 +1,7 @@
 //! The faces that are seen at places of lines of the film.
 
 use field::Real;
+use glam::DVec2;
 use render::{InvalidField, Sample, Scene};
 
 use super::visibility::INSIDE;
@@ -13,8 +14,9 @@ pub(super) struct Place<R: Real> {
     pub(super) s: f64,
     /// The hit of the ray there; `None` for a miss.
     pub(super) hit: Option<FaceHit<R>>,
-    /// Whether a silhouette lies between this place and the next.
-    before_silhouette: bool,
+    /// The normal on the film of the silhouette between this place and the next, of any length;
+    /// `None` if there is none.
+    pub(super) silhouette: Option<DVec2>,
 }
 
 /// A hit with its face.
@@ -32,8 +34,23 @@ pub(super) struct FaceHit<R: Real> {
 
 impl<R: Real> Place<R> {
     pub(super) fn new(s: f64, hit: Option<FaceHit<R>>) -> Self {
-        Place { s, hit, before_silhouette: false }
+        Place { s, hit, silhouette: None }
     }
+
+    /// The number of the face; `None` for a miss.
+    pub(super) fn face(&self) -> Option<u32> {
+        self.hit.map(|hit| hit.face)
+    }
+}
+
+/// A part of a line with one face.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part<'a, R: Real> {
+    pub(super) face: u32,
+    /// The first and the last place with the face.
+    pub(super) ends: [&'a Place<R>; 2],
+    /// The place before and the place after these.
+    pub(super) around: [Option<&'a Place<R>>; 2],
 }
 
 /// Places of every line, in order.
@@ -54,28 +71,28 @@ impl<R: Real> LinePlaces<R> {
         record: &mut Record<R>,
     ) -> Result<Self, InvalidField> {
         let mut next = crossings.iter().peekable();
-        // The places, and whether each is the last before a silhouette.
-        let (mut wanted, mut last) = (Vec::new(), Vec::new());
+        // The places, and the normal of the silhouette behind each.
+        let (mut wanted, mut behind) = (Vec::new(), Vec::new());
         for (number, inner) in inner.iter().enumerate() {
             let mut from = 0.0;
-            let mut segment = |from: f64, to: f64, silhouette: bool| {
+            let mut segment = |from: f64, to: f64, silhouette: Option<DVec2>| {
                 let middle = if (from..to).contains(inner) { *inner } else { (from + to) * 0.5 };
                 if to > from {
                     wanted.extend([from, middle, to].map(|s| (number, s)));
-                    last.extend([false, false, silhouette]);
+                    behind.extend([None, None, silhouette]);
                 }
             };
             while let Some(crossing) = next.next_if(|crossing| crossing.line == number) {
                 let [before, after] = sides(crossing);
-                segment(from, before, true);
+                segment(from, before, Some(film_normal(crossing)));
                 from = after;
             }
-            segment(from, 1.0, false);
+            segment(from, 1.0, None);
         }
         let mut places = LinePlaces { of_line: vec![Vec::new(); lines.len()] };
         let found = trace(scene, lines, &wanted, record)?;
-        for (((line, _), mut place), before_silhouette) in wanted.iter().zip(found).zip(last) {
-            place.before_silhouette = before_silhouette;
+        for (((line, _), mut place), silhouette) in wanted.iter().zip(found).zip(behind) {
+            place.silhouette = silhouette;
             places.of_line[*line].push(place);
         }
         Ok(places)
@@ -84,7 +101,49 @@ impl<R: Real> LinePlaces<R> {
     /// Pairs of neighbouring places of a line without a silhouette between them.
     pub(super) fn pairs(&self, line: usize) -> impl Iterator<Item = [&Place<R>; 2]> {
         let pairs = self.of_line[line].windows(2).map(|pair| [&pair[0], &pair[1]]);
-        pairs.filter(|pair| !pair[0].before_silhouette)
+        pairs.filter(|pair| pair[0].silhouette.is_none())
+    }
+
+    /// The number of places of a line.
+    pub(super) fn count(&self, line: usize) -> usize {
+        self.of_line[line].len()
+    }
+
+    /// The neighbouring places with s between them, unless a silhouette lies between them too.
+    pub(super) fn around(&self, line: usize, s: f64) -> Option<[&Place<R>; 2]> {
+        let places = &self.of_line[line];
+        let after = places.partition_point(|place| place.s <= s);
+        let before = &places[after.checked_sub(1)?];
+        (before.silhouette.is_none()).then_some([before, places.get(after)?])
+    }
+
+    /// Adds a place between two without a silhouette between them.
+    pub(super) fn insert(&mut self, line: usize, place: Place<R>) {
+        let places = &mut self.of_line[line];
+        let at = places.partition_point(|other| other.s <= place.s);
+        places.insert(at, place);
+    }
+
+    /// Notes that the silhouette of a crossing is between the places beside it.
+    pub(super) fn note_silhouette(&mut self, crossing: &Crossing<R>) {
+        let places = &mut self.of_line[crossing.line];
+        let after = places.partition_point(|place| place.s < crossing.s);
+        if let Some(before) = after.checked_sub(1) {
+            places[before].silhouette = Some(film_normal(crossing));
+        }
+    }
+
+    /// The parts of a line with one face.
+    pub(super) fn parts(&self, line: usize) -> impl Iterator<Item = Part<'_, R>> {
+        let places = &self.of_line[line];
+        let one = |a: &Place<R>, b: &Place<R>| a.silhouette.is_none() && a.face() == b.face();
+        let mut from = 0;
+        places.chunk_by(one).filter_map(move |own| {
+            let (first, to) = (from, from + own.len());
+            from = to;
+            let around = [first.checked_sub(1).map(|i| &places[i]), places.get(to)];
+            Some(Part { face: own[0].face()?, ends: [&own[0], &own[own.len() - 1]], around })
+        })
     }
 
     /// The place beside a crossing, on the side where its silhouette is seen from inside.
@@ -93,6 +152,11 @@ impl<R: Real> LinePlaces<R> {
         let s = if crossing.leaves { before } else { after };
         self.of_line[crossing.line].iter().find(|place| place.s == s)
     }
+}
+
+/// The normal on the film of the silhouette at a crossing, of any length.
+fn film_normal<R: Real>(crossing: &Crossing<R>) -> DVec2 {
+    DVec2::from_array(crossing.film_gradient.map(Real::to_double))
 }
 
 /// The places on both sides of a crossing with a silhouette.

@@ -7,9 +7,11 @@ mod crossings;
 mod face_changes;
 mod line_places;
 mod neighbours;
+mod outside;
 mod probes;
 mod search;
 mod survey;
+mod unseen_faces;
 mod visibility;
 
 use field::Real;
@@ -20,9 +22,9 @@ use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use crate::film_line::{Crossing, FilmLine, SegmentEnd, has_visible_creases};
 use crate::smooth_part::{Stratification, add_smooth_part};
-use creases::{add_crease, is_crease};
-use crossings::{Crossings, crossings, crossings_at};
-use face_changes::face_changes;
+use creases::add_crease;
+use crossings::{Crossings, crossings};
+use face_changes::{FaceChanges, face_changes};
 use record::Record;
 use survey::{mark_corners, sample_unmarked};
 
@@ -154,26 +156,31 @@ fn add_silhouettes<R: Real>(
         return Ok(());
     }
     crossings.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
-    let mut ends: Vec<SegmentEnd> =
-        crossings.iter().map(|c| SegmentEnd::silhouette(c.line, c.s, c.leaves)).collect();
+    let mut ends: Vec<SegmentEnd> = crossings.iter().map(silhouette_end).collect();
     if has_visible_creases(scene) {
-        let changes = face_changes(scene, &lines, &offset, &crossings, record)?;
-        let (creases, silhouettes): (Vec<_>, Vec<_>) =
-            changes.into_iter().partition(|change| is_crease(scene, &lines, change));
+        let FaceChanges { creases, crossings } =
+            face_changes(scene, &lines, &offset, &crossings, record)?;
         for crease in &creases {
             add_crease(scene, &lines, crease, record);
-            ends.push(SegmentEnd::crease(crease.line, crease.middle()));
+            ends.push(SegmentEnd::crease(
+                crease.line,
+                crease.middle(),
+                crease.grazing(scene, &lines),
+            ));
         }
-        let Crossings { crossings, rays } = crossings_at(scene, &lines, &silhouettes, &crossings)?;
-        record.rays += rays;
         for crossing in &crossings {
             add_crossing(&lines[crossing.line], crossing, record);
-            ends.push(SegmentEnd::silhouette(crossing.line, crossing.s, crossing.leaves));
+            ends.push(silhouette_end(crossing));
         }
         ends.sort_by(|a, b| a.line.cmp(&b.line).then(a.s.total_cmp(&b.s)));
     }
     let stratification = Stratification { offset: &offset, per_pixel: SEGMENT_SAMPLES };
     add_smooth_part(scene, &lines, stratification, &ends, record)
+}
+
+fn silhouette_end<R: Real>(crossing: &Crossing<R>) -> SegmentEnd {
+    let Crossing { line, s, leaves, grazing_outside, .. } = *crossing;
+    SegmentEnd::silhouette(line, s, leaves, grazing_outside)
 }
 
 /// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing.

@@ -46,7 +46,7 @@ impl Neighbours {
 
     /// The nearest lines along `axis` on both sides of the film position `u`, without lines through
     /// `u`.
-    fn beside<'a>(
+    pub(super) fn beside<'a>(
         &'a self,
         lines: &'a [FilmLine],
         pixel: u32,
@@ -126,9 +126,14 @@ impl Expected {
 /// The intersection of the tangent of a silhouette at `u` with another line, if it is inside the
 /// pixel of that line.
 fn expected_at(u: DVec2, film_gradient: DVec2, other: &FilmLine) -> Option<Expected> {
-    let (axis, start) = (other.axis, other.start);
+    let s = meeting(u, film_gradient, other);
+    let followed = (other.at(s).u - u).length();
+    (0.0..1.0).contains(&s).then_some(Expected { s, followed })
+}
+
+/// The parameter at which a line meets the line through the film position `u` with this normal.
+pub(super) fn meeting(u: DVec2, normal: DVec2, line: &FilmLine) -> f64 {
+    let (axis, start) = (line.axis, line.start);
     let away = start[1 - axis] - u[1 - axis];
-    let along = -away * film_gradient[1 - axis] / film_gradient[axis];
-    let s = u[axis] + along - start[axis];
-    (0.0..1.0).contains(&s).then(|| Expected { s, followed: away.hypot(along) })
+    u[axis] - start[axis] - away * normal[1 - axis] / normal[axis]
 }

@@ -5,8 +5,9 @@ use render::{InvalidField, Primary, Sample, Scene, Surface};
 use rustc_hash::FxHashMap;
 use trace::{Outcome, Tangency};
 
+use super::outside::move_grazing_hits;
 use super::search::{LineTangency, SAME_DEPTH};
-use crate::film_line::{Crossing, FilmLine, Rim, tolerance};
+use crate::film_line::{Crossing, FilmLine, Rim, is_grazing, tolerance};
 
 /// A crossing with the depths on both of its sides.
 pub(super) struct VisibleCrossing<R: Real> {
@@ -46,7 +47,12 @@ pub(super) fn visible<R: Real>(
 ) -> Result<Vec<VisibleCrossing<R>>, InvalidField> {
     let aside = ASIDE * tolerance::<R>();
     let outside: Vec<Sample> = found.iter().map(|f| beside(lines, f, aside)).collect();
-    let outside = scene.primary(&outside)?;
+    let mut outside = scene.primary(&outside)?;
+    move_grazing_hits(scene, lines, found, &mut outside);
+    let mut grazing_outside = vec![false; found.len()];
+    for (hit, d) in outside.hits.iter().zip(&outside.surface.direction) {
+        grazing_outside[hit.sample] = is_grazing::<R>(hit.gradient, *d);
+    }
     let mut inside = inside_edges(scene, lines, found)?;
     let mut out = Vec::with_capacity(found.len());
     let (mut surface, mut inside_radiance) = (Surface::default(), Vec::new());
@@ -87,6 +93,7 @@ pub(super) fn visible<R: Real>(
                 radiance: R::Vec3::zero(),
                 edge: tangency.edge,
             },
+            grazing_outside: grazing_outside[i],
         };
         out.push(VisibleCrossing { crossing, inside: tangency.t, outside: depth });
     }

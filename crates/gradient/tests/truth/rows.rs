@@ -129,8 +129,9 @@ impl Film<'_> {
         row
     }
 
-    /// Adds the intervals between two rows in which the order of faces does not change.
-    fn add_intervals(&self, a: &Row, b: &Row, found: &mut Vec<[Row; 2]>) {
+    /// Adds the intervals between two rows in which the order of faces does not change. Returns the
+    /// second row, with parts that it had missed.
+    fn add_intervals(&self, a: &Row, b: &Row, found: &mut Vec<[Row; 2]>) -> Row {
         if a.order() == b.order() {
             match found.last_mut() {
                 Some(last) if last[1].y == a.y && last[1].order() == a.order() => {
@@ -138,11 +139,21 @@ impl Film<'_> {
                 }
                 _ => found.push([a.clone(), b.clone()]),
             }
-        } else if b.y - a.y > EXACT_ROW {
-            let middle = self.row((a.y + b.y) * 0.5, &[a, b]);
-            self.add_intervals(a, &middle, found);
-            self.add_intervals(&middle, b, found);
+            return b.clone();
         }
+        if b.y - a.y > EXACT_ROW {
+            let middle = self.row((a.y + b.y) * 0.5, &[a, b]);
+            let middle = self.add_intervals(a, &middle, found);
+            return self.add_intervals(&middle, b, found);
+        }
+        // A row that is far from the one that it was divided from can miss a narrow part.
+        let whole = self.row(a.y, &[a, b]);
+        if whole.order() != a.order()
+            && let Some([start, _]) = found.pop_if(|last| last[1].y == a.y)
+        {
+            self.add_intervals(&start, &whole, found);
+        }
+        self.row(b.y, &[a, b])
     }
 
     /// Adds `weight` times the integral of the radiance over a row to its pixels.
@@ -196,8 +207,7 @@ impl Film<'_> {
             let mut intervals = Vec::new();
             for part in 1..=ROWS {
                 let next = self.row(y as f64 + part as f64 / ROWS as f64, &[&last]);
-                self.add_intervals(&last, &next, &mut intervals);
-                last = next;
+                last = self.add_intervals(&last, &next, &mut intervals);
             }
             for interval in &intervals {
                 let whole = self.between(interval, width);

@@ -99,7 +99,7 @@ fn combined(children: &[Intervals], subtract: bool, inside: impl Fn(&[bool]) -> 
         for pair in child {
             for (side, end) in pair.iter().enumerate() {
                 let mut end = *end;
-                end.face += 16 * (i as u32 + 1);
+                end.face = end.face * 8 + i as u32 + 1;
                 if subtract && i > 0 {
                     end.normal = -end.normal;
                 }
