@@ -77,19 +77,6 @@ pub(crate) struct SegmentEnd {
     pub(crate) steep: [bool; 2],
 }
 
-impl SegmentEnd {
-    /// A crossing with a silhouette, where the line leaves the solid, or enters it. `outside`: the
-    /// surface outside is at a grazing angle too.
-    pub(crate) fn silhouette(line: usize, s: f64, leaves: bool, outside: bool) -> Self {
-        SegmentEnd { line, s, steep: if leaves { [true, outside] } else { [outside, true] } }
-    }
-
-    /// A crossing with a crease between faces, of which some are at a grazing angle.
-    pub(crate) fn crease(line: usize, s: f64, grazing: [bool; 2]) -> Self {
-        SegmentEnd { line, s, steep: grazing }
-    }
-}
-
 /// A surface is at a grazing angle if the cosine between the reversed ray and its normal is below
 /// this. Its own silhouette is then close, and the derivative of the hit point grows towards it.
 const GRAZING: f64 = 0.3;

@@ -4,7 +4,8 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use render::{InvalidField, Sample, Scene, normals};
 
-use super::edge::{Event, EventKind, GridEdge};
+use super::edge::{Event, EventKind, GridEdge, Place};
+use crate::film_line::is_grazing;
 
 /// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
 const HALVINGS: u32 = 26;
@@ -56,17 +57,20 @@ impl<R: Real> Interval<R> {
         turn(&self.ends[0], &self.ends[1]) > TURN
     }
 
-    /// The event of the crease, if the two faces meet here.
-    ///
-    /// Its motion follows from both faces: see `refined`.
+    /// The event of the crease if the two faces meet here, or of the silhouette of the nearer one.
+    /// The motion of a crease follows from both faces: see `refined`.
     fn event(&self, scene: &Scene<'_, R>) -> Option<Event<R>> {
         let [a, b] = &self.ends;
-        let scale = scene.tracing_scale(self.camera, a.t.min(b.t));
-        if (a.t - b.t).abs() > scale * R::of(SAME_DEPTH) {
-            return None;
-        }
         let (d, du) = scene.cameras[self.camera].direction_du(a.u);
         let d = R::Vec3::of(d);
+        let grazing = [a, b].map(|end| is_grazing::<R>(end.normal, d));
+        let scale = scene.tracing_scale(self.camera, a.t.min(b.t));
+        if (a.t - b.t).abs() > scale * R::of(SAME_DEPTH) {
+            let (near, far) = if a.t < b.t { (a, b) } else { (b, a) };
+            let sample = Sample { camera: self.camera, u: near.u };
+            let contrast = near.radiance - far.radiance;
+            return Place { sample, t: near.t, contrast, grazing }.silhouette(scene);
+        }
         let (along_a, along_b) = (a.gradient.dot(d), b.gradient.dot(d));
         // The film gradient of the crease, up to a factor.
         let across = du.map(|du| {
@@ -81,7 +85,7 @@ impl<R: Real> Interval<R> {
         let rgb = [contrast * along_b, -(contrast * along_a)];
         let (u, t, points) = (a.u, a.t, [a.x, b.x]);
         let kind = EventKind::Crease;
-        (length > R::zero()).then_some(Event { kind, u, t, points, rgb })
+        (length > R::zero()).then_some(Event { kind, grazing, u, t, points, rgb })
     }
 }
 

@@ -4,28 +4,28 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use render::{InvalidField, Sample, Scene};
 
+use crate::film_line::is_grazing;
+
 /// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
 const HALVINGS: u32 = 26;
 
 /// The least jump in depth, in [`Scene::tracing_scale`], that counts as a silhouette after all
 /// halvings. At a surface seen edge-on the depth changes by the square root of the edge's length,
 /// about 1e-4.
-const JUMP: f64 = 3e-3;
+const JUMP: f64 = 1e-3;
 
 /// The distance before and behind a silhouette point at which its gradient is taken, in
 /// [`Scene::tracing_scale`].
-const BESIDE: f64 = 1e-4;
+const BESIDE: f64 = 1e-6;
 
-/// The largest number of attempts to enclose the minimum of f at a silhouette point. Each is three
+/// The largest number of attempts to enclose the minimum of f at a silhouette point. Each is 1.3
 /// times as wide as the one before.
-const STRADDLE_TRIES: u32 = 6;
+const STRADDLE_TRIES: u32 = 40;
 
 /// The kind of curve that an edge of a cell crosses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EventKind {
-    /// A silhouette. `leaves` says whether the edge leaves the solid here.
-    Silhouette { leaves: bool },
-    /// A crease.
+    Silhouette,
     Crease,
 }
 
@@ -33,6 +33,8 @@ pub(super) enum EventKind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Event<R: Real> {
     pub(super) kind: EventKind,
+    /// Whether the surface before and that after the crossing are at a grazing angle.
+    pub(super) grazing: [bool; 2],
     pub(super) u: DVec2,
     /// The depth of the curve, in world units.
     pub(super) t: R,
@@ -150,29 +152,54 @@ fn describe<R: Real>(
     let inside: Vec<Sample> = open.iter().map(|i| i.sample(i.near())).collect();
     let outside: Vec<Sample> = open.iter().map(|i| i.sample(1 - i.near())).collect();
     let (front, back) = (scene.primary(&inside)?, scene.primary(&outside)?);
+    let mut grazing_outside = vec![false; open.len()];
+    for (hit, d) in back.hits.iter().zip(&back.surface.direction) {
+        grazing_outside[hit.sample] = is_grazing::<R>(hit.gradient, *d);
+    }
     for (k, interval) in open.iter().enumerate() {
         let [from, to] = edges[interval.edge].ends;
         edges[interval.edge].parts = vec![[from, interval.ends[0]], [interval.ends[1], to]];
-        let (t, u) = (interval.depth[interval.near()], interval.ends[interval.near()]);
-        let camera = &scene.cameras[interval.camera];
+        let mut grazing = [grazing_outside[k]; 2];
+        grazing[interval.near()] = true;
+        let place = Place {
+            sample: interval.sample(interval.near()),
+            t: interval.depth[interval.near()],
+            contrast: front.samples[k].radiance - back.samples[k].radiance,
+            grazing,
+        };
+        edges[interval.edge].events.extend(place.silhouette(scene));
+    }
+    Ok(())
+}
+
+/// A place where the depth jumps.
+pub(super) struct Place<R: Real> {
+    /// The sample just inside.
+    pub(super) sample: Sample,
+    /// Its depth, in world units.
+    pub(super) t: R,
+    /// The radiance inside minus the radiance outside.
+    pub(super) contrast: R::Vec3,
+    /// Whether the surface before and that after the place are at a grazing angle.
+    pub(super) grazing: [bool; 2],
+}
+
+impl<R: Real> Place<R> {
+    /// The silhouette at the place, if f has a minimum along the ray there.
+    pub(super) fn silhouette(&self, scene: &Scene<'_, R>) -> Option<Event<R>> {
+        let Place { sample: Sample { camera: number, u }, t, .. } = *self;
+        let camera = &scene.cameras[number];
         let (d, du) = camera.direction_du(u);
-        let scale = scene.tracing_scale(interval.camera, t);
-        let eye = R::Vec3::of(camera.eye);
-        let Some(minimum) = minimum_around(scene, eye, R::Vec3::of(d), t, scale) else { continue };
+        let (eye, d) = (R::Vec3::of(camera.eye), R::Vec3::of(d));
+        let minimum = minimum_around(scene, eye, d, t, scene.tracing_scale(number, t))?;
         let film = du.map(|du| minimum.gradient.dot(R::Vec3::of(du)) * t);
         // |∇_u m| of m = min_t f, in world units per pixel.
         let slope = (film[0] * film[0] + film[1] * film[1]).sqrt();
-        let contrast = (front.samples[k].radiance - back.samples[k].radiance)
-            * (R::one() / slope.max(R::min_positive_value()));
-        edges[interval.edge].events.push(Event {
-            kind: EventKind::Silhouette { leaves: interval.near() == 0 },
-            u,
-            t,
-            points: minimum.points,
-            rgb: minimum.weights.map(|weight| contrast * weight),
-        });
+        let contrast = self.contrast * (R::one() / slope.max(R::min_positive_value()));
+        let rgb = minimum.weights.map(|weight| contrast * weight);
+        let (kind, grazing, points) = (EventKind::Silhouette, self.grazing, minimum.points);
+        Some(Event { kind, grazing, u, t, points, rgb })
     }
-    Ok(())
 }
 
 /// A minimum of f along a ray, enclosed by two points with weights that sum to 1.
@@ -205,7 +232,7 @@ fn minimum_around<R: Real>(
             let gradient = g[0] * weights[0] + g[1] * weights[1];
             return Some(Minimum { points, weights, gradient });
         }
-        beside *= R::of(3.0);
+        beside *= R::of(1.3);
     }
     None
 }

@@ -108,12 +108,7 @@ impl Grid {
                 let number = lines.len();
                 ends.extend(events.map(|event| {
                     let s = (event.u - pixel.corner())[axis as usize];
-                    match event.kind {
-                        EventKind::Silhouette { leaves } => {
-                            SegmentEnd::silhouette(number, s, leaves, false)
-                        }
-                        EventKind::Crease => SegmentEnd::crease(number, s, [false; 2]),
-                    }
+                    SegmentEnd { line: number, s, steep: event.grazing }
                 }));
                 let end = line == 0 || line == self.cells;
                 lines.push(FilmLine {

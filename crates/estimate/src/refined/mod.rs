@@ -162,11 +162,8 @@ fn add_silhouettes<R: Real>(
             face_changes(scene, &lines, &offset, &crossings, record)?;
         for crease in &creases {
             add_crease(scene, &lines, crease, record);
-            ends.push(SegmentEnd::crease(
-                crease.line,
-                crease.middle(),
-                crease.grazing(scene, &lines),
-            ));
+            let steep = crease.grazing(scene, &lines);
+            ends.push(SegmentEnd { line: crease.line, s: crease.middle(), steep });
         }
         for crossing in &crossings {
             add_crossing(&lines[crossing.line], crossing, record);
@@ -180,7 +177,11 @@ fn add_silhouettes<R: Real>(
 
 fn silhouette_end<R: Real>(crossing: &Crossing<R>) -> SegmentEnd {
     let Crossing { line, s, leaves, grazing_outside, .. } = *crossing;
-    SegmentEnd::silhouette(line, s, leaves, grazing_outside)
+    SegmentEnd {
+        line,
+        s,
+        steep: if leaves { [true, grazing_outside] } else { [grazing_outside, true] },
+    }
 }
 
 /// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing.
