@@ -3,7 +3,7 @@
 use field::Real;
 use render::Scene;
 
-use crate::film_line::has_visible_creases;
+use crate::crossing::has_visible_creases;
 
 /// A kind of curve on the film across which the radiance jumps.
 ///

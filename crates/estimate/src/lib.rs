@@ -3,16 +3,15 @@
 mod band;
 mod contour;
 mod convolution;
+mod crossing;
 mod discontinuity;
 mod estimator;
-mod film_line;
 mod gaussian_samples;
 mod interior;
 mod options;
 mod refined;
 mod registry;
 mod silhouette_margin;
-mod smooth_part;
 mod warped;
 
 pub use band::Band;

@@ -3,16 +3,19 @@
 mod adjoints;
 mod area;
 mod border;
+mod film_line;
 mod film_warp;
 mod ordered_sum;
 mod pass;
 mod record;
 mod silhouettes;
+mod smooth_part;
 mod surface;
 
 pub use adjoints::{Adjoints, PointAdjoint};
 pub use area::{Area, AreaWarp, Share, WarpedSample};
 pub use border::{Border, BorderSample};
+pub use film_line::{FilmLine, SegmentEnd};
 pub use film_warp::{
     FilmWarp, FilmWarpWithDivergence, chart, warp_samples, warp_samples_with_divergence,
 };
@@ -20,4 +23,5 @@ pub use ordered_sum::ordered_sum;
 pub use pass::Pass;
 pub use record::Record;
 pub use silhouettes::{SilhouettePoint, Silhouettes};
+pub use smooth_part::{Stratification, add_smooth_part};
 pub use surface::{SurfaceCoefficients, surface_vjp};

@@ -5,7 +5,7 @@ use glam::DVec2;
 use render::{InvalidField, Sample, Scene, normals};
 
 use super::edge::{Event, EventKind, GridEdge, Place};
-use crate::film_line::is_grazing;
+use crate::crossing::is_grazing;
 
 /// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
 const HALVINGS: u32 = 26;

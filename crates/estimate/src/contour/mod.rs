@@ -8,13 +8,12 @@ use field::Real;
 use glam::DVec2;
 use render::{InvalidField, Pixel, Scene};
 
+use crate::crossing::has_visible_creases;
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use crate::film_line::{FilmLine, SegmentEnd, has_visible_creases};
-use crate::smooth_part::{Stratification, add_smooth_part};
 use cell::{Piece, pieces};
 use edge::{Event, EventKind, GridEdge};
-use record::Record;
+use record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
 
 /// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
 /// the grid.

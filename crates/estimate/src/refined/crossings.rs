@@ -8,7 +8,8 @@ use super::neighbours::Neighbours;
 use super::probes::{Place, Probes};
 use super::search::{KnownTangencies, SAME_DEPTH, Searches, first_reach, is_same};
 use super::visibility::visible;
-use crate::film_line::{Crossing, FilmLine, tolerance};
+use crate::crossing::{Crossing, tolerance};
+use record::FilmLine;
 use trace::{Start, Tangency};
 
 /// Crossings of lines with visible silhouettes, and the number of rays of the search.

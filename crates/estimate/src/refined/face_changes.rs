@@ -9,8 +9,8 @@ use super::crossings::crossings_at;
 use super::line_places::{FaceHit, LinePlaces, Place, trace};
 use super::neighbours::Neighbours;
 use super::unseen_faces::unseen_faces;
-use crate::film_line::{Crossing, FilmLine, Rim, is_grazing, tolerance};
-use record::Record;
+use crate::crossing::{Crossing, Rim, is_grazing, tolerance};
+use record::{FilmLine, Record};
 
 /// A part of a line whose ends hit different faces.
 #[derive(Clone, Copy, Debug)]

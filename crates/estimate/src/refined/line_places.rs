@@ -5,8 +5,8 @@ use glam::DVec2;
 use render::{InvalidField, Sample, Scene};
 
 use super::visibility::INSIDE;
-use crate::film_line::{Crossing, FilmLine, tolerance};
-use record::Record;
+use crate::crossing::{Crossing, tolerance};
+use record::{FilmLine, Record};
 
 /// The visible surface at one place of a line.
 #[derive(Clone, Copy, Debug)]

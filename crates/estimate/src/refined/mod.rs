@@ -18,14 +18,13 @@ use field::Real;
 use random::Purpose;
 use render::{InvalidField, Pixel, Scene};
 
+use crate::crossing::{Crossing, has_visible_creases};
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
-use crate::film_line::{Crossing, FilmLine, SegmentEnd, has_visible_creases};
-use crate::smooth_part::{Stratification, add_smooth_part};
 use creases::add_crease;
 use crossings::{Crossings, crossings};
 use face_changes::{FaceChanges, face_changes};
-use record::Record;
+use record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
 use survey::{mark_corners, sample_unmarked};
 
 /// Area samples in pixels without silhouettes, and random lines on the film in the others.

@@ -9,7 +9,8 @@ use rustc_hash::FxHashMap;
 use trace::{Start, Tangency};
 
 use super::search::{KnownTangencies, LineTangency, Searches, first_reach};
-use crate::film_line::{FilmLine, tolerance};
+use crate::crossing::tolerance;
+use record::FilmLine;
 
 /// The order of the lines of each pixel along each axis.
 pub(super) struct Neighbours {

@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use render::{Primary, Scene, Surface};
 
 use super::search::LineTangency;
-use crate::film_line::FilmLine;
+use record::FilmLine;
 
 /// A hit is moved if the cosine between the reversed ray and its normal is below this. At the
 /// distance s from the surface's own silhouette, cos² = 2 s/r. So the others are 0.05 pixels or
@@ -17,9 +17,8 @@ const STEPS: usize = 3;
 /// Moves grazing hits beside silhouettes to the rays of the silhouettes, and takes the radiance
 /// there. `outside` has one sample for each of `found`.
 ///
-/// A ray beside a silhouette shows the radiance at a small distance s from it. If the surface behind
-/// touches the rays close to there, its radiance changes as √s: by 3 % of the contrast over 0.001
-/// pixels.
+/// A ray beside a silhouette shows the radiance at a small distance s from it. Where the surface
+/// behind touches the rays close to there, its radiance changes as √s: by 3 % over 0.001 pixels.
 pub(super) fn move_grazing_hits<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],

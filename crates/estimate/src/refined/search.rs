@@ -4,7 +4,8 @@ use field::{Real, Vector3};
 use render::Scene;
 use trace::{RayFamily, Start, Tangency, tangencies};
 
-use crate::film_line::{FilmLine, tolerance};
+use crate::crossing::tolerance;
+use record::FilmLine;
 
 /// Searches, each with its start and its line.
 pub(super) struct Searches<R> {

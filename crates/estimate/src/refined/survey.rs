@@ -8,8 +8,8 @@ use rustc_hash::FxHashMap;
 use trace::Outcome;
 
 use super::crease_margin::near_creases;
+use crate::crossing::has_visible_creases;
 use crate::estimator::{Batch, SilhouetteMask};
-use crate::film_line::has_visible_creases;
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
 use record::{Area, Record, Share};
 

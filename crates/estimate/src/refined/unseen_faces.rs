@@ -8,7 +8,8 @@ use super::creases::{is_crease, project};
 use super::face_changes::FaceChange;
 use super::line_places::{LinePlaces, Part, Place};
 use super::neighbours::{Neighbours, meeting};
-use crate::film_line::{FilmLine, tolerance};
+use crate::crossing::tolerance;
+use record::FilmLine;
 
 /// The largest number of places of one line, for fields that have a new face everywhere.
 const MAX_PLACES: usize = 64;

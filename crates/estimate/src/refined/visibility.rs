@@ -7,7 +7,8 @@ use trace::{Outcome, Tangency};
 
 use super::outside::move_grazing_hits;
 use super::search::{LineTangency, SAME_DEPTH};
-use crate::film_line::{Crossing, FilmLine, Rim, is_grazing, tolerance};
+use crate::crossing::{Crossing, Rim, is_grazing, tolerance};
+use record::FilmLine;
 
 /// A crossing with the depths on both of its sides.
 pub(super) struct VisibleCrossing<R: Real> {

@@ -1,32 +1,7 @@
-//! Lines on the film, and their crossings with silhouettes.
+//! Crossings of lines on the film with silhouettes.
 
 use field::{Real, Vector3};
-use glam::DVec2;
-use render::{Sample, Scene};
-
-/// A line across a pixel, parallel to a film axis. Its parameter s runs from 0 at one border of the
-/// pixel to 1 at the other, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct FilmLine {
-    /// The pixel, by its number in the batch.
-    pub(crate) pixel: u32,
-    pub(crate) camera: usize,
-    /// The film axis that the line is parallel to: 0 for x, 1 for y.
-    pub(crate) axis: usize,
-    /// The film position at s = 0.
-    pub(crate) start: DVec2,
-    /// The weight of the line in the mean over the pixel's lines along this axis.
-    pub(crate) share: f64,
-}
-
-impl FilmLine {
-    /// The film sample at s.
-    pub(crate) fn at(&self, s: f64) -> Sample {
-        let mut u = self.start;
-        u[self.axis] += s;
-        Sample { camera: self.camera, u }
-    }
-}
+use render::Scene;
 
 /// A crossing of a line with a visible silhouette.
 #[derive(Clone, Copy, Debug)]
@@ -63,18 +38,6 @@ pub(crate) struct Rim<R: Real> {
     pub(crate) radiance: R::Vec3,
     /// Whether it is an edge of a solid.
     pub(crate) edge: bool,
-}
-
-/// The end of a segment of a line: a crossing with a silhouette or a crease.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SegmentEnd {
-    /// The line, by its number.
-    pub(crate) line: usize,
-    /// The parameter of the line.
-    pub(crate) s: f64,
-    /// Whether the derivative of the hit point grows as 1/√distance towards it: before it and after
-    /// it, in the direction of growing s.
-    pub(crate) steep: [bool; 2],
 }
 
 /// A surface is at a grazing angle if the cosine between the reversed ray and its normal is below

@@ -3,16 +3,15 @@
 use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
 
-use crate::film_line::{FilmLine, SegmentEnd};
-use record::{Area, Record, Share};
+use crate::{Area, FilmLine, Record, SegmentEnd, Share};
 
 /// The stratification of samples along lines.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stratification<'a> {
+pub struct Stratification<'a> {
     /// One number in [0, 1) per line: the position of its samples in their strata.
-    pub(crate) offset: &'a [f64],
+    pub offset: &'a [f64],
     /// Samples per pixel of length. Every segment has at least one sample.
-    pub(crate) per_pixel: u32,
+    pub per_pixel: u32,
 }
 
 /// Film samples on the segments of lines.
@@ -39,7 +38,7 @@ struct SegmentSamples<R> {
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.
-pub(crate) fn add_smooth_part<R: Real>(
+pub fn add_smooth_part<R: Real>(
     scene: &Scene<'_, R>,
     lines: &[FilmLine],
     stratification: Stratification<'_>,
