@@ -18,6 +18,9 @@ use io::json::{numbers, shown};
 use io::{InputError, image_size};
 use render::Camera;
 
+/// The least angle across an image, in radians. The narrowest telescopes see more.
+const LEAST_ANGLE: f64 = 1e-6;
+
 /// Camera models of a perspective lens with at most k1, k2, p1 and p2.
 const CAMERA_MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
@@ -161,8 +164,8 @@ impl Frame<'_> {
             return Ok(Some(focal));
         }
         match self.number(angle)? {
-            Some(found) if !(found > 0.0 && found < std::f64::consts::PI) => {
-                let expected = "an angle between 0 and pi, in radians";
+            Some(found) if !(found >= LEAST_ANGLE && found < std::f64::consts::PI) => {
+                let expected = "an angle from 1e-6 to pi, in radians";
                 Err(InputError::new(self.file, angle, found, expected))
             }
             found => Ok(found.map(|a| 0.5 * f64::from(size) / (0.5 * a).tan())),
