@@ -164,7 +164,7 @@ impl Frame<'_> {
             return Ok(Some(focal));
         }
         match self.number(angle)? {
-            Some(found) if !(found >= LEAST_ANGLE && found < std::f64::consts::PI) => {
+            Some(found) if !(LEAST_ANGLE..std::f64::consts::PI).contains(&found) => {
                 let expected = "an angle from 1e-6 to pi, in radians";
                 Err(InputError::new(self.file, angle, found, expected))
             }
