@@ -54,6 +54,22 @@ pub(crate) fn has_visible_creases<R: Real>(scene: &Scene<'_, R>) -> bool {
     scene.field.has_creases() && !scene.shader.is_uniform()
 }
 
+/// Rays pass through a wedge between faces that is shorter along them than the tracer's shortest
+/// step and close in front of another surface: the tracer's steps are this many times as short. At
+/// 1: a strip of one of 45 random solids is off by 17 % (6 % at 5), with 2 to 7 % less time.
+const SHORTER_STEPS: u32 = 5;
+
+/// The scene with shorter steps of the tracer if its radiance can jump at creases.
+pub(crate) fn with_steps_for_wedges<R: Real>(scene: Scene<'_, R>) -> Scene<'_, R> {
+    if !has_visible_creases(&scene) {
+        return scene;
+    }
+    let mut options = scene.tracing.options;
+    options.min_step /= R::of(f64::from(SHORTER_STEPS));
+    options.step_limit *= SHORTER_STEPS;
+    scene.with_options(options)
+}
+
 /// The tolerance of the position of a crossing, in pixels: 1e-4, or 1e-3 in single precision. An
 /// error of this size changes no image visibly.
 pub(crate) fn tolerance<R: Real>() -> f64 {

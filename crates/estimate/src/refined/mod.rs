@@ -18,7 +18,7 @@ use field::Real;
 use random::Purpose;
 use render::{InvalidField, Pixel, Scene};
 
-use crate::crossing::{Crossing, has_visible_creases};
+use crate::crossing::{Crossing, has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use creases::add_crease;
@@ -69,7 +69,7 @@ impl<R: Real> Estimator<R> for Refined {
         batch: &Batch<'_>,
         mask: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
-        let scene = &scene.clipped_to_solid();
+        let scene = &with_steps_for_wedges(scene.clipped_to_solid());
         let spp = batch.counts.spp;
         let mut record = Record::black(batch.pixels.len());
         let unknown = mask.may_cross.is_empty();
