@@ -14,13 +14,10 @@ const HALVINGS: u32 = 26;
 /// about 1e-4.
 const JUMP: f64 = 1e-3;
 
-/// The distance before and behind a silhouette point at which its gradient is taken, in
-/// [`Scene::tracing_scale`].
-const BESIDE: f64 = 1e-6;
-
-/// The largest number of attempts to enclose the minimum of f at a silhouette point. Each is 1.3
-/// times as wide as the one before.
-const STRADDLE_TRIES: u32 = 40;
+/// Distances before and behind a silhouette point at which the minimum of f is looked for: the
+/// first, in [`Scene::tracing_scale`], the factor from one to the next, and their number. The first
+/// row is enough where f is smooth. In the second one are edges just in front of another surface.
+const BESIDE: [(f64, f64, u32); 2] = [(1e-4, 3.0, 6), (1e-6, 1.3, 40)];
 
 /// The kind of curve that an edge of a cell crosses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -220,8 +217,10 @@ fn minimum_around<R: Real>(
     t: R,
     scale: R,
 ) -> Option<Minimum<R>> {
-    let mut beside = scale * R::of(BESIDE);
-    for _ in 0..STRADDLE_TRIES {
+    let distances = BESIDE.iter().flat_map(|&(first, factor, number)| {
+        (0..number).map(move |i| scale * R::of(first * factor.powi(i as i32)))
+    });
+    for beside in distances {
         let points = [eye + d * (t - beside), eye + d * (t + beside)];
         let (mut f, mut g) = ([R::zero(); 2], [R::Vec3::zero(); 2]);
         scene.field.value_gradient(&points, &mut f, &mut g);
@@ -232,7 +231,6 @@ fn minimum_around<R: Real>(
             let gradient = g[0] * weights[0] + g[1] * weights[1];
             return Some(Minimum { points, weights, gradient });
         }
-        beside *= R::of(1.3);
     }
     None
 }
