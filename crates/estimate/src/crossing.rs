@@ -2,7 +2,7 @@
 
 use field::{Real, Vector3};
 use glam::DVec3;
-use render::Scene;
+use render::{Primary, Scene};
 
 /// A crossing of a line with a visible silhouette.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +48,15 @@ const GRAZING: f64 = 0.3;
 /// Whether a surface with this ∇f is at a grazing angle to a ray along the unit vector `direction`.
 pub(crate) fn is_grazing<R: Real>(gradient: R::Vec3, direction: R::Vec3) -> bool {
     -gradient.dot(direction) < gradient.length() * R::of(GRAZING)
+}
+
+/// For each sample, whether its ray meets a surface at a grazing angle.
+pub(crate) fn grazing_samples<R: Real>(primary: &Primary<R>) -> Vec<bool> {
+    let mut grazing = vec![false; primary.samples.len()];
+    for (hit, d) in primary.hits.iter().zip(&primary.surface.direction) {
+        grazing[hit.sample] = is_grazing::<R>(hit.gradient, *d);
+    }
+    grazing
 }
 
 /// Whether the radiance of a scene can jump at creases.

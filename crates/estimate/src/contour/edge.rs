@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use render::{InvalidField, Sample, Scene};
 
-use crate::crossing::is_grazing;
+use crate::crossing::grazing_samples;
 
 /// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
 const HALVINGS: u32 = 26;
@@ -149,10 +149,7 @@ fn describe<R: Real>(
     let inside: Vec<Sample> = open.iter().map(|i| i.sample(i.near())).collect();
     let outside: Vec<Sample> = open.iter().map(|i| i.sample(1 - i.near())).collect();
     let (front, back) = (scene.primary(&inside)?, scene.primary(&outside)?);
-    let mut grazing_outside = vec![false; open.len()];
-    for (hit, d) in back.hits.iter().zip(&back.surface.direction) {
-        grazing_outside[hit.sample] = is_grazing::<R>(hit.gradient, *d);
-    }
+    let grazing_outside = grazing_samples(&back);
     for (k, interval) in open.iter().enumerate() {
         let [from, to] = edges[interval.edge].ends;
         edges[interval.edge].parts = vec![[from, interval.ends[0]], [interval.ends[1], to]];

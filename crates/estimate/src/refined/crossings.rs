@@ -90,6 +90,9 @@ pub(super) fn crossings_at<R: Real>(
     places: &[FaceChange<R>],
     known: &[Crossing<R>],
 ) -> Result<Crossings<R>, InvalidField> {
+    if places.is_empty() {
+        return Ok(Crossings { crossings: Vec::new(), rays: 0 });
+    }
     let mut found = KnownTangencies::new(lines.len());
     let margin = tolerance::<R>();
     let range = |place: &FaceChange<R>| [place.ends[0].0 - margin, place.ends[1].0 + margin];

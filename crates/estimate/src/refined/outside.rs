@@ -9,7 +9,7 @@ use record::FilmLine;
 /// A hit is moved if the cosine between the reversed ray and its normal is below this. At the
 /// distance s from the surface's own silhouette, cos² = 2 s/r. So the others are 0.05 pixels or
 /// more from that of a ball of 10 pixels, and their radiance changes little on the way.
-const GRAZING: f64 = 0.1;
+const LEAST_COSINE: f64 = 0.1;
 
 /// Newton steps along a ray. The first position is close: the second step is exact to rounding.
 const STEPS: usize = 3;
@@ -27,7 +27,8 @@ pub(super) fn move_grazing_hits<R: Real>(
 ) {
     let Primary { samples, hits, surface, .. } = outside;
     let cosine = |hit: usize| -surface.normal[hit].dot(surface.direction[hit]);
-    let moved: Vec<usize> = (0..hits.len()).filter(|&hit| cosine(hit) < R::of(GRAZING)).collect();
+    let moved: Vec<usize> =
+        (0..hits.len()).filter(|&hit| cosine(hit) < R::of(LEAST_COSINE)).collect();
     if moved.is_empty() || scene.shader.is_uniform() {
         return;
     }

@@ -7,7 +7,7 @@ use trace::{Outcome, Tangency};
 
 use super::outside::move_grazing_hits;
 use super::search::{LineTangency, SAME_DEPTH};
-use crate::crossing::{Crossing, Rim, is_grazing, tolerance};
+use crate::crossing::{Crossing, Rim, grazing_samples, tolerance};
 use record::FilmLine;
 
 /// A crossing with the depths on both of its sides.
@@ -50,10 +50,7 @@ pub(super) fn visible<R: Real>(
     let outside: Vec<Sample> = found.iter().map(|f| beside(lines, f, aside)).collect();
     let mut outside = scene.primary(&outside)?;
     move_grazing_hits(scene, lines, found, &mut outside);
-    let mut grazing_outside = vec![false; found.len()];
-    for (hit, d) in outside.hits.iter().zip(&outside.surface.direction) {
-        grazing_outside[hit.sample] = is_grazing::<R>(hit.gradient, *d);
-    }
+    let grazing_outside = grazing_samples(&outside);
     let mut inside = inside_edges(scene, lines, found)?;
     let mut out = Vec::with_capacity(found.len());
     let (mut surface, mut inside_radiance) = (Surface::default(), Vec::new());
