@@ -8,7 +8,7 @@ use field::Real;
 use glam::DVec2;
 use render::{InvalidField, Pixel, Scene};
 
-use crate::crossing::has_visible_creases;
+use crate::crossing::{has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use cell::{Piece, pieces};
@@ -142,6 +142,7 @@ impl<R: Real> Estimator<R> for Contour {
         batch: &Batch<'_>,
         _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
+        let scene = &with_steps_for_wedges(*scene);
         let grid = Grid::of(batch.counts.spp);
         let mut record = Record::black(batch.pixels.len());
         let mut all = Vec::with_capacity(batch.pixels.len());
