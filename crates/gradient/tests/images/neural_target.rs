@@ -1,6 +1,5 @@
 //! The gradient of an image loss by the weights of a network, against derivative images of
 //! `contour` along random directions.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
 

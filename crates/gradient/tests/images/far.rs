@@ -1,6 +1,5 @@
 //! Scenes far from the world's origin: images and derivative images in single precision, against
 //! those of the same scene near the origin.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;
 

@@ -1,6 +1,5 @@
 //! All estimators against closed forms of a ball, and `refined` against `contour`, which shares no
 //! search with it, on solids with edges, creases and hidden parts.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::f64::consts::TAU;
 use std::path::Path;

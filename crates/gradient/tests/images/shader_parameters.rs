@@ -1,5 +1,4 @@
 //! Derivative images by parameters of the shader: their cost by counted passes of the shader.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

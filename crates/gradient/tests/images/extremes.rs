@@ -1,12 +1,9 @@
 //! Derivatives at extreme settings, in single and double precision: they are finite and correct, or
 //! one clear error.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
-mod fields;
-
+use crate::fields::{Altered, Constant, White};
 use estimate::{EstimatorOptions, EstimatorPrecision, Registry, SampleCounts};
 use field::{Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
-use fields::{Altered, Constant, White};
 use glam::{DVec2, DVec3};
 use gradient::{Direction, Sampling, differentiate};
 use render::{Camera, Precision, Scene};

@@ -2,12 +2,10 @@
 //!
 //! Every family has fixed seeds. The bias of `refined` is at most 1 % and three standard errors,
 //! that of `contour` 2 %.
-#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
-
-mod truth;
 
 use std::path::Path;
 
+use crate::truth::{Camera, dense, derivative, image, solid};
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::{Field, SLOPE_POINTS};
 use gradient::{Direction, Sampling, differentiate, random_unit};
@@ -15,7 +13,6 @@ use render::{Scene, render};
 use scene::SceneFile;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde_json::{Value, json};
-use truth::{Camera, dense, derivative, image, solid};
 
 /// Random numbers of a family.
 struct Random(random::Stream);
@@ -56,7 +53,7 @@ fn lit(random: &mut Random, sdf: &Value, side: u32) -> Value {
 
 /// A white solid in front of black. The smooth part of its derivatives is zero.
 fn white(random: &mut Random) -> Value {
-    let mut scene = lit(random, &json!(null), 8);
+    let mut scene = lit(random, &json!(null), 6);
     scene["appearance"] = json!({"type": "constant", "radiance": [1, 1, 1]});
     scene["background"] = json!([0, 0, 0]);
     scene
@@ -166,7 +163,7 @@ fn check_family(name: &str, wrt: &[&str], scenes: u64, make: impl Fn(&mut Random
             let scene = lit(&mut random, &sdf, 12);
             // `contour` takes most of the time.
             let methods = [("refined", SPP), ("contour", 1024)];
-            let methods = if seed % 7 == 1 { &methods[..] } else { &methods[..1] };
+            let methods = if seed == 1 { &methods[..] } else { &methods[..1] };
             check_solid(&format!("{name} {seed}"), &scene, wrt, methods)
         })
         .collect();
@@ -373,7 +370,7 @@ fn networks_of_all_slopes() {
 fn lit_networks() {
     let mut random = Random::new(23);
     let network = bumpy(&mut random, 0.6, 0.15, 10.0);
-    let mut scene = lit(&mut random, &json!(null), 8);
+    let mut scene = lit(&mut random, &json!(null), 6);
     assert_none(&check_network("lit network × 10", &mut scene, &network, 512));
 }
 
