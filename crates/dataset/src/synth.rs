@@ -97,7 +97,7 @@ pub fn synthesise(
     let field = scene.field::<f32>()?;
     let ball = bounding_ball(scene, source)?;
     let shader = scene.shader::<f32>(&*field)?;
-    let background = DVec3::from(scene.background).as_vec3();
+    let background = scene.background::<f32>();
     let held_out = options.views.div_ceil(HELD_OUT);
     let total = (options.views + held_out) as f64;
     let sets = [
@@ -108,7 +108,7 @@ pub fn synthesise(
     for set in sets {
         set.create_folders(folder)?;
         let cameras = cameras(ball.center, ball.radius, set.views, options.size, set.azimuth);
-        let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, background)
+        let ready = Scene::new(&*field, &*shader, &cameras, &scene.bounds, &*background)
             .with_slope_of_field(SLOPE_POINTS);
         let mut frames = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {

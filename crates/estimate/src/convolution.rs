@@ -231,9 +231,11 @@ impl<R: Real> Estimator<R> for Convolution {
         let (samples, filter_du) = gaussian_samples(batch.pixels, spp, batch.seed);
         let primary = scene.primary(&samples)?;
         let film_warp = self.warp(scene, &samples, batch.seed)?;
-        let warped = primary.samples.iter().zip(filter_du).map(|(s, filter_du)| {
-            let radiance_minus_baseline = s.radiance - scene.background;
-            WarpedSample { radiance_minus_baseline, filter_du }
+        let background = scene.background_radiance(primary.samples.iter().map(|s| s.sample));
+        let rows = primary.samples.iter().zip(background).zip(filter_du);
+        let warped = rows.map(|((s, background), filter_du)| {
+            let radiance_minus_baseline = s.radiance - background;
+            WarpedSample { radiance_minus_baseline, filter_du, less_background: true }
         });
         let warp = Some(AreaWarp { film_warp, samples: warped.collect() });
         let radiance = primary.pixel_means(spp);

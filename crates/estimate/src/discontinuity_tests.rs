@@ -3,7 +3,7 @@ use super::*;
 use crate::{EstimatorOptions, Registry};
 use field::{Csg, Field, Kind, Operation, Shape, Sphere};
 use glam::DVec3;
-use render::{Analytic, Formula, Light, Shader, Shadowed};
+use render::{Analytic, Formula, Light, Shader, Shadowed, UniformBackground};
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 2.0 };
 
@@ -18,7 +18,7 @@ fn left_out(
     field: &dyn Field<f64>,
     shader: &dyn Shader<f64>,
 ) -> Vec<(&'static str, Vec<Discontinuity>)> {
-    let scene = Scene::new(field, shader, &[], &BOUNDS, DVec3::ZERO);
+    let scene = Scene::new(field, shader, &[], &BOUNDS, &UniformBackground(DVec3::ZERO));
     let registry = Registry::default();
     let of = |entry: &crate::Entry| {
         let estimator = entry.estimator::<f64>(&EstimatorOptions::default());

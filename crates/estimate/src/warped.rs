@@ -62,11 +62,17 @@ impl WarpedArea {
             && samples.iter().all(|sample| sample.ray.is_some())
     }
 
-    /// The baseline of a pixel without one of its own.
-    fn shared_baseline<R: Real>(&self, scene: &Scene<'_, R>) -> R::Vec3 {
+    /// The baseline, at samples, of pixels without one of their own.
+    fn shared_baseline<R: Real>(
+        &self,
+        scene: &Scene<'_, R>,
+        samples: &[TracedSample<R>],
+    ) -> Vec<R::Vec3> {
         match self.baseline {
-            Baseline::None => R::Vec3::zero(),
-            Baseline::Background | Baseline::PixelMean => scene.background,
+            Baseline::None => vec![R::Vec3::zero(); samples.len()],
+            Baseline::Background | Baseline::PixelMean => {
+                scene.background_radiance(samples.iter().map(|sample| sample.sample))
+            }
         }
     }
 
@@ -81,15 +87,18 @@ impl WarpedArea {
         filter_du: Vec<[R; 2]>,
     ) -> Vec<WarpedSample<R>> {
         let share = R::one() / R::of((spp - usize::from(spp > 1)) as f64);
-        let (shared, mut filter_du) = (self.shared_baseline(scene), filter_du.into_iter());
+        let shared = self.shared_baseline(scene, &primary.samples);
+        let mut rest = shared.into_iter().zip(filter_du);
         let mut out = Vec::with_capacity(primary.samples.len());
         for own in primary.samples.chunks(spp) {
             let sum = own.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance);
             let own_baseline = self.has_own_baseline(own);
-            out.extend(own.iter().zip(&mut filter_du).map(|(s, filter_du)| {
+            let less_background = !own_baseline && self.baseline != Baseline::None;
+            out.extend(own.iter().zip(&mut rest).map(|(s, (shared, filter_du))| {
                 let others = (sum - s.radiance) * share;
                 let baseline = if own_baseline { others } else { shared };
-                WarpedSample { radiance_minus_baseline: s.radiance - baseline, filter_du }
+                let radiance_minus_baseline = s.radiance - baseline;
+                WarpedSample { radiance_minus_baseline, filter_du, less_background }
             }));
         }
         out
@@ -103,24 +112,23 @@ impl WarpedArea {
         area: &Primary<R>,
     ) -> Result<Border<R>, InvalidField> {
         let (spp, count) = (batch.counts.spp, batch.counts.edge_samples);
-        let shared = self.shared_baseline(scene);
         let baseline = area
             .pixel_means(spp)
             .into_iter()
             .zip(area.samples.chunks(spp as usize))
-            .map(|(mean, own)| if self.has_own_baseline(own) { mean } else { shared })
+            .map(|(mean, own)| self.has_own_baseline(own).then_some(mean))
             .collect();
         let (positions, edges) = border_samples(scene, batch.pixels, count, batch.seed);
         let primary = scene.primary(&positions)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
         let (points, k) = (self.options.steps, self.options.top_k);
         let film_warp = warp_samples(scene, &primary, points, &weighting, k);
-        let samples = primary
-            .samples
-            .into_iter()
-            .zip(edges)
-            .map(|(sample, edge)| BorderSample { edge, radiance: sample.radiance })
-            .collect();
+        let shared = self.shared_baseline(scene, &primary.samples);
+        let samples = primary.samples.into_iter().zip(shared).zip(edges);
+        let border_sample = |((sample, shared_baseline), edge): ((TracedSample<R>, _), _)| {
+            BorderSample { edge, radiance: sample.radiance, shared_baseline }
+        };
+        let samples = samples.map(border_sample).collect();
         let weight = R::one() / R::of(f64::from(count));
         Ok(Border { samples, baseline, film_warp, weight })
     }

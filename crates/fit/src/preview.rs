@@ -4,7 +4,7 @@ use std::path::Path;
 
 use film::{Film, contact_sheet, srgb_decode, srgb_encode};
 use io::write_image;
-use render::{Analytic, Formula, Scene, render};
+use render::{Analytic, Formula, Scene, UniformBackground, render};
 
 /// The unit normals n of the first hits, as colours n/2 + 1/2 in display space; black without a
 /// hit.
@@ -16,7 +16,8 @@ use render::{Analytic, Formula, Scene, render};
 /// If the scene has no camera of this number.
 pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> anyhow::Result<Film> {
     let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
-    let scene = Scene { shader: &shader, background: glam::Vec3::ZERO, ..*scene };
+    let scene =
+        Scene { shader: &shader, background: &UniformBackground(glam::Vec3::ZERO), ..*scene };
     let mut film = render(&scene, camera, 1, 0, &|_| {})?.film;
     film.pixels.iter_mut().for_each(|p| *p = p.map(srgb_decode));
     Ok(film)

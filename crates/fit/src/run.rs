@@ -12,7 +12,7 @@ use metrics::psnr;
 use optim::{Adam, Group};
 use random::{Purpose, Stream};
 use rayon::prelude::*;
-use render::{Camera, InvalidField, Sample, Scene};
+use render::{Background, Camera, InvalidField, Sample, Scene, UniformBackground};
 
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
@@ -46,6 +46,7 @@ pub struct Fit {
     pub dataset: Dataset,
     /// The number of finished iterations.
     pub iteration: u64,
+    background: UniformBackground<f32>,
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
@@ -100,8 +101,10 @@ impl Fit {
             )
             .into());
         }
+        let background = UniformBackground(Vec3::from(file.background));
         let mut fit = Fit {
             file,
+            background,
             model,
             dataset,
             iteration: 0,
@@ -239,7 +242,10 @@ impl Fit {
         let counted = Counted::new(&self.model.field);
         let cameras = &self.levels[level].cameras;
         let batch = Batch {
-            scene: Scene { field: &counted, ..scene(&self.model, &self.file, cameras) },
+            scene: Scene {
+                field: &counted,
+                ..scene(&self.model, &self.file, &self.background, cameras)
+            },
             level: &self.levels[level],
             pixels: &pixels,
             pixel_count,
@@ -349,7 +355,7 @@ impl Fit {
     /// If the field gives a NaN or an infinity along a ray.
     pub fn has_visible_surface(&self) -> Result<bool, InvalidField> {
         let any_hit = |level: &Level| {
-            let scene = scene(&self.model, &self.file, &level.cameras);
+            let scene = scene(&self.model, &self.file, &self.background, &level.cameras);
             let samples: Vec<Sample> = level.centers().collect();
             let hit = |samples: &[Sample]| match scene.primary(samples) {
                 Ok(primary) => (!primary.hits.is_empty()).then_some(Ok(true)),
@@ -370,8 +376,12 @@ pub(crate) const SLOPE_POINTS: u64 = 128;
 
 /// The scene that a run fits: its model in front of its background, in its bounding sphere, without
 /// the cap of a [`Solid`]. Rays start with the slope that the field has now.
-fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
-    let background = Vec3::from(file.background);
+fn scene<'a>(
+    model: &'a Model,
+    file: &RunFile,
+    background: &'a dyn Background<f32>,
+    cameras: &'a [Camera],
+) -> Scene<'a, f32> {
     Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)
         .with_slope_of_field(SLOPE_POINTS)
 }

@@ -2,7 +2,7 @@
 
 use field::{Clipped, Field, Sphere, may_reach};
 use glam::Vec3;
-use render::{Camera, Scene};
+use render::{Camera, Scene, UniformBackground};
 
 use crate::model::Model;
 use crate::run::SLOPE_POINTS;
@@ -14,8 +14,8 @@ use crate::run_file::RunFile;
 /// caps: their photometric adjoint would make the sphere a canvas for the background.
 pub struct Solid<'a> {
     model: &'a Model,
-    file: &'a RunFile,
     field: Box<dyn Field<f32> + 'a>,
+    background: UniformBackground<f32>,
     bounds: Sphere<f64>,
 }
 
@@ -25,19 +25,18 @@ const MARGIN: f64 = 1.5;
 impl<'a> Solid<'a> {
     /// The solid of a model. It costs 4096 evaluations of the field.
     pub fn new(model: &'a Model, file: &'a RunFile) -> Self {
-        let bounds = file.sphere();
+        let (bounds, background) = (file.sphere(), UniformBackground(Vec3::from(file.background)));
         let ball = Sphere { center: bounds.center.as_vec3(), radius: bounds.radius as f32 };
         if may_reach(&model.field, &ball) {
             let field = Box::new(Clipped::new(&model.field, ball));
-            return Solid { model, file, field, bounds: bounds.scaled(MARGIN) };
+            return Solid { model, field, background, bounds: bounds.scaled(MARGIN) };
         }
-        Solid { model, file, field: Box::new(&model.field), bounds }
+        Solid { model, field: Box::new(&model.field), background, bounds }
     }
 
     /// The solid in front of its background.
     pub fn scene<'b>(&'b self, cameras: &'b [Camera]) -> Scene<'b, f32> {
-        let background = Vec3::from(self.file.background);
-        Scene::new(&*self.field, &self.model.head, cameras, &self.bounds, background)
+        Scene::new(&*self.field, &self.model.head, cameras, &self.bounds, &self.background)
             .with_slope_of_field(SLOPE_POINTS)
     }
 }

@@ -152,8 +152,8 @@ fn forward<R: Real>(
             }
             // All of them together, below.
             Direction::Shader(_) => {}
-            Direction::Background(c) => {
-                record.area.iter().for_each(|a| add_background(a, c, &mut image));
+            Direction::Background(index) => {
+                record.area.iter().for_each(|a| add_background(scene, a, index, &mut image));
             }
         }
         image
@@ -220,11 +220,17 @@ fn channel<R: Real>(channel: usize) -> R::Vec3 {
     R::Vec3::from_array(std::array::from_fn(|c| if c == channel { R::one() } else { R::zero() }))
 }
 
-/// Adds the derivative of area samples by a channel of the background.
-fn add_background<R: Real>(area: &Area<R>, channel: usize, image: &mut Image) {
-    for (share, hit) in area.shares.iter().zip(area.primary.hit_mask()) {
-        if !hit {
-            image[share.pixel as usize][channel] += share.weight.to_double();
+/// Adds the derivative of area samples by a parameter of the background.
+fn add_background<R: Real>(scene: &Scene<'_, R>, area: &Area<R>, index: usize, image: &mut Image) {
+    let mut row = vec![R::zero(); scene.background.parameter_count()];
+    let samples = area.shares.iter().zip(&area.primary.samples);
+    for ((share, sample), hit) in samples.zip(area.primary.hit_mask()) {
+        let ray = scene.background_ray(&sample.sample);
+        for c in (0..3).filter(|_| !hit) {
+            row.fill(R::zero());
+            let mut ignored = [R::Vec3::zero()];
+            scene.background.vjp(&[ray], &[channel::<R>(c)], &mut ignored, &mut row);
+            image[share.pixel as usize][c] += (row[index] * share.weight).to_double();
         }
     }
 }

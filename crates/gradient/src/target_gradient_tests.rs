@@ -3,7 +3,7 @@ use crate::{Direction, differentiate};
 use estimate::{Baseline, Batch, EstimatorOptions, Registry, SampleCounts};
 use glam::DVec3;
 use render::Pixel;
-use scene::SceneFile;
+use scene::{BackgroundModel, SceneFile};
 use serde_json::json;
 use std::path::Path;
 
@@ -28,7 +28,8 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into()))
+    let background = file.background();
+    run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background))
 }
 
 /// Reverse mode against Σ (I − target) dI/dθ in forward mode, which is checked against closed forms
@@ -63,7 +64,7 @@ fn without_a_baseline_the_background_is_carried_too() {
         let mut file = file(0.7, 0.05);
         file.appearance.parameters = [vec![1.0; 3], vec![radiance; 3], vec![0.0; 6]].concat();
         file.appearance.parameters[6] = 1.0;
-        file.background = [radiance; 3];
+        file.background = BackgroundModel::Constant([radiance; 3]);
         with_scene(&file, |scene| {
             let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 8 }, seed: 1 };
             let estimator = estimator("paper", baseline);

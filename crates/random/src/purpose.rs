@@ -52,13 +52,17 @@ pub enum Purpose {
     Slopes,
     /// Points on a mesh.
     SurfacePoints,
+    /// The initial parameters of a background.
+    InitialBackground,
+    /// The points of a ray whose opacity is summed.
+    RayPoints,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 23] = [
+    pub const ALL: [Purpose; 25] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -82,6 +86,8 @@ impl Purpose {
         Purpose::OffsetLengths,
         Purpose::Slopes,
         Purpose::SurfacePoints,
+        Purpose::InitialBackground,
+        Purpose::RayPoints,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -110,6 +116,8 @@ impl Purpose {
             Purpose::SurfacePoints => 21,
             Purpose::Slopes => 23,
             Purpose::InitialRadiance => 22,
+            Purpose::InitialBackground => 24,
+            Purpose::RayPoints => 25,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

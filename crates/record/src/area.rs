@@ -43,6 +43,8 @@ pub struct WarpedSample<R: Real> {
     pub radiance_minus_baseline: R::Vec3,
     /// ∇_u ln k of the pixel filter k, per pixel; zero for a box filter.
     pub filter_du: [R; 2],
+    /// Whether the baseline is the background along the sample's ray.
+    pub less_background: bool,
 }
 
 /// For each sample: the adjoints of ∇_u·V and of V, and the sum of its coefficients of f.
@@ -76,6 +78,9 @@ impl<R: Real> Area<R> {
         let adjoint: Vec<R::Vec3> = self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
         let surface = surface_vjp(scene, &self.primary, &adjoint, shader);
         let mut adjoints = self.sample_adjoints(&delta, &surface);
+        if scene.background.uniform().is_none() {
+            self.add_background_du(scene, &delta, &mut adjoints.film);
+        }
         let scale = self.scale(scene, &delta, pass, &mut adjoints);
         for (i, (hit, surface)) in self.primary.hits.iter().zip(surface).enumerate() {
             let scale = scale[hit.sample];
@@ -108,7 +113,7 @@ impl<R: Real> Area<R> {
             (film[hit.sample], total[hit.sample]) = (surface.film, surface.alpha);
         }
         if let Some(warp) = &self.warp {
-            for (i, WarpedSample { radiance_minus_baseline, filter_du }) in
+            for (i, WarpedSample { radiance_minus_baseline, filter_du, .. }) in
                 warp.samples.iter().enumerate()
             {
                 divergence[i] = delta[i].dot(*radiance_minus_baseline);
@@ -116,6 +121,46 @@ impl<R: Real> Area<R> {
             }
         }
         SampleAdjoints { divergence, film, total }
+    }
+
+    /// Adds the part of a background that is not uniform in δ·∇_u(L − c). A sample that misses has
+    /// L = B there, and the baseline c may be B at any sample.
+    fn add_background_du(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], film: &mut [[R; 2]]) {
+        let Some(warp) = &self.warp else { return };
+        let (mut own, mut rays, mut adjoint) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, hit) in self.primary.hit_mask().into_iter().enumerate() {
+            // Where both are B, or neither is, B has no part.
+            if hit == warp.samples[i].less_background {
+                own.push(i);
+                rays.push(scene.background_ray(&self.primary.samples[i].sample));
+                adjoint.push(if hit { -delta[i] } else { delta[i] });
+            }
+        }
+        let mut direction = vec![R::Vec3::zero(); rays.len()];
+        let mut ignored = vec![R::zero(); scene.background.parameter_count()];
+        scene.background.vjp(&rays, &adjoint, &mut direction, &mut ignored);
+        for (i, direction) in own.into_iter().zip(direction) {
+            let sample = self.primary.samples[i].sample;
+            let (_, du) = scene.cameras[sample.camera].direction_du(sample.u);
+            for (film, du) in film[i].iter_mut().zip(du) {
+                *film += direction.dot(R::Vec3::of(du));
+            }
+        }
+    }
+
+    /// Adds the gradient by the background's parameters of the part of these samples in the pixel
+    /// values. `delta` has one adjoint per pixel.
+    pub fn background_vjp(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], parameters: &mut [R]) {
+        let (mut rays, mut adjoint) = (Vec::new(), Vec::new());
+        for (i, hit) in self.primary.hit_mask().into_iter().enumerate() {
+            let share = self.shares[i];
+            if !hit {
+                rays.push(scene.background_ray(&self.primary.samples[i].sample));
+                adjoint.push(delta[share.pixel as usize] * share.weight);
+            }
+        }
+        let mut ignored = vec![R::Vec3::zero(); rays.len()];
+        scene.background.vjp(&rays, &adjoint, &mut ignored, parameters);
     }
 
     /// For every sample, the factor on its coefficients that enforces the limit of

@@ -14,14 +14,16 @@ pub struct BorderSample<R: Real> {
     pub edge: Edge,
     /// The radiance along the ray of the sample, linear RGB.
     pub radiance: R::Vec3,
+    /// The baseline c of a pixel without one of its own, linear RGB.
+    pub shared_baseline: R::Vec3,
 }
 
 /// Samples of the borders of pixels, for the flux of a warp through them.
 pub struct Border<R: Real> {
     /// The samples.
     pub samples: Vec<BorderSample<R>>,
-    /// The baseline c of each pixel, linear RGB.
-    pub baseline: Vec<R::Vec3>,
+    /// The own baseline c of each pixel, linear RGB, if it has one.
+    pub baseline: Vec<Option<R::Vec3>>,
     /// V at every sample.
     pub film_warp: FilmWarp<R>,
     /// The weight of one sample in the mean over its edge.
@@ -34,7 +36,8 @@ impl<R: Real> Border<R> {
     pub(crate) fn vjp(&self, delta: &[R::Vec3], pass: Pass<R>, out: &mut Adjoints<R>) {
         let axis: Vec<usize> = self.samples.iter().map(|s| s.edge.axis()).collect();
         let carried = |sample: &BorderSample<R>, p: usize| {
-            delta[p].dot(sample.radiance - self.baseline[p]) * self.weight
+            let baseline = self.baseline[p].unwrap_or(sample.shared_baseline);
+            delta[p].dot(sample.radiance - baseline) * self.weight
         };
         if pass == Pass::PerPixel {
             let sides: [fn(&Edge) -> Option<usize>; 2] = [Edge::inside, Edge::outside];

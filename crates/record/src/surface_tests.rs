@@ -42,7 +42,8 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, file.background.into()))
+    let background = file.background();
+    run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background))
 }
 
 /// Whether the only hit is far enough from silhouettes and from the horizons of the lights for

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod background;
 mod camera;
 mod image;
 mod invalid;
@@ -9,6 +10,7 @@ mod scene;
 mod shader;
 mod slope;
 
+pub use background::{Background, BackgroundRay, UniformBackground};
 pub use camera::Camera;
 pub use image::{Render, render};
 pub use invalid::InvalidField;

@@ -253,7 +253,9 @@ impl<R: Real> Scene<'_, R> {
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray, or a gradient with one at a hit.
     pub fn primary(&self, samples: &[Sample]) -> Result<Primary<R>, InvalidField> {
-        let (mut rays, radiance) = (Vec::new(), self.background);
+        let mut rays = Vec::new();
+        let uniform = self.background.uniform();
+        let radiance = uniform.unwrap_or(R::Vec3::zero());
         let row = |(sample, ray): (&Sample, Option<TracedRay<R>>)| {
             let number = ray.map(|ray| {
                 rays.push(ray);
@@ -297,6 +299,19 @@ impl<R: Real> Scene<'_, R> {
         for (hit, rgb) in hits.iter().zip(rgb) {
             rows[hit.sample].radiance = rgb;
         }
-        Ok(Primary { samples: rows, rays, hits, surface })
+        let mut primary = Primary { samples: rows, rays, hits, surface };
+        if uniform.is_none() {
+            self.add_background(&mut primary);
+        }
+        Ok(primary)
+    }
+
+    /// Sets the radiance of the samples that miss.
+    fn add_background(&self, primary: &mut Primary<R>) {
+        let hit = primary.hit_mask();
+        let misses: Vec<&mut TracedSample<R>> =
+            primary.samples.iter_mut().zip(hit).filter(|(_, hit)| !hit).map(|(s, _)| s).collect();
+        let rgb = self.background_radiance(misses.iter().map(|sample| sample.sample));
+        misses.into_iter().zip(rgb).for_each(|(sample, rgb)| sample.radiance = rgb);
     }
 }

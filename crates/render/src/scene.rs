@@ -2,7 +2,9 @@
 
 use field::{Field, Real, Sphere, Vector3};
 
+use crate::background::{Background, BackgroundRay};
 use crate::camera::Camera;
+use crate::sample::Sample;
 use crate::shader::Shader;
 
 /// A field, its appearance, and the cameras that look at it.
@@ -16,8 +18,8 @@ pub struct Scene<'a, R: Real> {
     pub cameras: &'a [Camera],
     /// The bounding sphere, in world units: it holds the solid, with room for a warp around it.
     pub bounds: Sphere<f64>,
-    /// The radiance along rays without a hit, linear RGB.
-    pub background: R::Vec3,
+    /// The radiance along rays without a hit.
+    pub background: &'a dyn Background<R>,
     /// The tracer's options and the ball of rays.
     pub tracing: Tracing<R>,
 }
@@ -46,10 +48,33 @@ impl<'a, R: Real> Scene<'a, R> {
         shader: &'a dyn Shader<R>,
         cameras: &'a [Camera],
         bounds: &Sphere<f64>,
-        background: R::Vec3,
+        background: &'a dyn Background<R>,
     ) -> Self {
         let tracing = Tracing { options: trace::Options::default(), ball: in_precision(bounds) };
         Scene { field, shader, cameras, bounds: *bounds, background, tracing }
+    }
+
+    /// The ray of a film sample, as the argument of the background.
+    pub fn background_ray(&self, sample: &Sample) -> BackgroundRay<R> {
+        let Sample { camera, u } = *sample;
+        let (eye, direction) = (self.cameras[camera].eye, self.cameras[camera].direction(u));
+        BackgroundRay { camera, origin: R::Vec3::of(eye), direction: R::Vec3::of(direction) }
+    }
+
+    /// The background's radiance along the rays of film samples, whether they hit or not.
+    pub fn background_radiance(
+        &self,
+        samples: impl ExactSizeIterator<Item = Sample>,
+    ) -> Vec<R::Vec3> {
+        let mut rgb = vec![R::Vec3::zero(); samples.len()];
+        match self.background.uniform() {
+            Some(uniform) => rgb.fill(uniform),
+            None => {
+                let rays: Vec<_> = samples.map(|sample| self.background_ray(&sample)).collect();
+                self.background.radiance(&rays, &mut rgb);
+            }
+        }
+        rgb
     }
 
     /// The scene with other options of the tracer.

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use field::{Field, Shape, Sphere};
 use glam::{DVec2, DVec3};
-use render::{Analytic, Camera, Formula, Scene, render};
+use render::{Analytic, Camera, Formula, Scene, UniformBackground, render};
 
 /// A ball whose evaluations fail after a number of calls.
 struct Failing {
@@ -69,7 +69,7 @@ fn render_failing(calls: usize) -> (bool, Failing) {
     let cameras = [camera.unwrap_or_else(|| panic!("a camera"))];
     let bounds = Sphere { center: DVec3::ZERO, radius: 1.5 };
     let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
-    let scene = Scene::new(&field, &shader, &cameras, &bounds, DVec3::ZERO);
+    let scene = Scene::new(&field, &shader, &cameras, &bounds, &UniformBackground(DVec3::ZERO));
     let succeeds = render(&scene, 0, 4, 1, &|_| {}).is_ok();
     (succeeds, field)
 }

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod appearance;
+mod background;
 mod camera;
 mod sdf;
 
@@ -11,11 +12,12 @@ use glam::DVec3;
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
+pub use background::BackgroundModel;
 pub use sdf::{Sdf, network};
 
 use io::InputError;
 use io::json::Object;
-use render::{Camera, Precision, Shader};
+use render::{Background, Camera, Precision, Shader};
 
 /// The content of a scene file.
 ///
@@ -30,8 +32,8 @@ pub struct SceneFile {
     pub sdf: Sdf,
     /// The appearance of the field's surface.
     pub appearance: AppearanceModel,
-    /// Radiance of rays that hit nothing, linear RGB.
-    pub background: [f64; 3],
+    /// The radiance of rays that hit nothing.
+    pub background: BackgroundModel,
     /// The sphere in which rays are traced, world units.
     pub bounds: Sphere<f64>,
     /// The ball that an unbounded solid is clipped to, world units; `None` for a bounded solid.
@@ -78,7 +80,7 @@ impl SceneFile {
         let camera = camera::read(root.object("camera")?)?;
         let sdf = Sdf::read(root.object("sdf")?, folder)?;
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
-        let background = root.light("background")?;
+        let background = BackgroundModel::read(&root)?;
         root.finish()?;
         let own_ball = sdf.build::<f64>(DVec3::ZERO)?.bounds();
         let mut ball = match own_ball {
@@ -117,6 +119,11 @@ impl SceneFile {
         occluders: &'a dyn Field<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
         self.appearance.build(self.origin, occluders, in_precision(&self.bounds))
+    }
+
+    /// Builds the background in single or double precision.
+    pub fn background<R: Precision>(&self) -> Box<dyn Background<R>> {
+        self.background.build()
     }
 }
 

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use field::{Real, Vector3};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
@@ -123,11 +122,6 @@ pub(crate) enum PrecisionArg {
     F32,
     /// Double precision
     F64,
-}
-
-/// A colour of a scene file in the precision of the computation.
-pub(crate) fn color<R: Real>(rgb: [f64; 3]) -> R::Vec3 {
-    R::Vec3::of(rgb.into())
 }
 
 /// Checks that the extension of an output file is one of `extensions`.

@@ -8,7 +8,7 @@ use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
 use super::common::{
-    ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, color, option_error,
+    ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, option_error,
 };
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
@@ -116,8 +116,8 @@ impl Render {
         let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
-        let background = color::<R>(file.background);
-        let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
+        let background = file.background::<R>();
+        let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, &*background);
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("render");
         let start = Instant::now();

@@ -13,10 +13,11 @@ use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
-use render::{Camera, Scene, render};
+use render::{Camera, Scene, UniformBackground, render};
 use std::path::PathBuf;
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.0 };
+const BACKGROUND: UniformBackground<f32> = UniformBackground(Vec3::new(0.05, 0.1, 0.2));
 const SIZE: u32 = 16;
 
 fn camera() -> Camera {
@@ -44,7 +45,7 @@ fn model(radius: f64, width: usize) -> Model {
 }
 
 fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
-    Scene::new(&model.field, &model.head, cameras, &BOUNDS, Vec3::new(0.05, 0.1, 0.2))
+    Scene::new(&model.field, &model.head, cameras, &BOUNDS, &BACKGROUND)
 }
 
 /// The mean photometric loss of the box-filtered image.

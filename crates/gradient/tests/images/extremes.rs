@@ -6,7 +6,7 @@ use estimate::{EstimatorOptions, EstimatorPrecision, Registry, SampleCounts};
 use field::{Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
 use glam::{DVec2, DVec3};
 use gradient::{Direction, Sampling, differentiate};
-use render::{Camera, Precision, Scene};
+use render::{Camera, Precision, Scene, UniformBackground};
 use warp::WarpOptions;
 
 /// The solid of a row.
@@ -129,7 +129,8 @@ fn measure<R: EstimatorPrecision>(row: &Row, estimator: &str) -> Result<(f64, bo
             .unwrap();
     let (cameras, bounds) =
         ([camera], Sphere { center: DVec3::ZERO, radius: row.bounds * row.scale });
-    let scene = Scene::<R>::new(&*field, &White, &cameras, &bounds, R::Vec3::zero());
+    let background = UniformBackground(R::Vec3::zero());
+    let scene = Scene::<R>::new(&*field, &White, &cameras, &bounds, &background);
     let options = EstimatorOptions { warp: row.warp, ..EstimatorOptions::default() };
     let edge_samples = if estimator == "refined" { 64 } else { row.spp };
     let counts = SampleCounts { spp: row.spp, edge_samples };

@@ -6,7 +6,7 @@ use estimate::{Refined, SampleCounts};
 use field::{Shape, Sphere, SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec2, DVec3};
 use gradient::{Derivative, Direction, Sampling, differentiate};
-use render::{Analytic, Camera, Formula, Light, Scene, Shader};
+use render::{Analytic, Camera, Formula, Light, Scene, Shader, UniformBackground};
 
 /// A shader that counts the points of its reverse passes.
 struct Counted {
@@ -49,7 +49,7 @@ fn derivatives(directions: &[Direction]) -> (Vec<Derivative>, usize) {
     let (focal, middle, eye) = (DVec2::splat(16.0), DVec2::splat(4.0), DVec3::Z * 4.0);
     let camera = Camera::look_at(8, 8, focal, middle, eye, DVec3::ZERO, DVec3::Y);
     let (cameras, bounds) = ([camera.unwrap()], Sphere { center: DVec3::ZERO, radius: 1.0 });
-    let scene = Scene::new(&ball, &shader, &cameras, &bounds, DVec3::ZERO);
+    let scene = Scene::new(&ball, &shader, &cameras, &bounds, &UniformBackground(DVec3::ZERO));
     let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 8 }, seed: 1 };
     let images = differentiate(&scene, directions, &Refined, sampling, &|_| {}).unwrap();
     (images, shader.points.into_inner())

@@ -3,7 +3,7 @@ use estimate::{Discontinuity, SampleCounts};
 use field::{Kind, Shape, Sphere};
 use glam::{DVec2, DVec3};
 use gradient::{Direction, Sampling, differentiate};
-use render::{Analytic, Camera, Formula};
+use render::{Analytic, Camera, Formula, UniformBackground};
 
 /// The derivative of the area of a ball on the film by its radius, in square pixels per world unit.
 fn disc(radius: f64, distance: f64, focal: f64) -> f64 {
@@ -20,7 +20,7 @@ fn the_derivative_by_the_radius_of_a_ball_is_that_of_its_area_on_the_film() {
     let eye = DVec3::new(0.0, 0.0, 4.0);
     let camera = Camera::look_at(12, 12, focal, centre, eye, DVec3::ZERO, DVec3::Y).unwrap();
     let (cameras, bounds) = ([camera], Sphere { center: DVec3::ZERO, radius: 1.4 });
-    let scene = Scene::new(&ball, &white, &cameras, &bounds, DVec3::ZERO);
+    let scene = Scene::new(&ball, &white, &cameras, &bounds, &UniformBackground(DVec3::ZERO));
     // Over 16 seeds the standard deviation is 0.65 % with 256 lines, and 0.19 % with 1024.
     let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 1024 }, seed: 1 };
     let image = differentiate(&scene, &[Direction::Field(3)], &Crofton, sampling, &|_| {});
@@ -37,7 +37,7 @@ fn creases_of_a_shaded_box_are_left_out() {
         [(Formula::Normal, vec![Discontinuity::Creases]), (Formula::Constant, Vec::new())]
     {
         let shader = Analytic { formula, parameters: vec![1.0; 3] };
-        let scene = Scene::new(&cube, &shader, &[], &bounds, DVec3::ZERO);
+        let scene = Scene::new(&cube, &shader, &[], &bounds, &UniformBackground(DVec3::ZERO));
         assert_eq!(Crofton.unmodelled(&scene), expected);
     }
 }

@@ -14,7 +14,6 @@ use serde_json::Value;
 
 use super::options::Gradient;
 use super::report::GradientReport;
-use crate::cli::common::color;
 
 /// Step of a number under /sdf, in widths of a pixel at the distance of the surface.
 const FIELD_STEP_PIXELS: f64 = 0.05;
@@ -122,8 +121,8 @@ fn image<R: EstimatorPrecision>(
     let field = Counted::new(file.field::<R>()?);
     let shader = file.shader::<R>(&field)?;
     let cameras = [file.camera];
-    let background = color::<R>(file.background);
-    let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
+    let background = file.background::<R>();
+    let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, &*background);
     let image = render(
         &scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS),
         0,

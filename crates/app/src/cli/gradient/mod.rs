@@ -13,7 +13,7 @@ use io::InputError;
 use render::Scene;
 use scene::{Appearance, SceneFile};
 
-use super::common::{Global, PrecisionArg, bar_mover, check_film, color};
+use super::common::{Global, PrecisionArg, bar_mover, check_film};
 use method::Method;
 use report::GradientReport;
 
@@ -60,8 +60,8 @@ impl Gradient {
         let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
-        let background = color::<R>(file.background);
-        let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, background);
+        let background = file.background::<R>();
+        let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, &*background);
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("gradient");
         let progress = bar_mover(&bar);

@@ -1,0 +1,217 @@
+//! A volume outside the bounding sphere.
+
+use field::{Real, Sphere, Vector3};
+use glam::DVec3;
+use random::{Purpose, Stream};
+use render::{Background, BackgroundRay};
+
+use crate::decoder::{DENSITY_BIAS, Decoded, LENGTH, initial_range};
+use crate::grid::{Cells, table_length};
+use crate::path::{POINTS, Path, contract, contract_vjp};
+
+/// The part of space that a background shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// Everything outside the bounding sphere, from the eye on.
+    Volume,
+    /// The directions alone: everything is infinitely far away.
+    Direction,
+}
+
+/// The radiance of emitting and absorbing matter outside a bounding sphere.
+///
+/// Density and radiance are a small network of features on grids in contracted space. A ray is a
+/// sum over 16 points before the sphere and 16 behind it, of which the last is opaque. The inside
+/// of the sphere is empty: the scene's solid is there.
+///
+/// Trainable features on hashed grids: Müller, Evans, Schied and Keller, "Instant Neural Graphics
+/// Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its own for the
+/// outside of a sphere: Zhang, Riegler, Snavely and Koltun, "NeRF++: Analyzing and Improving Neural
+/// Radiance Fields", 2020.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume<R: Real> {
+    pub(crate) extent: Extent,
+    pub(crate) sphere: Sphere<f64>,
+    pub(crate) parameters: Vec<R>,
+}
+
+/// The largest random feature at the start.
+const FIRST_FEATURES: f64 = 0.01;
+
+/// The bias of the density at the start: a density of 0.31 per bounding radius, so that far points
+/// have a part in all rays.
+const FIRST_DENSITY: f64 = -1.0;
+
+/// The transmittance below which the rest of a ray is not evaluated.
+const OPAQUE: f64 = 1e-4;
+
+/// A point of a ray, with the numbers that its reverse mode needs.
+struct Seen<R: Real> {
+    step: usize,
+    y: R::Vec3,
+    length: R,
+    cells: Cells<R>,
+    decoded: Decoded<R>,
+    density: R,
+    radiance: R::Vec3,
+    /// The transmittance before and behind the point.
+    transmittance: [R; 2],
+}
+
+impl<R: Real> Volume<R> {
+    /// A volume of random features around a sphere, in world units. The same seed gives the same
+    /// volume.
+    pub fn new(extent: Extent, sphere: Sphere<f64>, seed: u64) -> Self {
+        let stream = Stream::new(seed, Purpose::InitialBackground);
+        let tables = table_length();
+        let number = |i: usize| {
+            let range = i.checked_sub(tables).map_or(FIRST_FEATURES, initial_range);
+            R::of(range * (2.0 * stream.at(i as u64).unit() - 1.0))
+        };
+        let mut parameters: Vec<R> = (0..tables + LENGTH).map(number).collect();
+        parameters[tables + DENSITY_BIAS] = R::of(FIRST_DENSITY);
+        Volume { extent, sphere, parameters }
+    }
+
+    /// The parameters: the tables of features, level by level, then the network.
+    pub fn parameters(&self) -> &[R] {
+        &self.parameters
+    }
+
+    /// Sets all parameters.
+    ///
+    /// # Panics
+    /// If `parameters` has another length than [`parameters`](Self::parameters).
+    pub fn set_parameters(&mut self, parameters: &[R]) {
+        self.parameters.copy_from_slice(parameters);
+    }
+
+    /// The same volume for points relative to `origin`, a point in world units.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        self.sphere.center -= origin;
+        self
+    }
+
+    /// The ray relative to the sphere, and the numbers of its first steps.
+    fn path(&self, ray: &BackgroundRay<R>) -> (Path<R>, std::ops::Range<usize>) {
+        let Sphere { center, radius } = self.sphere;
+        let origin = (ray.origin - R::Vec3::of(center)) * R::of(radius).recip();
+        let first = if self.extent == Extent::Volume { 0 } else { POINTS - 1 };
+        (Path::new(origin, ray.direction), first..POINTS)
+    }
+
+    /// The points of a ray with a part in its radiance, in order.
+    fn points(
+        &self,
+        path: &Path<R>,
+        steps: std::ops::Range<usize>,
+        mut visit: impl FnMut(Seen<R>),
+    ) {
+        let (tables, decoder) = self.parameters.split_at(table_length());
+        let mut before = R::one();
+        for step in steps {
+            let (y, length) = self.point(path, step);
+            if length <= R::zero() || before < R::of(OPAQUE) {
+                continue;
+            }
+            let cells = Cells::of(contract::<R>(y));
+            let decoded = Decoded::of(cells.features(tables), decoder);
+            let (density, radiance) = (decoded.density(), decoded.radiance());
+            // The last point is opaque.
+            let behind =
+                if length.is_finite() { before * (-density * length).exp() } else { R::zero() };
+            let transmittance = [before, behind];
+            visit(Seen { step, y, length, cells, decoded, density, radiance, transmittance });
+            before = behind;
+        }
+    }
+
+    /// The point of a step, and the length of the step.
+    fn point(&self, path: &Path<R>, step: usize) -> (R::Vec3, R) {
+        match self.extent {
+            Extent::Volume => {
+                let step = path.step(step);
+                (step.y, step.length)
+            }
+            Extent::Direction => (path.infinity(), R::infinity()),
+        }
+    }
+
+    /// Adds the derivatives of one ray's radiance times δ.
+    fn ray_vjp(&self, ray: &BackgroundRay<R>, delta: R::Vec3, parameters: &mut [R]) -> R::Vec3 {
+        let (path, steps) = self.path(ray);
+        let mut seen = Vec::with_capacity(POINTS);
+        self.points(&path, steps, |point| seen.push(point));
+        let (tables, decoder) = self.parameters.split_at(table_length());
+        let (table_sum, decoder_sum) = parameters.split_at_mut(table_length());
+        let (mut behind, mut direction) = (R::Vec3::zero(), R::Vec3::zero());
+        // Backwards: `behind` is the radiance of the points behind.
+        for point in seen.iter().rev() {
+            let [before, after] = point.transmittance;
+            // ∂L/∂(density · length)
+            let depth = delta.dot(point.radiance * after - behind);
+            behind += point.radiance * (before - after);
+            let (density, length) = if point.length.is_finite() {
+                (depth * point.length, depth * point.density)
+            } else {
+                (R::zero(), R::zero())
+            };
+            let radiance = delta * (before - after);
+            let features = point.decoded.vjp(density, radiance, decoder, decoder_sum);
+            point.cells.table_vjp(&features, table_sum);
+            let z = point.cells.point_vjp(&features, tables);
+            self.add_direction(&path, point, z, length, &mut direction);
+        }
+        direction
+    }
+
+    /// Adds the adjoint of the direction, from those of a contracted point and of a step's length.
+    fn add_direction(
+        &self,
+        path: &Path<R>,
+        point: &Seen<R>,
+        z: R::Vec3,
+        length: R,
+        direction: &mut R::Vec3,
+    ) {
+        let y = contract_vjp::<R>(point.y, z);
+        match self.extent {
+            Extent::Volume => path.vjp(point.step, y, length, direction),
+            Extent::Direction => *direction += path.infinity_vjp(y),
+        }
+    }
+}
+
+impl<R: Real> Background<R> for Volume<R> {
+    fn parameter_count(&self) -> usize {
+        self.parameters.len()
+    }
+
+    fn radiance(&self, rays: &[BackgroundRay<R>], rgb: &mut [R::Vec3]) {
+        for (ray, rgb) in rays.iter().zip(rgb) {
+            let (path, steps) = self.path(ray);
+            *rgb = R::Vec3::zero();
+            self.points(&path, steps, |point| {
+                let [before, after] = point.transmittance;
+                *rgb += point.radiance * (before - after);
+            });
+        }
+    }
+
+    fn vjp(
+        &self,
+        rays: &[BackgroundRay<R>],
+        adjoint: &[R::Vec3],
+        direction: &mut [R::Vec3],
+        parameters: &mut [R],
+    ) {
+        for ((ray, adjoint), direction) in rays.iter().zip(adjoint).zip(direction) {
+            *direction = if *adjoint == R::Vec3::zero() {
+                R::Vec3::zero()
+            } else {
+                self.ray_vjp(ray, *adjoint, parameters)
+            };
+        }
+    }
+}
