@@ -101,7 +101,7 @@ impl<R: Real> Volume<R> {
         let own = self::bytes(&tensors, "sphere", Dtype::F64, 4)?;
         let own: Vec<f64> = own.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
         let sphere = Sphere { center: DVec3::new(own[0], own[1], own[2]), radius: own[3] };
-        if !sphere.center.is_finite() || !(sphere.radius > 0.0 && sphere.radius.is_finite()) {
+        if !(sphere.center.is_finite() && sphere.radius > 0.0 && sphere.radius.is_finite()) {
             let expected = "a centre and a radius above 0, as 4".to_owned();
             return Err(FileError::Tensor { name: "sphere", found: format!("{own:?}"), expected });
         }

@@ -1,12 +1,9 @@
-//! The points of a ray outside the bounding sphere, in contracted coordinates.
+//! The points of a ray behind the bounding sphere, in contracted coordinates.
 
 use field::{Real, Vector3};
 
-/// Points of a ray before the sphere, and as many behind it.
-const HALF: usize = 16;
-
 /// Points of a ray.
-pub(crate) const POINTS: usize = 2 * HALF;
+pub(crate) const POINTS: usize = 16;
 
 /// The distance, in bounding radii, of points that only their direction tells apart.
 const INFINITY: f64 = 1e6;
@@ -16,10 +13,10 @@ const INFINITY: f64 = 1e6;
 pub(crate) struct Path<R: Real> {
     origin: R::Vec3,
     direction: R::Vec3,
-    /// The distances at which the ray enters and leaves the sphere, or passes it.
-    ends: [R; 2],
-    /// Their derivatives by o·d.
-    slopes: [R; 2],
+    /// The distance at which the ray leaves the sphere, or passes it.
+    start: R,
+    /// Its derivative by o·d.
+    slope: R,
 }
 
 /// A part of a ray with a point in it.
@@ -31,7 +28,7 @@ pub(crate) struct Step<R: Real> {
     pub(crate) length: R,
 }
 
-/// Distance behind the sphere at the fraction `part` of the steps there.
+/// Distance from the start at the fraction `part` of the steps.
 fn far<R: Real>(part: R) -> R {
     part / (R::one() - part)
 }
@@ -42,35 +39,28 @@ impl<R: Real> Path<R> {
         let (zero, one) = (R::zero(), R::one());
         let b = origin.dot(direction);
         let square = b * b - origin.dot(origin) + one;
-        let (ends, slopes) = if b >= zero {
-            // The sphere is behind the eye, or the eye is inside of it.
-            ([zero; 2], [zero; 2])
-        } else if square > zero {
+        let (start, slope) = if square > zero {
             let root = square.sqrt();
-            ([(-b - root).max(zero), -b + root], [-one - b / root, -one + b / root])
+            (root - b, b / root - one)
         } else {
-            ([-b; 2], [-one; 2])
+            (-b, -one)
         };
-        Path { origin, direction, ends, slopes }
+        // A sphere behind the eye has no part.
+        let (start, slope) = if start > zero { (start, slope) } else { (zero, zero) };
+        Path { origin, direction, start, slope }
     }
 
-    /// Step number `i` of the ray: equal lengths before the sphere, and growing ones behind it.
+    /// Step number `i` of the ray. The lengths grow with the distance.
     pub(crate) fn step(&self, i: usize) -> Step<R> {
-        let (at, length) = self.place(i);
-        Step { y: self.origin + self.direction * at, length }
-    }
-
-    /// The distance of the point of a step, and the length of the step.
-    fn place(&self, i: usize) -> (R, R) {
-        let (n, half) = (R::of(HALF as f64), R::of(0.5));
-        let k = R::of((i % HALF) as f64);
-        if i < HALF {
-            let length = self.ends[0] / n;
-            return (length * (k + half), length);
-        }
+        let (n, k) = (R::of(POINTS as f64), R::of(i as f64));
         let length =
             if i + 1 == POINTS { R::infinity() } else { far((k + R::one()) / n) - far(k / n) };
-        (self.ends[1] + far((k + half) / n), length)
+        Step { y: self.origin + self.direction * self.place(i), length }
+    }
+
+    /// The distance of the point of a step.
+    fn place(&self, i: usize) -> R {
+        self.start + far((R::of(i as f64) + R::of(0.5)) / R::of(POINTS as f64))
     }
 
     /// A point so far along the ray that its contraction is the end of the ray.
@@ -83,18 +73,9 @@ impl<R: Real> Path<R> {
         y * R::of(INFINITY)
     }
 
-    /// Adds the adjoint of the direction, from those of a step's point and length.
-    pub(crate) fn vjp(&self, i: usize, y: R::Vec3, length: R, direction: &mut R::Vec3) {
-        let (at, _) = self.place(i);
-        *direction += y * at;
-        let (n, along) = (R::of(HALF as f64), y.dot(self.direction));
-        let slope = if i < HALF {
-            let share = (R::of(i as f64) + R::of(0.5)) / n;
-            (along * share + length / n) * self.slopes[0]
-        } else {
-            along * self.slopes[1]
-        };
-        *direction += self.origin * slope;
+    /// The adjoint of the direction, from that of a step's point.
+    pub(crate) fn vjp(&self, i: usize, y: R::Vec3) -> R::Vec3 {
+        y * self.place(i) + self.origin * (y.dot(self.direction) * self.slope)
     }
 }
 

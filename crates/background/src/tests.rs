@@ -119,7 +119,6 @@ fn a_uniform_volume_has_its_radiance_along_all_rays() {
     }
 }
 
-/// Only one level and one corner have a feature: a blob before the sphere, seen from both sides.
 #[test]
 fn the_inside_of_the_sphere_has_no_part() {
     let mut volume = uniform(1e-9, [0.0; 3]);

@@ -1,4 +1,4 @@
-//! A volume outside the bounding sphere.
+//! A volume behind the bounding sphere.
 
 use field::{Real, Sphere, Vector3};
 use glam::DVec3;
@@ -12,7 +12,7 @@ use crate::path::{POINTS, Path, contract, contract_vjp};
 /// The part of space that a background shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// Everything outside the bounding sphere, from the eye on.
+    /// Everything behind the bounding sphere.
     Volume,
     /// The directions alone: everything is infinitely far away.
     Direction,
@@ -21,8 +21,10 @@ pub enum Extent {
 /// The radiance of emitting and absorbing matter outside a bounding sphere.
 ///
 /// Density and radiance are a small network of features on grids in contracted space. A ray is a
-/// sum over 16 points before the sphere and 16 behind it, of which the last is opaque. The inside
-/// of the sphere is empty: the scene's solid is there.
+/// sum over 16 points from the place on where it leaves the sphere, or passes it. The last point is
+/// opaque. Nothing is before the sphere: matter there could paint each photograph on a screen of
+/// its own in front of its camera, and no solid would be needed. With 16 more points before the
+/// sphere, a fit of a cow in a room lost the cow's head and legs to such screens.
 ///
 /// Trainable features on hashed grids: Müller, Evans, Schied and Keller, "Instant Neural Graphics
 /// Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its own for the
@@ -52,13 +54,15 @@ struct Seen<R: Real> {
     length: R,
     cells: Cells<R>,
     decoded: Decoded<R>,
-    density: R,
     radiance: R::Vec3,
     /// The transmittance before and behind the point.
     transmittance: [R; 2],
 }
 
 impl<R: Real> Volume<R> {
+    /// The number of parameters.
+    pub const PARAMETERS: usize = table_length() + LENGTH;
+
     /// A volume of random features around a sphere, in world units. The same seed gives the same
     /// volume.
     pub fn new(extent: Extent, sphere: Sphere<f64>, seed: u64) -> Self {
@@ -68,7 +72,7 @@ impl<R: Real> Volume<R> {
             let range = i.checked_sub(tables).map_or(FIRST_FEATURES, initial_range);
             R::of(range * (2.0 * stream.at(i as u64).unit() - 1.0))
         };
-        let mut parameters: Vec<R> = (0..tables + LENGTH).map(number).collect();
+        let mut parameters: Vec<R> = (0..Self::PARAMETERS).map(number).collect();
         parameters[tables + DENSITY_BIAS] = R::of(FIRST_DENSITY);
         Volume { extent, sphere, parameters }
     }
@@ -122,7 +126,7 @@ impl<R: Real> Volume<R> {
             let behind =
                 if length.is_finite() { before * (-density * length).exp() } else { R::zero() };
             let transmittance = [before, behind];
-            visit(Seen { step, y, length, cells, decoded, density, radiance, transmittance });
+            visit(Seen { step, y, length, cells, decoded, radiance, transmittance });
             before = behind;
         }
     }
@@ -152,34 +156,17 @@ impl<R: Real> Volume<R> {
             // ∂L/∂(density · length)
             let depth = delta.dot(point.radiance * after - behind);
             behind += point.radiance * (before - after);
-            let (density, length) = if point.length.is_finite() {
-                (depth * point.length, depth * point.density)
-            } else {
-                (R::zero(), R::zero())
-            };
+            let density = if point.length.is_finite() { depth * point.length } else { R::zero() };
             let radiance = delta * (before - after);
             let features = point.decoded.vjp(density, radiance, decoder, decoder_sum);
             point.cells.table_vjp(&features, table_sum);
-            let z = point.cells.point_vjp(&features, tables);
-            self.add_direction(&path, point, z, length, &mut direction);
+            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&features, tables));
+            direction += match self.extent {
+                Extent::Volume => path.vjp(point.step, y),
+                Extent::Direction => path.infinity_vjp(y),
+            };
         }
         direction
-    }
-
-    /// Adds the adjoint of the direction, from those of a contracted point and of a step's length.
-    fn add_direction(
-        &self,
-        path: &Path<R>,
-        point: &Seen<R>,
-        z: R::Vec3,
-        length: R,
-        direction: &mut R::Vec3,
-    ) {
-        let y = contract_vjp::<R>(point.y, z);
-        match self.extent {
-            Extent::Volume => path.vjp(point.step, y, length, direction),
-            Extent::Direction => *direction += path.infinity_vjp(y),
-        }
     }
 }
 

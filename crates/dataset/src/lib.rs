@@ -9,7 +9,6 @@ mod load;
 mod projection;
 mod readers;
 mod split;
-pub mod synth;
 #[cfg(test)]
 mod tests;
 mod unread;
@@ -18,4 +17,5 @@ mod view;
 pub use background::Background;
 pub use bounds::{check_cameras, looks_away, surroundings};
 pub use load::{LoadOptions, load};
+pub use split::HELD_OUT;
 pub use view::{Dataset, View};

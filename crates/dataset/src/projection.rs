@@ -49,6 +49,11 @@ pub(crate) fn pose_fault(pose: DMat4) -> String {
     if !pose.is_finite() {
         return "a number that is not finite".to_owned();
     }
+    let eye = pose.w_axis.truncate();
+    let distant = eye.abs().max_element();
+    if distant > Camera::MOST_DISTANT {
+        return format!("a camera with the coordinate {distant:e}");
+    }
     let rotation = DMat3::from_mat4(pose);
     let [x, y, z] = [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.length());
     format!(

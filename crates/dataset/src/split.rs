@@ -1,7 +1,7 @@
 //! The training/held-out split of data sets that have none of their own.
 
 /// One view of this many is held out, the first of each group.
-pub(crate) const HELD_OUT: usize = 8;
+pub const HELD_OUT: usize = 8;
 
 /// Splits views into those to fit and those held out: views 0, 8, 16, … are held out. A set of one
 /// or two views is fitted whole.

@@ -23,6 +23,8 @@ pub(crate) struct BackgroundModel {
     pub(crate) bounds: Sphere<f64>,
     /// The estimated colour of the background.
     pub(crate) background: Background,
+    /// Whether the background is trained: pixels whose rays miss the bounding sphere then count.
+    pub(crate) is_trained: bool,
     /// Whether the mask of a view, if it has one, replaces the estimated background.
     pub(crate) use_masks: bool,
 }

@@ -5,6 +5,7 @@ mod checkpoint;
 mod iteration;
 mod loss;
 mod model;
+mod model_background;
 mod options;
 mod preview;
 mod pyramid;
@@ -17,6 +18,7 @@ mod turntable;
 
 pub use iteration::Metrics;
 pub use model::Model;
+pub use model_background::{BackgroundChoice, BackgroundKind, ModelBackground};
 pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};
 pub use preview::{difference, normal_map, write_preview};
 pub use run::Fit;

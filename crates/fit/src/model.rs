@@ -2,21 +2,24 @@
 
 use std::path::Path;
 
-use field::Sphere;
 use glam::DVec3;
 use io::{InputError, atomic_write};
 use random::{Purpose, Stream};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
 
-use crate::options::FitOptions;
+use crate::model_background::ModelBackground;
+use crate::options::mlp_parameters;
+use crate::run_file::RunFile;
 
-/// A signed distance network, and a network for the radiance on its surface.
+/// A signed distance network, a network for the radiance on its surface, and a background.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The signed distance, in world units, negative inside.
     pub field: Network<f32>,
     /// The radiance, linear RGB.
     pub head: RadianceHead<f32>,
+    /// The radiance along rays that miss.
+    pub background: ModelBackground,
 }
 
 /// Width of the radiance head's hidden layers.
@@ -29,8 +32,9 @@ pub(crate) const HEAD_BANDS: usize = 6;
 impl Model {
     /// The model at the start of a fit: a sphere with a nearly uniform radiance.
     ///
-    /// It is a function of the network's options, the seed and `bounds` (world units).
-    pub fn initial(options: &FitOptions, bounds: &Sphere<f64>) -> Self {
+    /// It is a function of the run's options, bounding sphere and background.
+    pub fn initial(file: &RunFile) -> Self {
+        let (options, bounds) = (&file.options, file.sphere());
         let transform = Transform { center: bounds.center, radius: bounds.radius };
         let architecture = Architecture {
             encoding: encoding(options.bands),
@@ -48,12 +52,22 @@ impl Model {
             transform,
             Stream::new(options.seed, Purpose::InitialRadiance).bits(),
         );
-        Model { field, head }
+        Model { field, head, background: ModelBackground::initial(file) }
     }
 
-    /// The parameters of the field, then those of the radiance head.
+    /// The number of parameters of a run's model, without making one.
+    pub(crate) fn parameter_count(file: &RunFile) -> usize {
+        let inputs = encoding(HEAD_BANDS).features() + RadianceHead::<f32>::DIRECTIONS;
+        let head = mlp_parameters(inputs, HEAD_WIDTH, HEAD_LAYERS, 3);
+        let background = ModelBackground::parameter_count(file.background_kind);
+        (file.options.field_parameters() + head) as usize + background
+    }
+
+    /// The parameters of the field, then those of the radiance head, then the trained ones of the
+    /// background.
     pub fn parameters(&self) -> Vec<f32> {
-        [self.field.parameters(), self.head.parameters()].concat()
+        let background = self.background.parameters();
+        [self.field.parameters(), self.head.parameters(), background].concat()
     }
 
     /// Sets the parameters, in the order of [`parameters`](Self::parameters).
@@ -61,13 +75,16 @@ impl Model {
     /// # Panics
     /// If the number of parameters is wrong.
     pub fn set_parameters(&mut self, parameters: &[f32]) {
-        let (field, head) = parameters.split_at(self.field.parameters().len());
+        let (field, others) = parameters.split_at(self.field.parameters().len());
+        let (head, background) = others.split_at(self.head.parameters().len());
         self.field.set_parameters(field);
         self.head.set_parameters(head);
+        self.background.set_parameters(background);
     }
 
-    /// Writes `model.safetensors` and `radiance.safetensors` into a run folder, in world units. The
-    /// model is relative to `origin`.
+    /// Writes `model.safetensors`, `radiance.safetensors` and, if the background is trained,
+    /// `background.safetensors` into a run folder, in world units. The model is relative to
+    /// `origin`.
     ///
     /// # Errors
     /// If a file cannot be written. A file that was there before then stays complete.
@@ -75,14 +92,17 @@ impl Model {
         let field = self.field.clone().about(-origin).to_safetensors()?;
         atomic_write(&run.join("model.safetensors"), |out| Ok(out.write_all(&field)?))?;
         let head = self.head.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join("radiance.safetensors"), |out| Ok(out.write_all(&head)?))
+        atomic_write(&run.join("radiance.safetensors"), |out| Ok(out.write_all(&head)?))?;
+        self.background.save(run, origin)
     }
 
-    /// Reads the model of a run folder, for points relative to `origin`.
+    /// Reads the model of a run folder, for points relative to the origin of the run. `file` is the
+    /// run's `fit.toml`.
     ///
     /// # Errors
     /// If a file is missing or is not a model file.
-    pub fn load(run: &Path, origin: DVec3) -> Result<Self, InputError> {
+    pub fn load(run: &Path, file: &RunFile) -> Result<Self, InputError> {
+        let origin = file.origin();
         let read = |name: &str| {
             let path = run.join(name);
             io::read(&path, "model", "the model file of a run")
@@ -95,7 +115,8 @@ impl Model {
         let head: RadianceHead<f32> =
             RadianceHead::from_safetensors(&read("radiance.safetensors")?)
                 .map_err(|e| wrong("radiance.safetensors", e))?;
-        Ok(Model { field: field.about(origin), head: head.about(origin) })
+        let background = ModelBackground::load(run, file)?;
+        Ok(Model { field: field.about(origin), head: head.about(origin), background })
     }
 }
 

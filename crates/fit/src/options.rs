@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
 use crate::model::encoding;
+use crate::model_background::BackgroundChoice;
 
 /// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
@@ -35,6 +36,9 @@ pub struct FitOptions {
     /// Use masks or alpha in the loss, not in evaluation only
     #[arg(long)]
     pub use_masks: bool,
+    /// Model for the background
+    #[arg(long, value_enum, default_value_t = Self::default().background)]
+    pub background: BackgroundChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -144,6 +148,7 @@ impl Default for FitOptions {
             seed: 0,
             downscale: 1,
             use_masks: false,
+            background: BackgroundChoice::Auto,
             bounds: None,
             width: 64,
             layers: 3,
@@ -196,12 +201,9 @@ impl Check {
         }
     }
 
-    fn positive(name: &'static str, value: f64) -> Self {
-        Self::new(name, value, value > 0.0 && value.is_finite(), "a finite number above 0")
-    }
-
-    fn not_negative(name: &'static str, value: f64) -> Self {
-        Self::new(name, value, value >= 0.0 && value.is_finite(), "a finite number, 0 or more")
+    /// The weight of a term of the loss.
+    fn weight(name: &'static str, value: f64) -> Self {
+        Self::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
     }
 
     fn at_least_one(name: &'static str, value: u64) -> Self {
@@ -256,10 +258,12 @@ impl FitOptions {
 
     /// An estimate of the memory of a network, its optimiser and its gradients, in bytes.
     fn network_memory(&self) -> u64 {
-        let [width, layers] = [self.width, self.layers].map(|n| n as u64);
-        let features = encoding(self.bands).features() as u64;
-        let parameters = (features + 1) * width + (layers - 1) * (width + 1) * width + width + 1;
-        parameters * MEMORY_PER_PARAMETER
+        self.field_parameters() * MEMORY_PER_PARAMETER
+    }
+
+    /// The number of parameters of the network.
+    pub(crate) fn field_parameters(&self) -> u64 {
+        mlp_parameters(encoding(self.bands).features(), self.width, self.layers, 1)
     }
 
     /// The checks of all options but the estimator and those of the warp.
@@ -271,14 +275,24 @@ impl FitOptions {
             Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
             Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
             Check::new("bands", self.bands, self.bands <= 12, "at most 12"),
-            Check::positive("beta", self.beta),
+            Check::new(
+                "beta",
+                self.beta,
+                (1e-3..=1e6).contains(&self.beta),
+                "a number from 0.001 to 1000000",
+            ),
             Check::new(
                 "initial_radius",
                 radius,
                 radius > 0.0 && radius < 1.0,
                 "a fraction between 0 and 1",
             ),
-            Check::positive("learning_rate", self.learning_rate),
+            Check::new(
+                "learning_rate",
+                self.learning_rate,
+                self.learning_rate > 0.0 && self.learning_rate <= 1.0,
+                "a number above 0, at most 1",
+            ),
             Check::new("batch", self.batch, (1..=MAX_BATCH).contains(&self.batch), "1 to 16777216"),
             Check::count("edge_rays", self.edge_rays),
             Check::count("edge_samples", self.edge_samples),
@@ -290,8 +304,8 @@ impl FitOptions {
             ),
             // At 1 or less, the running mean falls in every iteration, and the fit stops moving.
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
-            Check::not_negative("eikonal", self.eikonal),
-            Check::not_negative("background_weight", self.background_weight),
+            Check::weight("eikonal", self.eikonal),
+            Check::weight("background_weight", self.background_weight),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),
         ]
@@ -317,6 +331,12 @@ impl FitOptions {
     pub fn bounds(&self) -> Option<Sphere<f64>> {
         self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius })
     }
+}
+
+/// The number of weights and biases of a perceptron with `layers` hidden layers of `width`.
+pub(crate) fn mlp_parameters(inputs: usize, width: usize, layers: usize, outputs: usize) -> u64 {
+    let [inputs, width, layers, outputs] = [inputs, width, layers, outputs].map(|n| n as u64);
+    (inputs + 1) * width + (layers - 1) * (width + 1) * width + (width + 1) * outputs
 }
 
 /// Parses a duration such as 90s, 10m or 1h30m.

@@ -20,7 +20,8 @@ pub(crate) struct Level {
     pub(crate) photographs: Vec<Photograph>,
     /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
     foreground: Vec<Pixel>,
-    /// The pixels of all views whose rays meet the bounding sphere and that are certain background.
+    /// The pixels of all views that are certain background: in front of a uniform background, those
+    /// that show it; if the background is trained, those whose rays miss the bounding sphere.
     background: Vec<Pixel>,
 }
 
@@ -60,9 +61,10 @@ impl Level {
             for y in 0..camera.height as u16 {
                 for x in 0..camera.width as u16 {
                     let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let is_background = certain.next() == Some(true);
+                    let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
+                    let is_background = certain.next() == Some(true) || !meets;
                     let list = if is_background { &mut background } else { &mut foreground };
-                    if model.bounds.clip(camera.eye, camera.direction(center)).is_some() {
+                    if meets || model.is_trained {
                         list.push(Pixel { view: view as u32, x, y, count: 1 });
                     }
                 }
@@ -92,7 +94,7 @@ impl Level {
         Level::new(cameras, photographs, model)
     }
 
-    /// The centres of the pixels whose rays meet the bounding sphere.
+    /// The centres of all pixels that are drawn.
     pub(crate) fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
         let center = |p: &Pixel| Sample {
             camera: p.view as usize,
@@ -101,7 +103,7 @@ impl Level {
         self.foreground.iter().chain(&self.background).map(center)
     }
 
-    /// The number of pixels whose rays meet the bounding sphere.
+    /// The number of pixels that are drawn.
     pub(crate) fn pixel_count(&self) -> usize {
         self.foreground.len() + self.background.len()
     }

@@ -5,14 +5,13 @@ use std::time::Instant;
 
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
-use field::{Counted, Evaluations, Field};
-use glam::Vec3;
+use field::{Counted, Evaluations};
 use io::{InputError, check_memory};
 use metrics::psnr;
 use optim::{Adam, Group};
 use random::{Purpose, Stream};
 use rayon::prelude::*;
-use render::{Background, Camera, InvalidField, Sample, Scene, UniformBackground};
+use render::{Camera, InvalidField, Sample, Scene};
 
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
@@ -21,7 +20,7 @@ use crate::options::DEFAULT_ITERATIONS;
 use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
-use crate::schedule::{background_group, band_window, learning_rate, level, weights};
+use crate::schedule::{background_group, band_window, learning_rate, level, sharpness, weights};
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, gradient};
 
@@ -36,6 +35,39 @@ const NORM_SHARE: f32 = 0.05;
 /// of the pyramid, and the lists of pixels. Measured: 79.
 const MEMORY_PER_PIXEL: u64 = 80;
 
+/// The learning rate of a trained background, in units of that of the networks: features of grids
+/// are trained with larger steps than weights.
+const BACKGROUND_RATE: f64 = 5.0;
+
+/// The groups of a model's parameters.
+fn groups(model: &Model) -> Vec<Group> {
+    let field = model.field.parameters().len();
+    let shape = field + model.head.parameters().len();
+    let background = shape..shape + model.background.parameters().len();
+    vec![
+        Group::new("field", 0..field),
+        Group::new("radiance", field..shape),
+        Group { rate: BACKGROUND_RATE, ..Group::new("background", background) },
+    ]
+}
+
+/// The checkpoint of a run folder.
+fn checkpoint_path(folder: &Path) -> PathBuf {
+    folder.join("checkpoint").join("state.safetensors")
+}
+
+/// Reads the checkpoint of a run.
+fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State> {
+    let state = State::load(&checkpoint_path(folder), Model::parameter_count(file))?;
+    match file.options.iterations.filter(|n| *n < state.iteration) {
+        Some(budget) => {
+            let expected = format!("at least the {} finished iterations", state.iteration);
+            Err(InputError::new(folder.join("fit.toml"), "iterations", budget, expected).into())
+        }
+        None => Ok(state),
+    }
+}
+
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.
 pub struct Fit {
     /// The content of `fit.toml`.
@@ -46,7 +78,6 @@ pub struct Fit {
     pub dataset: Dataset,
     /// The number of finished iterations.
     pub iteration: u64,
-    background: UniformBackground<f32>,
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
@@ -79,14 +110,11 @@ impl Fit {
             anyhow::bail!("{}: no estimator {}", source.display(), file.options.estimator);
         };
         let estimator = entry.estimator(&file.options.estimator_options());
-        let bounds = file.sphere();
-        let model = Model::initial(&file.options, &bounds);
+        // Before the model, which may be large: the checkpoint tells whether it is that of the run.
+        let state = if resume { Some(load_state(folder, &file)?) } else { None };
+        let model = Model::initial(&file);
         let parameters = model.parameters();
-        let fields = Field::<f32>::parameter_count(&model.field);
-        let adam = Adam::new(
-            parameters.len(),
-            vec![Group::new("field", 0..fields), Group::new("radiance", fields..parameters.len())],
-        );
+        let adam = Adam::new(parameters.len(), groups(&model));
         let pixels: u64 = dataset.train.iter().map(|v| v.image.pixels.len() as u64).sum();
         let found = format!("{pixels} pixels of photographs");
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
@@ -101,10 +129,8 @@ impl Fit {
             )
             .into());
         }
-        let background = UniformBackground(Vec3::from(file.background));
         let mut fit = Fit {
             file,
-            background,
             model,
             dataset,
             iteration: 0,
@@ -117,30 +143,15 @@ impl Fit {
             usual_norm: 0.0,
             held_out_psnr: None,
         };
-        if resume {
-            fit.restore()?;
+        if let Some(state) = state {
+            fit.restore(state)?;
         }
         fit.set_windows();
         Ok(fit)
     }
 
-    fn checkpoint_path(&self) -> PathBuf {
-        self.folder.join("checkpoint").join("state.safetensors")
-    }
-
-    /// Restores the state from the checkpoint.
-    fn restore(&mut self) -> anyhow::Result<()> {
-        let state = State::load(&self.checkpoint_path(), self.parameters.len())?;
-        if let Some(budget) = self.file.options.iterations.filter(|n| *n < state.iteration) {
-            let expected = format!("at least the {} finished iterations", state.iteration);
-            return Err(InputError::new(
-                self.folder.join("fit.toml"),
-                "iterations",
-                budget,
-                expected,
-            )
-            .into());
-        }
+    /// Restores the state of a checkpoint.
+    fn restore(&mut self, state: State) -> anyhow::Result<()> {
         self.adam.restore(&state.first, &state.second, state.steps)?;
         self.model.set_parameters(&state.parameters);
         self.parameters = state.parameters;
@@ -167,7 +178,7 @@ impl Fit {
             second: second.to_vec(),
             steps,
         };
-        state.save(&self.checkpoint_path())?;
+        state.save(&checkpoint_path(&self.folder))?;
         self.model.save(&self.folder, self.file.origin())
     }
 
@@ -238,14 +249,11 @@ impl Fit {
     fn gradient(&self, level: usize) -> anyhow::Result<(Vec<f32>, BatchStats, Evaluations)> {
         let options = &self.file.options;
         let (pixels, pixel_count) = self.draw(level);
-        let confidence = f64::from(self.file.background_confidence);
+        let confidence = self.file.uniform_confidence();
         let counted = Counted::new(&self.model.field);
         let cameras = &self.levels[level].cameras;
         let batch = Batch {
-            scene: Scene {
-                field: &counted,
-                ..scene(&self.model, &self.file, &self.background, cameras)
-            },
+            scene: Scene { field: &counted, ..scene(&self.model, &self.file, cameras) },
             level: &self.levels[level],
             pixels: &pixels,
             pixel_count,
@@ -254,6 +262,8 @@ impl Fit {
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),
+            trains_background: self.model.background.is_trained(),
+            sharpness: sharpness(self.progress(), self.file.background_kind),
             seed: Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits(),
         };
         let (gradient, stats) = gradient(&batch)?;
@@ -355,7 +365,7 @@ impl Fit {
     /// If the field gives a NaN or an infinity along a ray.
     pub fn has_visible_surface(&self) -> Result<bool, InvalidField> {
         let any_hit = |level: &Level| {
-            let scene = scene(&self.model, &self.file, &self.background, &level.cameras);
+            let scene = scene(&self.model, &self.file, &level.cameras);
             let samples: Vec<Sample> = level.centers().collect();
             let hit = |samples: &[Sample]| match scene.primary(samples) {
                 Ok(primary) => (!primary.hits.is_empty()).then_some(Ok(true)),
@@ -376,12 +386,8 @@ pub(crate) const SLOPE_POINTS: u64 = 128;
 
 /// The scene that a run fits: its model in front of its background, in its bounding sphere, without
 /// the cap of a [`Solid`]. Rays start with the slope that the field has now.
-fn scene<'a>(
-    model: &'a Model,
-    file: &RunFile,
-    background: &'a dyn Background<f32>,
-    cameras: &'a [Camera],
-) -> Scene<'a, f32> {
+fn scene<'a>(model: &'a Model, file: &RunFile, cameras: &'a [Camera]) -> Scene<'a, f32> {
+    let background = model.background.as_background();
     Scene::new(&model.field, &model.head, cameras, &file.sphere(), background)
         .with_slope_of_field(SLOPE_POINTS)
 }

@@ -9,6 +9,7 @@ use io::{InputError, atomic_write};
 use serde::{Deserialize, Serialize};
 
 use crate::background::BackgroundModel;
+use crate::model_background::BackgroundKind;
 use crate::options::{Check, FitOptions};
 
 /// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
@@ -19,7 +20,9 @@ pub struct RunFile {
     pub dataset: PathBuf,
     /// The centre x, y, z and the radius of the bounding sphere, in the units of the data set.
     pub bounds: [f64; 4],
-    /// The radiance of the background, linear RGB.
+    /// The model for the background.
+    pub background_kind: BackgroundKind,
+    /// The radiance of a uniform background, estimated from the photographs, linear RGB.
     pub background: [f32; 3],
     /// A robust standard deviation of the background, in display units.
     pub background_spread: f32,
@@ -47,7 +50,15 @@ impl RunFile {
         Sphere { center: DVec3::new(x, y, z), radius }
     }
 
-    /// The background.
+    /// The confidence in a uniform background: 0 for a run that trains another one.
+    pub(crate) fn uniform_confidence(&self) -> f64 {
+        match self.background_kind {
+            BackgroundKind::Constant => f64::from(self.background_confidence),
+            BackgroundKind::Direction | BackgroundKind::Volume => 0.0,
+        }
+    }
+
+    /// The estimated uniform background.
     pub fn background(&self) -> Background {
         Background {
             color: self.background,
@@ -60,7 +71,11 @@ impl RunFile {
     pub(crate) fn background_model(&self) -> BackgroundModel {
         BackgroundModel {
             bounds: self.sphere(),
-            background: self.background(),
+            background: Background {
+                confidence: self.uniform_confidence() as f32,
+                ..self.background()
+            },
+            is_trained: self.background_kind != BackgroundKind::Constant,
             use_masks: self.options.use_masks,
         }
     }

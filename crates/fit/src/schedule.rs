@@ -2,6 +2,7 @@
 
 use optim::Schedule;
 
+use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 
 // Evidence, here and for the other constants of this crate: one constant changed at a time, 1000
@@ -75,6 +76,20 @@ const TRUST: [f64; 2] = [0.3, 0.7];
 /// 1.02 and 1.00.
 const LAST_TRUST: f64 = 0.05;
 
+/// The progress at which a soft surface becomes sharp.
+const SOFT: f64 = 0.5;
+
+/// The sharpness of the surface at the start and at the end of the soft part, per bounding radius.
+const SHARPNESS: [f64; 2] = [16.0, 200.0];
+
+/// The sharpness of the surface, per bounding radius; `None` once it is sharp. Before a uniform
+/// background it is sharp from the start.
+pub(crate) fn sharpness(progress: f64, background: BackgroundKind) -> Option<f32> {
+    let [from, to] = SHARPNESS;
+    let soft = background != BackgroundKind::Constant && progress < SOFT;
+    soft.then(|| (from * (to / from).powf(progress / SOFT)) as f32)
+}
+
 /// The weights of the terms of the loss, at one progress of the schedule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weights {
@@ -86,7 +101,7 @@ pub(crate) struct Weights {
     pub(crate) trust: f32,
 }
 
-/// The weights of the terms of the loss, for a background of this confidence (0 to 1).
+/// The weights of the terms of the loss, for a uniform background of this confidence (0 to 1).
 ///
 /// With masks, the trust is 1 for the whole fit.
 pub(crate) fn weights(progress: f64, options: &FitOptions, confidence: f64) -> Weights {

@@ -1,8 +1,7 @@
 //! The solid of a run: its model in its bounding sphere, as pictures and meshes show it.
 
 use field::{Clipped, Field, Sphere, may_reach};
-use glam::Vec3;
-use render::{Camera, Scene, UniformBackground};
+use render::{Camera, Scene};
 
 use crate::model::Model;
 use crate::run::SLOPE_POINTS;
@@ -15,7 +14,6 @@ use crate::run_file::RunFile;
 pub struct Solid<'a> {
     model: &'a Model,
     field: Box<dyn Field<f32> + 'a>,
-    background: UniformBackground<f32>,
     bounds: Sphere<f64>,
 }
 
@@ -25,18 +23,19 @@ const MARGIN: f64 = 1.5;
 impl<'a> Solid<'a> {
     /// The solid of a model. It costs 4096 evaluations of the field.
     pub fn new(model: &'a Model, file: &'a RunFile) -> Self {
-        let (bounds, background) = (file.sphere(), UniformBackground(Vec3::from(file.background)));
+        let bounds = file.sphere();
         let ball = Sphere { center: bounds.center.as_vec3(), radius: bounds.radius as f32 };
         if may_reach(&model.field, &ball) {
             let field = Box::new(Clipped::new(&model.field, ball));
-            return Solid { model, field, background, bounds: bounds.scaled(MARGIN) };
+            return Solid { model, field, bounds: bounds.scaled(MARGIN) };
         }
-        Solid { model, field: Box::new(&model.field), background, bounds }
+        Solid { model, field: Box::new(&model.field), bounds }
     }
 
     /// The solid in front of its background.
     pub fn scene<'b>(&'b self, cameras: &'b [Camera]) -> Scene<'b, f32> {
-        Scene::new(&*self.field, &self.model.head, cameras, &self.bounds, &self.background)
+        let background = self.model.background.as_background();
+        Scene::new(&*self.field, &self.model.head, cameras, &self.bounds, background)
             .with_slope_of_field(SLOPE_POINTS)
     }
 }
@@ -47,6 +46,7 @@ mod tests {
     use render::render;
 
     use super::*;
+    use crate::model_background::BackgroundKind;
     use crate::options::FitOptions;
 
     /// The area of the image of a run's solid, in pixels. The sphere has the outline of a disc with
@@ -67,6 +67,7 @@ mod tests {
         let file = RunFile {
             dataset: "data".into(),
             bounds: [0.0, 0.0, 0.0, 1.0],
+            background_kind: BackgroundKind::Constant,
             background: [0.0; 3],
             background_spread: 0.05,
             background_confidence: 0.5,
@@ -74,7 +75,7 @@ mod tests {
         };
         let ball = |radius: f64| {
             let options = FitOptions { initial_radius: radius, ..file.options.clone() };
-            Model::initial(&options, &file.sphere())
+            Model::initial(&RunFile { options, ..file.clone() })
         };
         let disc = std::f64::consts::PI * 64.0;
         // The network's ball is round to some percent.

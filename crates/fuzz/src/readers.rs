@@ -122,7 +122,7 @@ fn read_meshes(folder: &Path) -> anyhow::Result<()> {
 }
 
 fn read_model(folder: &Path) -> anyhow::Result<()> {
-    Model::load(folder, DVec3::ZERO)?;
+    Model::load(folder, &runs::run_file(1, 1, 0))?;
     Ok(())
 }
 
@@ -161,7 +161,7 @@ fn one_view() -> Option<Dataset> {
 fn read_run(folder: &Path) -> anyhow::Result<()> {
     let run = folder.join("run");
     let file = RunFile::load(&run)?;
-    Model::load(&run, file.origin())?;
+    Model::load(&run, &file)?;
     let dataset = one_view().context("a camera")?;
     // The bounding sphere of a run is seen by its photographs; here, by the view in memory.
     let file = RunFile { bounds: runs::run_file(1, 1, 0).bounds, ..file };

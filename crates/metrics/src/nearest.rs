@@ -1,5 +1,7 @@
 //! The nearest point of a triangle mesh.
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use mesh::Mesh;
@@ -7,6 +9,8 @@ use mesh::Mesh;
 /// A mesh with the centroids of its faces in a k-d tree.
 pub(crate) struct FaceTree<'a> {
     mesh: &'a Mesh,
+    /// The faces, one of each set of equal ones: a query would measure all of these.
+    faces: Vec<usize>,
     /// `None` if the tree cannot be built: for a mesh without faces, and where hundreds of
     /// centroids are equal. Then a query measures every face.
     centroids: Option<ImmutableKdTree<f64, 3>>,
@@ -17,15 +21,23 @@ pub(crate) struct FaceTree<'a> {
 impl<'a> FaceTree<'a> {
     pub(crate) fn new(mesh: &'a Mesh) -> Self {
         let centroid = |i: usize| mesh.corners(i).iter().sum::<DVec3>() / 3.0;
-        let centroids: Vec<[f64; 3]> =
-            (0..mesh.faces.len()).map(|i| centroid(i).to_array()).collect();
-        let reach = (0..mesh.faces.len())
-            .flat_map(|i| mesh.corners(i).map(|c| (c - centroid(i)).length()))
+        let mut known = HashSet::new();
+        let is_new = |i: &usize| {
+            let mut corners = mesh.faces[*i];
+            corners.sort_unstable();
+            known.insert(corners)
+        };
+        let faces: Vec<usize> = (0..mesh.faces.len()).filter(is_new).collect();
+        let centroids: Vec<[f64; 3]> = faces.iter().map(|i| centroid(*i).to_array()).collect();
+        let reach = faces
+            .iter()
+            .flat_map(|i| mesh.corners(*i).map(|c| (c - centroid(*i)).length()))
             .fold(0.0, f64::max);
         // A query of an empty tree panics.
         let centroids = Some(centroids).filter(|c| !c.is_empty());
         FaceTree {
             mesh,
+            faces,
             centroids: centroids.and_then(|c| ImmutableKdTree::new_from_slice(&c).ok()),
             reach,
         }
@@ -41,18 +53,18 @@ impl<'a> FaceTree<'a> {
         let measure = |face: usize| (triangle_distance(x, &self.mesh.corners(face)), face);
         let nearer = |a: (f64, usize), b: (f64, usize)| if b.0 < a.0 { b } else { a };
         let Some(tree) = self.centroids.as_ref().filter(|_| x.is_finite()) else {
-            return (0..self.mesh.faces.len()).map(measure).fold((f64::INFINITY, 0), nearer);
+            return self.faces.iter().copied().map(measure).fold((f64::INFINITY, 0), nearer);
         };
         let query = x.to_array();
         let first = tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
-        let bound = measure(first.item as usize);
+        let bound = measure(self.faces[first.item as usize]);
         let radius = bound.0 + self.reach;
         let candidates = tree
             .query(&query)
             .within::<SquaredEuclidean<f64>>(radius * radius)
             .unsorted()
             .execute();
-        candidates.into_iter().map(|c| measure(c.item as usize)).fold(bound, nearer)
+        candidates.into_iter().map(|c| measure(self.faces[c.item as usize])).fold(bound, nearer)
     }
 }
 

@@ -28,11 +28,16 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The largest coordinate of a camera's position, in world units: squares of distances should
+    /// be finite in single precision.
+    pub const MOST_DISTANT: f64 = 1e15;
+
     /// A camera from its intrinsics and a camera-to-world matrix (x right, y up, looking along −z).
     ///
     /// `focal` and `principal` are in pixels.
     ///
-    /// Returns `None` unless the matrix is finite and its upper 3 × 3 block is a rotation.
+    /// Returns `None` unless the matrix is finite, its upper 3 × 3 block is a rotation, and no
+    /// coordinate of the position is beyond [`Camera::MOST_DISTANT`].
     /// The lengths of the columns and their dot products may be off by 1e-3; the camera has an
     /// exact rotation near it.
     pub fn from_pose(
@@ -42,7 +47,8 @@ impl Camera {
         principal: DVec2,
         pose: DMat4,
     ) -> Option<Self> {
-        if !pose.is_finite() {
+        let eye = pose.w_axis.truncate();
+        if !pose.is_finite() || eye.abs().max_element() > Self::MOST_DISTANT {
             return None;
         }
         let [x, y, z] = [pose.x_axis, pose.y_axis, pose.z_axis].map(|c| c.truncate());
@@ -54,16 +60,7 @@ impl Camera {
         let forward = -z.normalize();
         let right = x.reject_from_normalized(forward).normalize();
         let up = right.cross(forward);
-        Some(Camera {
-            width,
-            height,
-            focal,
-            principal,
-            eye: pose.w_axis.truncate(),
-            right,
-            up,
-            forward,
-        })
+        Some(Camera { width, height, focal, principal, eye, right, up, forward })
     }
 
     /// A camera at `eye` that looks at `target`; `None` if the two coincide or `up` is parallel to

@@ -22,7 +22,7 @@ pub struct InvalidField {
 
 impl InvalidField {
     /// The error for the ray of a sample.
-    pub(crate) fn at(cameras: &[Camera], Sample { camera, u }: Sample) -> Self {
+    pub fn at(cameras: &[Camera], Sample { camera, u }: Sample) -> Self {
         let (eye, direction) = (cameras[camera].eye, cameras[camera].direction(u));
         InvalidField { camera, u, eye, direction }
     }

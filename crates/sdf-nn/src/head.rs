@@ -31,6 +31,9 @@ pub struct RadianceHead<R: Real> {
 pub(crate) const DIRECTIONS: usize = 6;
 
 impl<R: Lane> RadianceHead<R> {
+    /// The number of inputs after the encoded position: normal and direction.
+    pub const DIRECTIONS: usize = DIRECTIONS;
+
     /// A head with random weights, small in the last layer: its first radiance is close to grey.
     ///
     /// The same `seed` gives the same head.

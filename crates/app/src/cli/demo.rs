@@ -14,8 +14,8 @@ use super::mesh::mesh_of_run;
 use ::fit::{FitOptions, Model, RunFile, Solid, parse_duration, write_preview};
 use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
-use dataset::synth::{Options, synthesise};
 use dataset::{Dataset, LoadOptions};
+use synth::{Options, synthesise};
 
 /// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -136,7 +136,7 @@ fn evaluate(
     global: &Global,
 ) -> anyhow::Result<EvalReport> {
     let file = RunFile::load(run)?;
-    let model = Model::load(run, file.origin())?;
+    let model = Model::load(run, &file)?;
     let dataset = dataset::load(data, &LoadOptions::default())?.about(file.origin());
     let bar = global.progress("evaluate");
     let progress = bar_mover(&bar);

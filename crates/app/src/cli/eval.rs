@@ -52,12 +52,15 @@ pub(super) struct EvalReport {
     normal_consistency: Option<f64>,
     /// Number of held-out views.
     views: usize,
+    /// Whether there are held-out views, and none shows a surface.
+    #[serde(skip)]
+    is_empty: bool,
 }
 
 impl Eval {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         let file = RunFile::load(&self.run)?;
-        let model = Model::load(&self.run, file.origin())?;
+        let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
         let options = LoadOptions { downscale: file.options.downscale };
@@ -70,7 +73,13 @@ impl Eval {
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();
-        global.report(&report, || report.table())
+        global.report(&report, || report.table())?;
+        // The images are the background alone, whatever their PSNR is.
+        if report.is_empty {
+            let run = self.run.display();
+            anyhow::bail!("{run}: the run has no surface in a held-out view");
+        }
+        Ok(())
     }
 }
 
@@ -89,10 +98,12 @@ pub(super) fn compare_views(
     let solid = Solid::new(model, file);
     let scene = solid.scene(&cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
+    let mut is_empty = !views.is_empty();
     for (i, view) in views.iter().enumerate() {
         let image = render(&scene, i, spp, file.options.seed, &|p| {
             progress((i as f64 + p) / views.len() as f64)
         })?;
+        is_empty &= image.coverage.iter().all(|coverage| *coverage == 0.0);
         psnrs.push(psnr(&image.film, &view.image));
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.mask.as_ref().map(|mask| mask_iou(&image.coverage, mask)));
@@ -102,6 +113,7 @@ pub(super) fn compare_views(
         ssim: mean(&ssims),
         mask_iou: mean(&ious),
         views: views.len(),
+        is_empty,
         ..EvalReport::default()
     })
 }

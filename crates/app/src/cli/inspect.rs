@@ -62,7 +62,7 @@ impl Inspect {
         let (bounds, background) = dataset::surroundings(&dataset, given);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
         let slope = match &run {
-            Some(file) => Some(slope_of(&Model::load(&self.dataset, file.origin())?.field)),
+            Some(file) => Some(slope_of(&Model::load(&self.dataset, file)?.field)),
             None => None,
         };
         let dataset = inspect(&dataset, &bounds, &background, source);

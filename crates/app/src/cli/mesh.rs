@@ -55,7 +55,7 @@ impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["ply", "obj", "glb"])?;
         let file = RunFile::load(&self.run)?;
-        let model = Model::load(&self.run, file.origin())?;
+        let model = Model::load(&self.run, &file)?;
         let bar = global.progress("mesh");
         let cells = self.resolution as usize;
         let mesh = mesh_of_run(&model, &file, cells, &bar_mover(&bar));

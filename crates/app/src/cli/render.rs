@@ -91,7 +91,7 @@ impl Render {
         let (views, bytes) = (u64::from(self.views), 2 * RENDER_BYTES);
         check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
         let file = RunFile::load(&self.scene)?;
-        let model = Model::load(&self.scene, file.origin())?;
+        let model = Model::load(&self.scene, &file)?;
         let dataset = dataset::load(&file.dataset, &LoadOptions::default())?.about(file.origin());
         let bounds = file.sphere();
         let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();

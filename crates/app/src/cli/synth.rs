@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, RENDER_BYTES, bar_mover, check_film};
-use dataset::synth::{Options, synthesise};
 use scene::SceneFile;
+use synth::{Options, synthesise};
 
 /// Arguments of `dsdf synth`.
 #[derive(Args, Debug)]

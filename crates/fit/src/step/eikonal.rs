@@ -19,14 +19,29 @@ const EIKONAL_EVERY: usize = 4;
 /// 0.3: distance 0.97 and 1.04.
 const NEAR: f32 = 0.1;
 
+/// A point of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NearPoint {
+    /// The point, in world units.
+    pub(super) x: Vec3,
+    /// The number of pixels that it stands for.
+    pub(super) weight: f32,
+}
+
 impl Chunk<'_> {
-    /// Adds (|∇f| − 1)² near the surface, at the hits of pixels, and at uniform points of the
-    /// bounding ball.
+    /// The hits, as points of the surface.
+    pub(super) fn hit_points(&self, primary: &Primary<f32>) -> Vec<NearPoint> {
+        let weight = |sample: usize| f32::from(self.pixels[sample].count);
+        let hits = primary.hits.iter().zip(&primary.surface.x);
+        hits.map(|(hit, x)| NearPoint { x: *x, weight: weight(hit.sample) }).collect()
+    }
+
+    /// Adds (|∇f| − 1)² near the points `surface` and at uniform points of the bounding ball.
     ///
-    /// The weights are those of one point per hit and half a point per pixel in the ball. The term
-    /// is evaluated at one of [`EIKONAL_EVERY`] of these points.
-    pub(super) fn add_eikonal(&mut self, primary: &Primary<f32>) {
-        let (points, weights) = self.eikonal_points(primary);
+    /// The weights are those of the points and of half a point per pixel in the ball. The term is
+    /// evaluated at one of [`EIKONAL_EVERY`] of these points.
+    pub(super) fn add_eikonal(&mut self, surface: &[NearPoint]) {
+        let (points, weights) = self.eikonal_points(surface);
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
         self.batch.scene.field.value_gradient(&points, &mut f, &mut g);
         self.stats.eikonal_points += points.len() as u64;
@@ -40,16 +55,15 @@ impl Chunk<'_> {
     }
 
     /// The points, in world units, and the weight of each.
-    fn eikonal_points(&self, primary: &Primary<f32>) -> (Vec<Vec3>, Vec<f32>) {
+    fn eikonal_points(&self, surface: &[NearPoint]) -> (Vec<Vec3>, Vec<f32>) {
         let ball = self.batch.scene.bounding_ball();
         let weight = self.batch.weights.eikonal * self.share * EIKONAL_EVERY as f32;
         let (mut points, mut weights) = (Vec::new(), Vec::new());
         let stream = Stream::new(self.seed, Purpose::EikonalHits);
         let start = stream.bits() as usize % EIKONAL_EVERY;
-        for hit in (start..primary.hits.len()).step_by(EIKONAL_EVERY) {
-            let offset = self.offset(hit as u64) * (NEAR * ball.radius);
-            points.push(primary.surface.x[hit] + offset);
-            weights.push(weight * f32::from(self.pixels[primary.hits[hit].sample].count));
+        for (i, near) in surface.iter().enumerate().skip(start).step_by(EIKONAL_EVERY) {
+            points.push(near.x + self.offset(i as u64) * (NEAR * ball.radius));
+            weights.push(weight * near.weight);
         }
         let pixels = pixels_of(self.pixels);
         let free = pixels.div_ceil(2 * EIKONAL_EVERY as u64);
@@ -60,7 +74,7 @@ impl Chunk<'_> {
         (points, weights)
     }
 
-    /// A random vector for hit `i`, with a uniform length of at most 1.
+    /// A random vector for surface point `i`, with a uniform length of at most 1.
     fn offset(&self, i: u64) -> Vec3 {
         let directions = Stream::new(self.seed, Purpose::OffsetDirections).at(i);
         let length = Stream::new(self.seed, Purpose::OffsetLengths).at(i).unit();

@@ -4,8 +4,10 @@ use super::*;
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric};
 use crate::model::Model;
+use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
+use crate::run_file::RunFile;
 use crate::schedule::Weights;
 use dataset::{Background, View};
 use estimate::record::Pass;
@@ -35,7 +37,15 @@ fn model(radius: f64, width: usize) -> Model {
         beta: 20.0,
         ..FitOptions::default()
     };
-    let mut model = Model::initial(&options, &BOUNDS);
+    let mut model = Model::initial(&RunFile {
+        dataset: PathBuf::new(),
+        bounds: [0.0, 0.0, 0.0, BOUNDS.radius],
+        background_kind: BackgroundKind::Constant,
+        background: BACKGROUND.0.to_array(),
+        background_spread: 0.01,
+        background_confidence: 1.0,
+        options,
+    });
     let bias = model.parameters().len() - 3;
     let mut parameters = model.parameters();
     parameters[bias] += 1.0;
@@ -68,7 +78,7 @@ fn target() -> Film {
 
 fn background_model() -> BackgroundModel {
     let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
-    BackgroundModel { bounds: BOUNDS, background, use_masks: false }
+    BackgroundModel { bounds: BOUNDS, background, is_trained: false, use_masks: false }
 }
 
 /// The mean over seeds of the photometric gradient of a model.
@@ -93,6 +103,8 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },
             pass: Pass::Limited(1e6),
+            trains_background: false,
+            sharpness: None,
             seed,
         };
         let (sum, _) = gradient(&batch).unwrap();

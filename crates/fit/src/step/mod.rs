@@ -4,6 +4,7 @@
 mod background_force;
 mod chunk;
 mod eikonal;
+mod opacity;
 mod photometric;
 
 use estimate::record::ordered_sum;
@@ -23,7 +24,7 @@ const CHUNK: usize = 512;
 const CHUNKS: usize = 2;
 
 /// The gradient of the mean loss of the batch: by the parameters of the field, then by those of the
-/// radiance head.
+/// radiance head, then by those of a trained background.
 ///
 /// The bits do not depend on the number of threads.
 ///
@@ -31,37 +32,49 @@ const CHUNKS: usize = 2;
 /// If the field gives a NaN or an infinity along a ray.
 pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), InvalidField> {
     let field = batch.scene.field.parameter_count();
-    let length = field + batch.scene.shader.parameter_count();
+    let shader = batch.scene.shader.parameter_count();
+    let background =
+        if batch.trains_background { batch.scene.background.parameter_count() } else { 0 };
     let count = batch.pixels.len();
     let chunks = count.div_ceil(CHUNK).max(CHUNKS);
     let size = count.div_ceil(chunks);
-    let (sum, parts) = ordered_sum(chunks, length, |number, sum: &mut [f32]| {
-        let pixels = &batch.pixels[(number * size).min(count)..((number + 1) * size).min(count)];
-        let (field_sum, shader_sum) = sum.split_at_mut(field);
-        let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
-        let mut chunk = Chunk::new(batch, pixels, seed);
-        add_terms(&mut chunk, shader_sum)?;
-        chunk.adjoints.backward(batch.scene.field, field_sum);
-        Ok(chunk.stats)
-    })?;
+    let (sum, parts) =
+        ordered_sum(chunks, field + shader + background, |number, sum: &mut [f32]| {
+            let pixels =
+                &batch.pixels[(number * size).min(count)..((number + 1) * size).min(count)];
+            let (field_sum, others) = sum.split_at_mut(field);
+            let (shader_sum, background_sum) = others.split_at_mut(shader);
+            let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
+            let mut chunk = Chunk::new(batch, pixels, seed);
+            add_terms(&mut chunk, shader_sum, background_sum)?;
+            chunk.adjoints.backward(batch.scene.field, field_sum);
+            Ok(chunk.stats)
+        })?;
     let mut stats = BatchStats::default();
     parts.iter().for_each(|part| stats.add(part));
     Ok((sum, stats))
 }
 
-/// Adds all terms of a chunk: coefficients of f and ∇f to the chunk, and the adjoint of the
-/// shader's parameters to `shader`.
-fn add_terms(chunk: &mut Chunk<'_>, shader: &mut [f32]) -> Result<(), InvalidField> {
+/// Adds all terms of a chunk: coefficients of f and ∇f to the chunk, the adjoint of the shader's
+/// parameters to `shader`, and that of a trained background's to `background`.
+fn add_terms(
+    chunk: &mut Chunk<'_>,
+    shader: &mut [f32],
+    background: &mut [f32],
+) -> Result<(), InvalidField> {
+    if let Some(sharpness) = chunk.batch.sharpness {
+        return chunk.add_soft_pixels(sharpness, shader, background);
+    }
     let primary = chunk.batch.scene.primary(&chunk.samples())?;
     chunk.stats.rays += primary.samples.len() as u64;
     chunk.stats.pixels += pixels_of(chunk.pixels);
     let crossed = near_silhouettes(&chunk.batch.scene, &primary, SilhouetteMargin::LARGE);
     chunk.add_background_force(&primary);
-    chunk.add_eikonal(&primary);
-    chunk.add_smooth_pixels(primary, &crossed, shader);
+    chunk.add_eikonal(&chunk.hit_points(&primary));
+    chunk.add_smooth_pixels(primary, &crossed, shader, background);
     let edge: Vec<Pixel> =
         chunk.pixels.iter().zip(&crossed).filter(|(_, c)| **c).map(|(p, _)| *p).collect();
-    chunk.add_silhouette_pixels(&edge, shader)
+    chunk.add_silhouette_pixels(&edge, shader, background)
 }
 
 #[cfg(test)]

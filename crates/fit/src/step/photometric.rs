@@ -18,6 +18,7 @@ impl Chunk<'_> {
         primary: Primary<f32>,
         crossed: &[bool],
         shader: &mut [f32],
+        background: &mut [f32],
     ) {
         let n = primary.samples.len();
         let mut delta = vec![Vec3::ZERO; n];
@@ -33,6 +34,9 @@ impl Chunk<'_> {
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
+        if self.batch.trains_background {
+            area.background_vjp(&self.batch.scene, &delta, background);
+        }
     }
 
     /// Adds the pixels that a silhouette may cross.
@@ -40,6 +44,7 @@ impl Chunk<'_> {
         &mut self,
         pixels: &[Pixel],
         shader: &mut [f32],
+        background: &mut [f32],
     ) -> Result<(), InvalidField> {
         let scene = &self.batch.scene;
         self.stats.edge_pixels += pixels_of(pixels);
@@ -62,6 +67,9 @@ impl Chunk<'_> {
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
         record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
+        if self.batch.trains_background {
+            record.area.iter().for_each(|area| area.background_vjp(scene, &delta, background));
+        }
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fit::{FitOptions, Model, RunFile};
+use fit::{BackgroundKind, FitOptions, Model, RunFile};
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -40,6 +40,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
     RunFile {
         dataset: "data".into(),
         bounds: [0.0, 0.0, 0.0, 1.0],
+        background_kind: BackgroundKind::Constant,
         background: [0.0; 3],
         background_spread: 0.05,
         background_confidence: 0.5,
@@ -50,7 +51,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
 impl Run {
     fn new(width: usize, layers: usize, bands: usize) -> Self {
         let file = run_file(width, layers, bands);
-        let model = Model::initial(&file.options, &file.sphere());
+        let model = Model::initial(&file);
         let text = toml::to_string(&file).unwrap_or_default();
         let options: Value = toml::from_str(&text).unwrap_or_default();
         Run {

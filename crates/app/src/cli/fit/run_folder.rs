@@ -62,9 +62,20 @@ pub(super) fn write_run_file(run: &Path, file: &RunFile) -> anyhow::Result<()> {
     file.save(run)
 }
 
+/// Refuses a subfolder that is a link: a fit would write into another place.
+fn refuse_links(run: &Path) -> Result<(), InputError> {
+    for path in SUBFOLDERS.map(|name| run.join(name)) {
+        if path.is_symlink() {
+            return Err(InputError::new(path, "run", "a link", "a folder of the run itself"));
+        }
+    }
+    Ok(())
+}
+
 /// Locks a run folder for this process, until the returned file is dropped: two fits in one folder
 /// would replace each other's files. Also removes the temporary files of killed fits there.
 pub(in crate::cli) fn lock(run: &Path) -> Result<File, InputError> {
+    refuse_links(run)?;
     let Some(lock) = io::lock(&run.join("lock"))? else {
         let found = "another fit that is writing this folder";
         let expected = "a folder without a running fit: wait for it, or choose another";

@@ -40,6 +40,7 @@ pub(in crate::cli) fn new_run(
     let file = RunFile {
         dataset: absolute(path),
         bounds: [center.x, center.y, center.z, bounds.radius],
+        background_kind: options.background.resolve(background.confidence),
         background: background.color,
         background_spread: background.spread,
         background_confidence: background.confidence,

@@ -1,4 +1,4 @@
-//! Synthesis of a NeRF/Blender data set from a scene, with exact ground truth.
+#![doc = include_str!("../README.md")]
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use field::{Field, SLOPE_POINTS, Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
-use crate::split::HELD_OUT;
+use dataset::HELD_OUT;
 use film::{Film, srgb_decode};
 use io::InputError;
 use io::{atomic_write, write_image};

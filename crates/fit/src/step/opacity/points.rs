@@ -1,0 +1,122 @@
+//! The points of rays at which f is evaluated: some over the whole chord of the bounding sphere,
+//! and others where the first ones find opacity.
+
+use field::Field;
+use glam::Vec3;
+use random::Stream;
+
+use super::compositing::ln_transmittance;
+
+/// Intervals of equal length over the chord.
+const COARSE: usize = 24;
+
+/// Points where the coarse intervals have opacity.
+const FINE: usize = 16;
+
+/// Points of a ray.
+pub(super) const POINTS: usize = COARSE + 1 + FINE;
+
+/// The largest sharpness times the length of a coarse interval, in choosing the fine points: a
+/// surface inside of an interval should draw points to its neighbours too.
+const BLUR: f32 = 4.0;
+
+/// Weight of every coarse interval in choosing the fine points, beside its opacity.
+const FLOOR: f32 = 1e-3;
+
+/// A ray through the bounding sphere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chord {
+    /// The ray's sample, by its number in the chunk.
+    pub(super) sample: usize,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    /// The distances at which the ray enters and leaves the sphere.
+    pub(super) ends: [f32; 2],
+}
+
+impl Chord {
+    fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
+}
+
+/// Points of chords in order, with f at each.
+pub(super) struct ChordPoints {
+    /// [`POINTS`] distances for each chord.
+    pub(super) t: Vec<f32>,
+    /// The values of f.
+    pub(super) f: Vec<f32>,
+}
+
+impl ChordPoints {
+    /// The points of all chords. `stream` places them at random.
+    pub(super) fn new(
+        field: &dyn Field<f32>,
+        chords: &[Chord],
+        sharpness: f32,
+        stream: Stream,
+    ) -> Self {
+        let jitter = |i: usize, which: u64| stream.at(i as u64).at(which).unit() as f32;
+        let mut coarse = Vec::with_capacity(chords.len() * (COARSE + 1));
+        for (i, chord) in chords.iter().enumerate() {
+            let [near, far] = chord.ends;
+            let shift = jitter(i, 0) - 0.5;
+            coarse.extend((0..=COARSE).map(|k| {
+                let inner = k > 0 && k < COARSE;
+                let part = (k as f32 + if inner { shift } else { 0.0 }) / COARSE as f32;
+                near + (far - near) * part
+            }));
+        }
+        let coarse_f = values(field, chords, &coarse, COARSE + 1);
+        let mut fine = Vec::with_capacity(chords.len() * FINE);
+        let both = coarse.chunks_exact(COARSE + 1).zip(coarse_f.chunks_exact(COARSE + 1));
+        for (i, (t, f)) in both.enumerate() {
+            add_fine(t, f, sharpness, jitter(i, 1), &mut fine);
+        }
+        let fine_f = values(field, chords, &fine, FINE);
+        let mut points = ChordPoints { t: Vec::new(), f: Vec::new() };
+        for i in 0..chords.len() {
+            let part = |of: usize| i * of..(i + 1) * of;
+            let own = coarse[part(COARSE + 1)].iter().zip(&coarse_f[part(COARSE + 1)]);
+            let others = fine[part(FINE)].iter().zip(&fine_f[part(FINE)]);
+            let mut all: Vec<(f32, f32)> = own.chain(others).map(|(t, f)| (*t, *f)).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            points.t.extend(all.iter().map(|point| point.0));
+            points.f.extend(all.iter().map(|point| point.1));
+        }
+        points
+    }
+}
+
+/// f at `count` distances of every chord.
+fn values(field: &dyn Field<f32>, chords: &[Chord], t: &[f32], count: usize) -> Vec<f32> {
+    let each = chords.iter().zip(t.chunks_exact(count));
+    let x: Vec<Vec3> = each.flat_map(|(chord, t)| t.iter().map(|t| chord.at(*t))).collect();
+    let mut f = vec![0.0; x.len()];
+    field.value(&x, &mut f);
+    f
+}
+
+/// Adds the fine distances of one chord: a stratified sample of the opacity of its intervals.
+fn add_fine(t: &[f32], f: &[f32], sharpness: f32, jitter: f32, out: &mut Vec<f32>) {
+    let mut weights = [0.0; COARSE];
+    let (mut before, mut total) = (1.0, 0.0);
+    for (k, weight) in weights.iter_mut().enumerate() {
+        let length = (t[k + 1] - t[k]).max(f32::MIN_POSITIVE);
+        let blurred = sharpness.min(BLUR / length);
+        let pass = ln_transmittance(blurred, [f[k], f[k + 1]]).exp();
+        *weight = before * (1.0 - pass) + FLOOR;
+        before *= pass;
+        total += *weight;
+    }
+    let (mut k, mut sum) = (0, 0.0);
+    for j in 0..FINE {
+        let wanted = (j as f32 + jitter) / FINE as f32 * total;
+        while k + 1 < COARSE && sum + weights[k] < wanted {
+            sum += weights[k];
+            k += 1;
+        }
+        let part = ((wanted - sum) / weights[k]).clamp(0.0, 1.0);
+        out.push(t[k] + (t[k + 1] - t[k]) * part);
+    }
+}

@@ -1,0 +1,162 @@
+//! The gradient through a soft surface against differences of a loss that is written out here.
+
+use std::path::PathBuf;
+
+use dataset::View;
+use estimate::record::Pass;
+use estimate::{Refined, SampleCounts};
+use field::{Field, Sphere};
+use film::Film;
+use glam::{DVec2, DVec3, Vec3};
+use random::{Purpose, Stream};
+use render::{BackgroundRay, Camera, Scene};
+
+use super::*;
+use crate::background::BackgroundModel;
+use crate::loss::{Target, photometric};
+use crate::model::Model;
+use crate::model_background::BackgroundKind;
+use crate::options::FitOptions;
+use crate::pyramid::{Level, Pixel, pyramid};
+use crate::run_file::RunFile;
+use crate::schedule::Weights;
+use crate::step::chunk::Batch;
+
+const SIZE: u32 = 12;
+const SHARPNESS: f32 = 12.0;
+
+fn run_file() -> RunFile {
+    RunFile {
+        dataset: PathBuf::new(),
+        bounds: [0.0, 0.0, 0.0, 1.0],
+        background_kind: BackgroundKind::Volume,
+        background: [0.0; 3],
+        background_spread: 0.01,
+        background_confidence: 0.0,
+        options: FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() },
+    }
+}
+
+fn camera() -> Camera {
+    let (focal, principal) = (DVec2::splat(20.0), DVec2::splat(6.0));
+    Camera::look_at(SIZE, SIZE, focal, principal, DVec3::new(0.5, 0.8, 3.0), DVec3::ZERO, DVec3::Y)
+        .unwrap()
+}
+
+/// A picture without a pattern that the model could have.
+fn level() -> Level {
+    let value = |i: u32| [0.1 + 0.07 * (i % 7) as f32, 0.5, 0.08 * (i % 11) as f32];
+    let image = Film { width: SIZE, height: SIZE, pixels: (0..SIZE * SIZE).map(value).collect() };
+    let view =
+        View { name: String::new(), path: PathBuf::new(), camera: camera(), image, mask: None };
+    pyramid(&[view], &background_model(), 1).remove(0)
+}
+
+fn background_model() -> BackgroundModel {
+    run_file().background_model()
+}
+
+fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.0 };
+    Scene::new(&model.field, &model.head, cameras, &bounds, model.background.as_background())
+}
+
+/// Φ of the opacity.
+fn phi(f: f32) -> f64 {
+    1.0 / (1.0 + (-f64::from(SHARPNESS) * f64::from(f)).exp())
+}
+
+/// The mean loss of rays whose points are at the given distances.
+fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 {
+    let mut total = 0.0;
+    for (sample, pixel) in pixels.iter().enumerate() {
+        let ray: BackgroundRay<f32> = rays.background[sample];
+        let mut seen = [Vec3::ZERO];
+        model.background.as_background().radiance(&[ray], &mut seen);
+        let (mut sum, mut pass) = (DVec3::ZERO, 1.0);
+        if let Some(i) = rays.chords.iter().position(|chord| chord.sample == sample) {
+            let (origin, direction): (Vec3, Vec3) = (ray.origin, ray.direction);
+            let t = &rays.points.t[i * POINTS..(i + 1) * POINTS];
+            let x: Vec<Vec3> = t.iter().map(|t| origin + direction * *t).collect();
+            let mut f = vec![0.0; POINTS];
+            model.field.value(&x, &mut f);
+            for k in 0..INTERVALS {
+                if rays.weights[i * INTERVALS + k] == 0.0 {
+                    continue;
+                }
+                let opacity = (1.0 - phi(f[k + 1]) / phi(f[k])).max(0.0);
+                let middle = [(x[k] + x[k + 1]) * 0.5];
+                let (mut value, mut gradient, mut rgb) = ([0.0], [Vec3::ZERO], [Vec3::ZERO]);
+                model.field.value_gradient(&middle, &mut value, &mut gradient);
+                let (normal, view) = ([gradient[0].normalize()], [direction]);
+                let point = SurfaceBatch { x: &middle, normal: &normal, direction: &view };
+                model.head.radiance(&point, &mut rgb);
+                sum += rgb[0].as_dvec3() * (pass * opacity);
+                pass *= 1.0 - opacity;
+            }
+        }
+        sum += seen[0].as_dvec3() * pass;
+        let target = Target::of(&level.photographs[0].image, pixel.x.into(), pixel.y.into());
+        total += f64::from(photometric(sum.as_vec3().to_array(), &target).0);
+    }
+    total / pixels.len() as f64
+}
+
+#[test]
+fn the_gradient_of_a_soft_surface_matches_differences() {
+    let (model, level, cameras) = (Model::initial(&run_file()), level(), [camera()]);
+    let pixels: Vec<Pixel> = (0..SIZE as u16)
+        .flat_map(|y| (0..SIZE as u16).map(move |x| Pixel { view: 0, x, y, count: 1 }))
+        .collect();
+    let batch = Batch {
+        scene: scene(&model, &cameras),
+        level: &level,
+        pixels: &pixels,
+        pixel_count: pixels.len() as f32,
+        background: background_model(),
+        weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
+        estimator: &Refined,
+        counts: SampleCounts { spp: 1, edge_samples: 1 },
+        pass: Pass::Sum,
+        trains_background: true,
+        sharpness: Some(SHARPNESS),
+        seed: 4,
+    };
+    let (gradient, _) = crate::step::gradient(&batch).unwrap();
+    // `gradient` has two chunks, each with points of its own. Their points are found again here.
+    let parts: Vec<(&[Pixel], SoftRays)> = pixels
+        .chunks(pixels.len() / 2)
+        .enumerate()
+        .map(|(number, own)| {
+            let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
+            let chunk = Chunk::new(&batch, own, seed);
+            (own, SoftRays::new(&chunk, &chunk.samples(), SHARPNESS))
+        })
+        .collect();
+    let total = |model: &Model| {
+        parts.iter().map(|(own, rays)| 0.5 * loss(model, rays, own, &level)).sum::<f64>()
+    };
+    let start = model.parameters();
+    assert_eq!(start.len(), Model::parameter_count(&run_file()));
+    let field = model.field.parameters().len();
+    let shape = field + model.head.parameters().len();
+    for (name, range) in
+        [("field", 0..field), ("head", field..shape), ("background", shape..start.len())]
+    {
+        let stream = Stream::new(7, Purpose::Other(0));
+        // Every parameter moves so that the loss should grow.
+        let step = |i: usize| stream.at(i as u64).unit() as f32 * gradient[i].signum();
+        let along: f64 = range.clone().map(|i| f64::from(gradient[i] * step(i))).sum();
+        let moved = |h: f32| {
+            let mut parameters = start.clone();
+            range.clone().for_each(|i| parameters[i] += h * step(i));
+            let mut moved = model.clone();
+            moved.set_parameters(&parameters);
+            total(&moved)
+        };
+        let h = 2e-4;
+        let difference = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
+        println!("{name}: {along} against {difference}");
+        assert!((along / difference - 1.0).abs() < 0.02, "{name}: {along}, {difference}");
+    }
+}
