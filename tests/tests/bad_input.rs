@@ -132,6 +132,9 @@ fn wrong_data_sets_are_refused() {
         json!([[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
     check(&bad, &["frames/1/transform_matrix", "rotation"]);
     let mut bad = good.clone();
+    bad["frames"][1]["transform_matrix"][0][3] = json!(1e300);
+    check(&bad, &["frames/1/transform_matrix", "a camera with the coordinate 1e300"]);
+    let mut bad = good.clone();
     bad["frames"] = json!([]);
     check(&bad, &["frames"]);
     let mut bad = good.clone();

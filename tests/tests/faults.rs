@@ -166,6 +166,11 @@ fn a_fit_replaces_no_files_of_others() {
         assert_eq!(fs::read(folder.path(name)).unwrap(), b"mine", "{name}");
     }
     refused(&fit, 2, &["a run with a checkpoint", "--resume"]);
+    // A link in place of a subfolder would lead a resumed fit to other files.
+    fs::remove_dir_all(folder.path("run/preview")).unwrap();
+    std::os::unix::fs::symlink(folder.path("masks"), folder.path("run/preview")).unwrap();
+    let resume = ["fit", "--resume", "-o", &run, "--iterations", "4"];
+    refused(&resume, 2, &["run/preview: run: found a link"]);
     fs::remove_dir_all(folder.path("run/checkpoint")).unwrap();
     refused(&fit, 2, &["model.safetensors", "a new folder"]);
 }
@@ -241,6 +246,15 @@ fn a_fit_without_a_surface_says_so_and_keeps_its_files() {
     }
     refused(&["fit", "--resume", "-o", &run], 1, &["without a surface"]);
     refused(&["mesh", &run, "-o", &folder.path("m.ply")], 2, &["no surface"]);
+    refused(&["eval", &run], 1, &["no surface in a held-out view"]);
+    // A network of another size than the checkpoint's is refused without building it.
+    let options = fs::read_to_string(folder.path("run/fit.toml")).unwrap();
+    let other = options.replace("width = 64", "width = 4096");
+    assert_ne!(options, other);
+    fs::write(folder.path("run/fit.toml"), other).unwrap();
+    let start = Instant::now();
+    refused(&["fit", "--resume", "-o", &run], 2, &["state.safetensors", "F32 of shape"]);
+    assert!(start.elapsed() < Duration::from_secs(20), "a refusal builds no network");
 }
 
 #[test]

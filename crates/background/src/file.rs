@@ -76,12 +76,8 @@ impl<R: Real> Volume<R> {
             ("tables", view(Dtype::F32, table_length(), tables).map_err(container)?),
             ("decoder", view(Dtype::F32, LENGTH, decoder).map_err(container)?),
         ];
-        let extent = match self.extent {
-            Extent::Volume => "volume",
-            Extent::Direction => "direction",
-        };
         // One entry: the order of several would be that of a hash map.
-        let metadata = [(EXTENT.to_owned(), extent.to_owned())].into();
+        let metadata = [(EXTENT.to_owned(), self.extent.to_string())].into();
         safetensors::serialize(views, Some(metadata)).map_err(container)
     }
 

@@ -1,5 +1,7 @@
 //! A volume behind the bounding sphere.
 
+use std::fmt;
+
 use field::{Real, Sphere, Vector3};
 use glam::DVec3;
 use random::{Purpose, Stream};
@@ -18,6 +20,15 @@ pub enum Extent {
     Direction,
 }
 
+impl fmt::Display for Extent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Extent::Volume => "volume",
+            Extent::Direction => "direction",
+        })
+    }
+}
+
 /// The radiance of emitting and absorbing matter outside a bounding sphere.
 ///
 /// Density and radiance are a small network of features on grids in contracted space. A ray is a
@@ -26,7 +37,7 @@ pub enum Extent {
 /// its own in front of its camera, and no solid would be needed. With 16 more points before the
 /// sphere, a fit of a cow in a room lost the cow's head and legs to such screens.
 ///
-/// Trainable features on hashed grids: Müller, Evans, Schied and Keller, "Instant Neural Graphics
+/// Trainable features on grids of several resolutions: Müller, Evans, Schied and Keller, "Instant Neural Graphics
 /// Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its own for the
 /// outside of a sphere: Zhang, Riegler, Snavely and Koltun, "NeRF++: Analyzing and Improving Neural
 /// Radiance Fields", 2020.
@@ -88,6 +99,17 @@ impl<R: Real> Volume<R> {
     /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
         self.parameters.copy_from_slice(parameters);
+    }
+
+    /// The part of space that it shows.
+    pub fn extent(&self) -> Extent {
+        self.extent
+    }
+
+    /// The same volume around another sphere, in world units.
+    #[must_use]
+    pub fn around(self, sphere: Sphere<f64>) -> Self {
+        Volume { sphere, ..self }
     }
 
     /// The same volume for points relative to `origin`, a point in world units.

@@ -31,7 +31,7 @@ fn images(c: &mut Criterion) {
     let field = file.field::<f64>().unwrap_or_else(|e| panic!("{e}"));
     let shader = file.shader::<f64>(&*field).unwrap_or_else(|e| panic!("{e}"));
     let cameras = [file.camera];
-    let background = file.background();
+    let background = file.background().unwrap_or_else(|e| panic!("{e}"));
     let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background);
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap_or_else(|e| panic!("{e}"));

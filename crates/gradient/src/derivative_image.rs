@@ -21,7 +21,8 @@ pub enum Direction {
     Along(u64),
     /// A parameter of the shader, by its index.
     Shader(usize),
-    /// A channel of the background: 0 for red, 1 for green, 2 for blue.
+    /// A parameter of the background, by its index: of a uniform one 0 for red, 1 for green, 2 for
+    /// blue.
     Background(usize),
 }
 

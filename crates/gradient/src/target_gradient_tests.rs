@@ -28,7 +28,7 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    let background = file.background();
+    let background = file.background().unwrap();
     run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background))
 }
 
@@ -64,7 +64,8 @@ fn without_a_baseline_the_background_is_carried_too() {
         let mut file = file(0.7, 0.05);
         file.appearance.parameters = [vec![1.0; 3], vec![radiance; 3], vec![0.0; 6]].concat();
         file.appearance.parameters[6] = 1.0;
-        file.background = BackgroundModel::Constant([radiance; 3]);
+        file.background =
+            BackgroundModel::Constant { radiance: [radiance; 3], pointer: "/background" };
         with_scene(&file, |scene| {
             let sampling = Sampling { counts: SampleCounts { spp: 16, edge_samples: 8 }, seed: 1 };
             let estimator = estimator("paper", baseline);

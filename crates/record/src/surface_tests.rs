@@ -42,7 +42,7 @@ fn with_scene<T>(file: &SceneFile, run: impl FnOnce(&Scene<'_, f64>) -> T) -> T 
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    let background = file.background();
+    let background = file.background().unwrap();
     run(&Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background))
 }
 

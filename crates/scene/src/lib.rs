@@ -80,7 +80,7 @@ impl SceneFile {
         let camera = camera::read(root.object("camera")?)?;
         let sdf = Sdf::read(root.object("sdf")?, folder)?;
         let appearance = AppearanceModel::read(root.object("appearance")?, folder)?;
-        let background = BackgroundModel::read(&root)?;
+        let background = BackgroundModel::read(&root, folder)?;
         root.finish()?;
         let own_ball = sdf.build::<f64>(DVec3::ZERO)?.bounds();
         let mut ball = match own_ball {
@@ -122,8 +122,11 @@ impl SceneFile {
     }
 
     /// Builds the background in single or double precision.
-    pub fn background<R: Precision>(&self) -> Box<dyn Background<R>> {
-        self.background.build()
+    ///
+    /// # Errors
+    /// If a background file cannot be used.
+    pub fn background<R: Precision>(&self) -> Result<Box<dyn Background<R>>> {
+        self.background.build(self.origin)
     }
 }
 

@@ -97,7 +97,7 @@ pub fn synthesise(
     let field = scene.field::<f32>()?;
     let ball = bounding_ball(scene, source)?;
     let shader = scene.shader::<f32>(&*field)?;
-    let background = scene.background::<f32>();
+    let background = scene.background::<f32>()?;
     let held_out = options.views.div_ceil(HELD_OUT);
     let total = (options.views + held_out) as f64;
     let sets = [

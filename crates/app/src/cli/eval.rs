@@ -73,13 +73,12 @@ impl Eval {
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
         bar.finish_and_clear();
-        global.report(&report, || report.table())?;
         // The images are the background alone, whatever their PSNR is.
         if report.is_empty {
             let run = self.run.display();
             anyhow::bail!("{run}: the run has no surface in a held-out view");
         }
-        Ok(())
+        global.report(&report, || report.table())
     }
 }
 

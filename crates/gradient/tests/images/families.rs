@@ -73,7 +73,7 @@ fn images(file: &SceneFile, (estimator, spp): Method, direction: Direction) -> V
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    let background = file.background();
+    let background = file.background().unwrap();
     let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background);
     let scene = scene.with_slope_of_field(SLOPE_POINTS);
     let registry = Registry::default();
@@ -322,7 +322,7 @@ fn check_area(name: &str, file: &SceneFile, truth: &[[f64; 3]]) -> Option<String
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
-    let background = file.background();
+    let background = file.background().unwrap();
     let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background);
     let film = render(&scene.with_slope_of_field(SLOPE_POINTS), 0, 256, 1, &|_| {}).unwrap().film;
     let area = total(film.pixels.iter().flatten().copied().map(f64::from));

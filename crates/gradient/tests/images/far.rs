@@ -49,7 +49,7 @@ fn images(folder: &Path, scene: &Value, index: usize) -> [Vec<[f32; 3]>; 2] {
     let field = file.field::<f32>().unwrap();
     let shader = file.shader::<f32>(&*field).unwrap();
     let cameras = [file.camera];
-    let background = file.background::<f32>();
+    let background = file.background::<f32>().unwrap();
     let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background)
         .with_slope_of_field(SLOPE_POINTS);
     let image = render(&scene, 0, SAMPLES, 0, &|_| {}).unwrap().film.pixels;

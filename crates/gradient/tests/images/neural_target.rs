@@ -22,12 +22,12 @@ fn the_target_gradient_of_a_network_agrees_with_contour() {
         let field = file.field::<f64>().unwrap();
         let shader = file.shader::<f64>(&*field).unwrap();
         let cameras = [file.camera];
-        let background = file.background();
+        let background = file.background().unwrap();
         let scene = Scene::new(&*field, &*shader, &cameras, &file.bounds, &*background);
         // The target: the same view of another solid.
         let other = load(&folder.join(format!("off-axis.{look}.json")));
         let ball = other.field::<f64>().unwrap();
-        let behind = other.background();
+        let behind = other.background().unwrap();
         let seen = Scene::new(&*ball, &*shader, &cameras, &other.bounds, &*behind);
         let target = render(&seen, 0, 64, 9, &|_| {}).unwrap().film;
         let image = render(&scene, 0, 2048, 6, &|_| {}).unwrap().film;

@@ -96,10 +96,8 @@ fn direction(file: &SceneFile, wrt: &str) -> Option<Direction> {
     {
         return Some(Direction::Along(number));
     }
-    match wrt.strip_prefix("/background/")?.parse() {
-        Ok(channel @ 0..3) => Some(Direction::Background(channel)),
-        _ => None,
-    }
+    let background = file.background.pointers();
+    background.iter().position(|p| p == wrt).map(Direction::Background)
 }
 
 /// The output file of one of several JSON pointers: `g.npy` for `/sdf/center/0` becomes

@@ -60,7 +60,7 @@ impl Gradient {
         let field = Counted::new(file.field::<R>()?);
         let shader = file.shader::<R>(&field)?;
         let cameras = [file.camera];
-        let background = file.background::<R>();
+        let background = file.background::<R>()?;
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, &*background);
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("gradient");
