@@ -84,8 +84,9 @@ fn wrong_backgrounds_of_scenes_are_refused() {
     );
     check(json!({"type": "direction", "weights": "none"}), &["none"]);
     check(json!({"type": "volume", "weights": weights}), &["/background/center"]);
-    let ball = |radius: i32| json!({"type": "volume", "weights": weights, "center": [0, 0, 0], "radius": radius});
-    check(ball(0), &["/background/radius", "above 0"]);
+    let (center, radius) = ([0, 0, 0], 0);
+    let point = json!({"type": "volume", "weights": weights, "center": center, "radius": radius});
+    check(point, &["/background/radius", "above 0"]);
     check(json!({"type": "constant", "radiance": [0, 0]}), &["/background/radiance"]);
 }
 

@@ -37,10 +37,10 @@ impl fmt::Display for Extent {
 /// its own in front of its camera, and no solid would be needed. With 16 more points before the
 /// sphere, a fit of a cow in a room lost the cow's head and legs to such screens.
 ///
-/// Trainable features on grids of several resolutions: Müller, Evans, Schied and Keller, "Instant Neural Graphics
-/// Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its own for the
-/// outside of a sphere: Zhang, Riegler, Snavely and Koltun, "NeRF++: Analyzing and Improving Neural
-/// Radiance Fields", 2020.
+/// Trainable features on grids of several resolutions: Müller, Evans, Schied and Keller, "Instant
+/// Neural Graphics Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its
+/// own for the outside of a sphere: Zhang, Riegler, Snavely and Koltun, "NeRF++: Analyzing and
+/// Improving Neural Radiance Fields", 2020.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume<R: Real> {
     pub(crate) extent: Extent,

@@ -35,7 +35,8 @@ pub(super) fn weights<R: Real>(sharpness: R, f: &[R], least: R, weights: &mut [R
 
 /// The reverse mode of a ray's radiance Σ w c + T B by the values of f.
 ///
-/// `radiance` has δ·c of every interval, and `behind` is δ·B. The adjoints of f are added to `bars`.
+/// `radiance` has δ·c of every interval; `last` is the transmittance behind all of them, and
+/// `behind` is δ·B. The adjoints of f are added to `bars`.
 pub(super) fn value_vjp<R: Real>(
     sharpness: R,
     f: &[R],
