@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::common::Global;
 use crate::error::Interrupted;
 use dataset::Dataset;
-use fit::{Fit as Fitting, Metrics, RunFile};
+use fit::{BackgroundKind, Fit as Fitting, Metrics, RunFile};
 use metrics_file::MetricsFile;
 
 pub(crate) use options::Fit;
@@ -66,10 +66,24 @@ impl Fit {
         }
         let (dataset, file) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
+        if !global.quiet {
+            eprintln!("{}", background_text(&file));
+        }
         let segment = Segment { resume: self.resume, stop_after: self.stop_after };
         let report = fit(dataset, file, &self.output, segment, global)?;
         global.report(&report, || report.text())
     }
+}
+
+/// The model for the background, and its reason, in one line.
+fn background_text(file: &RunFile) -> String {
+    let model = match file.background_kind {
+        BackgroundKind::Constant => "one colour",
+        BackgroundKind::Direction => "an environment by direction, trained",
+        BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
+    };
+    let confidence = file.background_confidence;
+    format!("background: {model} (confidence in one colour: {confidence:.2} of 1)")
 }
 
 /// Fits a data set in the run folder `run`, with progress, metrics, previews and checkpoints.
