@@ -22,11 +22,7 @@ impl<'a> FaceTree<'a> {
     pub(crate) fn new(mesh: &'a Mesh) -> Self {
         let centroid = |i: usize| mesh.corners(i).iter().sum::<DVec3>() / 3.0;
         let mut known = HashSet::new();
-        let is_new = |i: &usize| {
-            let mut corners = mesh.faces[*i];
-            corners.sort_unstable();
-            known.insert(corners)
-        };
+        let is_new = |i: &usize| known.insert(mesh.faces[*i]);
         let faces: Vec<usize> = (0..mesh.faces.len()).filter(is_new).collect();
         let centroids: Vec<[f64; 3]> = faces.iter().map(|i| centroid(*i).to_array()).collect();
         let reach = faces
