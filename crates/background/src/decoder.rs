@@ -38,6 +38,14 @@ pub(crate) struct Decoded<R: Real> {
     output: [R; OUTPUTS],
 }
 
+/// The adjoints of a point's features, hidden layer and outputs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DecodedAdjoint<R: Real> {
+    pub(crate) features: [R; INPUTS],
+    hidden: [R; HIDDEN],
+    output: [R; OUTPUTS],
+}
+
 impl<R: Real> Decoded<R> {
     /// The point with these features. `parameters` are those of the decoder.
     pub(crate) fn of(features: [R; INPUTS], parameters: &[R]) -> Self {
@@ -69,41 +77,46 @@ impl<R: Real> Decoded<R> {
         R::Vec3::new(r * r, g * g, b * b)
     }
 
-    /// VJP of (features; parameters) ↦ (density, radiance): returns the adjoint of the features,
-    /// and adds that of the parameters to `sum`.
-    pub(crate) fn vjp(
-        &self,
-        density: R,
-        radiance: R::Vec3,
-        parameters: &[R],
-        sum: &mut [R],
-    ) -> [R; INPUTS] {
-        let mut adjoint = [R::zero(); OUTPUTS];
-        adjoint[0] = density * sigmoid(self.output[0]);
+    /// VJP of features ↦ (density, radiance). `parameters` are those of the decoder.
+    pub(crate) fn vjp(&self, density: R, radiance: R::Vec3, parameters: &[R]) -> DecodedAdjoint<R> {
+        let mut output = [R::zero(); OUTPUTS];
+        output[0] = density * sigmoid(self.output[0]);
         for (c, bar) in radiance.to_array().into_iter().enumerate() {
             let s = sigmoid(self.output[c + 1]);
-            adjoint[c + 1] = bar * R::of(2.0) * s * s * (R::one() - s);
+            output[c + 1] = bar * R::of(2.0) * s * s * (R::one() - s);
         }
         let mut hidden = [R::zero(); HIDDEN];
-        for (o, bar) in adjoint.into_iter().enumerate() {
-            let at = PLACES[2] + o * HIDDEN;
-            for j in 0..HIDDEN {
-                hidden[j] += bar * parameters[at + j];
-                sum[at + j] += bar * self.hidden[j];
-            }
-            sum[PLACES[3] + o] += bar;
+        for (bar, row) in output.iter().zip(parameters[PLACES[2]..].chunks_exact(HIDDEN)) {
+            hidden.iter_mut().zip(row).for_each(|(sum, w)| *sum += *bar * *w);
         }
         for (bar, h) in hidden.iter_mut().zip(&self.hidden) {
             *bar = if *h > R::zero() { *bar } else { R::zero() };
         }
-        sum[PLACES[1]..PLACES[2]].iter_mut().zip(&hidden).for_each(|(sum, bar)| *sum += *bar);
-        std::array::from_fn(|i| {
-            let row = i * HIDDEN..(i + 1) * HIDDEN;
-            let weights = &parameters[row.clone()];
-            let own = sum[row].iter_mut().zip(&hidden);
-            own.for_each(|(sum, bar)| *sum += *bar * self.features[i]);
-            hidden.iter().zip(weights).fold(R::zero(), |sum, (h, w)| sum + *h * *w)
-        })
+        let features = std::array::from_fn(|i| {
+            let row = &parameters[i * HIDDEN..(i + 1) * HIDDEN];
+            hidden.iter().zip(row).fold(R::zero(), |sum, (h, w)| sum + *h * *w)
+        });
+        DecodedAdjoint { features, hidden, output }
+    }
+
+    /// Adds the adjoint of the parameters to `sum`, from those of the layers.
+    pub(crate) fn parameter_vjp(&self, adjoint: &DecodedAdjoint<R>, sum: &mut [R]) {
+        add_layer(&self.features, &adjoint.hidden, &mut sum[..PLACES[1]]);
+        add(&adjoint.hidden, &mut sum[PLACES[1]..PLACES[2]]);
+        add_layer(&adjoint.output, &self.hidden, &mut sum[PLACES[2]..PLACES[3]]);
+        add(&adjoint.output, &mut sum[PLACES[3]..]);
+    }
+}
+
+/// Adds a vector to `sum`.
+fn add<R: Real>(vector: &[R], sum: &mut [R]) {
+    sum.iter_mut().zip(vector).for_each(|(sum, v)| *sum += *v);
+}
+
+/// Adds the outer product of two vectors to `sum`: a row of [`HIDDEN`] for each of `rows`.
+fn add_layer<R: Real>(rows: &[R], hidden: &[R; HIDDEN], sum: &mut [R]) {
+    for (row, sum) in rows.iter().zip(sum.chunks_exact_mut(HIDDEN)) {
+        sum.iter_mut().zip(hidden).for_each(|(sum, h)| *sum += *row * *h);
     }
 }
 

@@ -42,7 +42,8 @@ fn ray(seed: u64) -> BackgroundRay<f64> {
 fn vjp(volume: &Volume<f64>, ray: BackgroundRay<f64>, delta: DVec3) -> (DVec3, Vec<f64>) {
     let mut sum = vec![0.0; volume.parameters.len()];
     let mut direction = [DVec3::ZERO];
-    volume.vjp(&[ray], &[delta], &mut direction, &mut sum);
+    volume.direction_vjp(&[ray], &[delta], &mut direction);
+    volume.parameter_vjp(&[ray], &[delta], &mut sum);
     (direction[0], sum)
 }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use random::{Purpose, Stream};
 use render::{Background, BackgroundRay};
 
-use crate::decoder::{DENSITY_BIAS, Decoded, LENGTH, initial_range};
+use crate::decoder::{DENSITY_BIAS, Decoded, DecodedAdjoint, LENGTH, initial_range};
 use crate::grid::{Cells, table_length};
 use crate::path::{POINTS, Path, contract, contract_vjp};
 
@@ -164,31 +164,35 @@ impl<R: Real> Volume<R> {
         }
     }
 
-    /// Adds the derivatives of one ray's radiance times δ.
-    fn ray_vjp(&self, ray: &BackgroundRay<R>, delta: R::Vec3, parameters: &mut [R]) -> R::Vec3 {
-        let (path, steps) = self.path(ray);
+    /// Goes back along all rays whose adjoint δ is not zero. Visits each of their points with the
+    /// number and the path of the ray, and the adjoints of the decoder.
+    fn backward(
+        &self,
+        rays: &[BackgroundRay<R>],
+        adjoint: &[R::Vec3],
+        mut visit: impl FnMut(usize, &Path<R>, &Seen<R>, DecodedAdjoint<R>),
+    ) {
+        let decoder = &self.parameters[table_length()..];
         let mut seen = Vec::with_capacity(POINTS);
-        self.points(&path, steps, |point| seen.push(point));
-        let (tables, decoder) = self.parameters.split_at(table_length());
-        let (table_sum, decoder_sum) = parameters.split_at_mut(table_length());
-        let (mut behind, mut direction) = (R::Vec3::zero(), R::Vec3::zero());
-        // Backwards: `behind` is the radiance of the points behind.
-        for point in seen.iter().rev() {
-            let [before, after] = point.transmittance;
-            // ∂L/∂(density · length)
-            let depth = delta.dot(point.radiance * after - behind);
-            behind += point.radiance * (before - after);
-            let density = if point.length.is_finite() { depth * point.length } else { R::zero() };
-            let radiance = delta * (before - after);
-            let features = point.decoded.vjp(density, radiance, decoder, decoder_sum);
-            point.cells.table_vjp(&features, table_sum);
-            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&features, tables));
-            direction += match self.extent {
-                Extent::Volume => path.vjp(point.step, y),
-                Extent::Direction => path.infinity_vjp(y),
-            };
+        for (i, (ray, delta)) in rays.iter().zip(adjoint).enumerate() {
+            if *delta == R::Vec3::zero() {
+                continue;
+            }
+            let (path, steps) = self.path(ray);
+            self.points(&path, steps, |point| seen.push(point));
+            // The radiance of the points behind.
+            let mut behind = R::Vec3::zero();
+            for point in seen.drain(..).rev() {
+                let [before, after] = point.transmittance;
+                // ∂L/∂(density · length)
+                let depth = delta.dot(point.radiance * after - behind);
+                behind += point.radiance * (before - after);
+                let finite = point.length.is_finite();
+                let density = if finite { depth * point.length } else { R::zero() };
+                let radiance = *delta * (before - after);
+                visit(i, &path, &point, point.decoded.vjp(density, radiance, decoder));
+            }
         }
-        direction
     }
 }
 
@@ -208,19 +212,28 @@ impl<R: Real> Background<R> for Volume<R> {
         }
     }
 
-    fn vjp(
+    fn direction_vjp(
         &self,
         rays: &[BackgroundRay<R>],
         adjoint: &[R::Vec3],
         direction: &mut [R::Vec3],
-        parameters: &mut [R],
     ) {
-        for ((ray, adjoint), direction) in rays.iter().zip(adjoint).zip(direction) {
-            *direction = if *adjoint == R::Vec3::zero() {
-                R::Vec3::zero()
-            } else {
-                self.ray_vjp(ray, *adjoint, parameters)
+        let tables = &self.parameters[..table_length()];
+        direction.fill(R::Vec3::zero());
+        self.backward(rays, adjoint, |i, path, point, bars| {
+            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&bars.features, tables));
+            direction[i] += match self.extent {
+                Extent::Volume => path.vjp(point.step, y),
+                Extent::Direction => path.infinity_vjp(y),
             };
-        }
+        });
+    }
+
+    fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
+        let (tables, decoder) = parameters.split_at_mut(table_length());
+        self.backward(rays, adjoint, |_, _, point, bars| {
+            point.decoded.parameter_vjp(&bars, decoder);
+            point.cells.table_vjp(&bars.features, tables);
+        });
     }
 }

@@ -89,11 +89,6 @@ impl ModelBackground {
         }
     }
 
-    /// Whether it has trained parameters.
-    pub fn is_trained(&self) -> bool {
-        matches!(self, ModelBackground::Trained(_))
-    }
-
     /// The number of trained parameters of a background of this kind.
     pub(crate) fn parameter_count(kind: BackgroundKind) -> usize {
         match kind {

@@ -262,7 +262,6 @@ impl Fit {
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),
-            trains_background: self.model.background.is_trained(),
             sharpness: sharpness(self.progress(), self.file.background_kind),
             seed: Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits(),
         };

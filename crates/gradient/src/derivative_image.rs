@@ -229,8 +229,7 @@ fn add_background<R: Real>(scene: &Scene<'_, R>, area: &Area<R>, index: usize, i
         let ray = scene.background_ray(&sample.sample);
         for c in (0..3).filter(|_| !hit) {
             row.fill(R::zero());
-            let mut ignored = [R::Vec3::zero()];
-            scene.background.vjp(&[ray], &[channel::<R>(c)], &mut ignored, &mut row);
+            scene.background.parameter_vjp(&[ray], &[channel::<R>(c)], &mut row);
             image[share.pixel as usize][c] += (row[index] * share.weight).to_double();
         }
     }

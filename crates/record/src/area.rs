@@ -137,8 +137,7 @@ impl<R: Real> Area<R> {
             }
         }
         let mut direction = vec![R::Vec3::zero(); rays.len()];
-        let mut ignored = vec![R::zero(); scene.background.parameter_count()];
-        scene.background.vjp(&rays, &adjoint, &mut direction, &mut ignored);
+        scene.background.direction_vjp(&rays, &adjoint, &mut direction);
         for (i, direction) in own.into_iter().zip(direction) {
             let sample = self.primary.samples[i].sample;
             let (_, du) = scene.cameras[sample.camera].direction_du(sample.u);
@@ -159,8 +158,7 @@ impl<R: Real> Area<R> {
                 adjoint.push(delta[share.pixel as usize] * share.weight);
             }
         }
-        let mut ignored = vec![R::Vec3::zero(); rays.len()];
-        scene.background.vjp(&rays, &adjoint, &mut ignored, parameters);
+        scene.background.parameter_vjp(&rays, &adjoint, parameters);
     }
 
     /// For every sample, the factor on its coefficients that enforces the limit of

@@ -30,17 +30,20 @@ pub trait Background<R: Real>: Send + Sync {
     /// Computes the radiance of every ray. `rgb` has one element per ray.
     fn radiance(&self, rays: &[BackgroundRay<R>], rgb: &mut [R::Vec3]);
 
-    /// VJP of (d; φ) ↦ radiance.
+    /// VJP of d ↦ radiance.
     ///
-    /// `adjoint` has one element per ray. The adjoints of the directions overwrite `direction`,
-    /// that of the parameters is added to `parameters`.
-    fn vjp(
+    /// `adjoint` has one element per ray. The adjoints of the directions overwrite `direction`.
+    fn direction_vjp(
         &self,
         rays: &[BackgroundRay<R>],
         adjoint: &[R::Vec3],
         direction: &mut [R::Vec3],
-        parameters: &mut [R],
     );
+
+    /// VJP of φ ↦ radiance.
+    ///
+    /// `adjoint` has one element per ray. The adjoint of the parameters is added to `parameters`.
+    fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]);
 }
 
 /// The same radiance along all rays. Its parameters are red, green and blue.
@@ -60,14 +63,11 @@ impl<R: Real> Background<R> for UniformBackground<R> {
         rgb.fill(self.0);
     }
 
-    fn vjp(
-        &self,
-        _: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        direction: &mut [R::Vec3],
-        parameters: &mut [R],
-    ) {
+    fn direction_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], direction: &mut [R::Vec3]) {
         direction.fill(R::Vec3::zero());
+    }
+
+    fn parameter_vjp(&self, _: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
         for adjoint in adjoint {
             let rgb = adjoint.to_array();
             parameters.iter_mut().zip(rgb).for_each(|(sum, adjoint)| *sum += adjoint);

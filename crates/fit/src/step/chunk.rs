@@ -32,8 +32,6 @@ pub(crate) struct Batch<'a> {
     pub(crate) counts: SampleCounts,
     /// The way in which the coefficients of samples are added up.
     pub(crate) pass: Pass<f32>,
-    /// Whether the parameters of the scene's background are trained.
-    pub(crate) trains_background: bool,
     /// The sharpness of the surface, per bounding radius, while it is soft; `None` for a surface of
     /// its own.
     pub(crate) sharpness: Option<f32>,

@@ -103,7 +103,6 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },
             pass: Pass::Limited(1e6),
-            trains_background: false,
             sharpness: None,
             seed,
         };

@@ -34,7 +34,7 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), Inva
     let field = batch.scene.field.parameter_count();
     let shader = batch.scene.shader.parameter_count();
     let background =
-        if batch.trains_background { batch.scene.background.parameter_count() } else { 0 };
+        if batch.background.is_trained { batch.scene.background.parameter_count() } else { 0 };
     let count = batch.pixels.len();
     let chunks = count.div_ceil(CHUNK).max(CHUNKS);
     let size = count.div_ceil(chunks);

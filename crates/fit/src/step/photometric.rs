@@ -34,7 +34,7 @@ impl Chunk<'_> {
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
-        if self.batch.trains_background {
+        if self.batch.background.is_trained {
             area.background_vjp(&self.batch.scene, &delta, background);
         }
     }
@@ -67,7 +67,7 @@ impl Chunk<'_> {
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
         record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
-        if self.batch.trains_background {
+        if self.batch.background.is_trained {
             record.area.iter().for_each(|area| area.background_vjp(scene, &delta, background));
         }
         Ok(())

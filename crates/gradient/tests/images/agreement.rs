@@ -77,13 +77,8 @@ impl Background<f64> for Waves {
             .zip(rays)
             .for_each(|(rgb, ray)| *rgb = DVec3::splat(Self::at(ray.direction).0));
     }
-    fn vjp(
-        &self,
-        rays: &[BackgroundRay<f64>],
-        adjoint: &[DVec3],
-        bars: &mut [DVec3],
-        _: &mut [f64],
-    ) {
+    fn parameter_vjp(&self, _: &[BackgroundRay<f64>], _: &[DVec3], _: &mut [f64]) {}
+    fn direction_vjp(&self, rays: &[BackgroundRay<f64>], adjoint: &[DVec3], bars: &mut [DVec3]) {
         for ((ray, adjoint), bar) in rays.iter().zip(adjoint).zip(bars) {
             *bar = Self::at(ray.direction).1 * adjoint.element_sum();
         }

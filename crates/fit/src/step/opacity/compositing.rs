@@ -12,9 +12,10 @@ fn ln_sigmoid<R: Real>(x: R) -> R {
     x.min(R::zero()) - (-x.abs()).exp().ln_1p()
 }
 
-/// The logarithm of the transmittance of an interval, at most 0.
-pub(super) fn ln_transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
-    (ln_sigmoid(sharpness * to) - ln_sigmoid(sharpness * from)).min(R::zero())
+/// The transmittance of an interval, at most 1. By logarithms: Φ is 0 in single precision deep
+/// inside the solid.
+pub(super) fn transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
+    (ln_sigmoid(sharpness * to) - ln_sigmoid(sharpness * from)).min(R::zero()).exp()
 }
 
 /// Computes the weights of the intervals of a ray, and returns the transmittance behind all of
@@ -25,7 +26,7 @@ pub(super) fn ln_transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
 pub(super) fn weights<R: Real>(sharpness: R, f: &[R], least: R, weights: &mut [R]) -> R {
     let mut before = R::one();
     for (weight, f) in weights.iter_mut().zip(f.windows(2)) {
-        let pass = ln_transmittance(sharpness, [f[0], f[1]]).exp();
+        let pass = transmittance(sharpness, [f[0], f[1]]);
         let own = before * (R::one() - pass);
         *weight = if own > least { own } else { R::zero() };
         before -= *weight;

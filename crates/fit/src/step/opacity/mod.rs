@@ -12,6 +12,7 @@ use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::Vec3;
 use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, InvalidField, Sample, normals};
+use trace::HitAdjoint;
 
 use super::chunk::{Chunk, pixels_of};
 use super::eikonal::NearPoint;
@@ -135,7 +136,8 @@ impl Chunk<'_> {
         scene.shader.radiance(&colored.batch(), &mut rgb);
         let mut colors = vec![Vec3::ZERO; rays.weights.len()];
         colored.interval.iter().zip(&rgb).for_each(|(i, rgb)| colors[*i] = *rgb);
-        let background = scene.background_radiance(samples.iter().copied());
+        let mut background = vec![Vec3::ZERO; samples.len()];
+        scene.background.radiance(&rays.background, &mut background);
         let mut last = vec![1.0; samples.len()];
         let mut seen = background.clone();
         for (i, chord) in rays.chords.iter().enumerate() {
@@ -153,9 +155,8 @@ impl Chunk<'_> {
             if *last > LEAST_TRANSMITTANCE { *delta * *last } else { Vec3::ZERO }
         });
         let adjoint: Vec<Vec3> = weighted.collect();
-        if self.batch.trains_background {
-            let mut ignored = vec![Vec3::ZERO; adjoint.len()];
-            scene.background.vjp(&rays.background, &adjoint, &mut ignored, behind);
+        if self.batch.background.is_trained {
+            scene.background.parameter_vjp(&rays.background, &adjoint, behind);
         }
         let near: Vec<NearPoint> = colored
             .interval
@@ -185,9 +186,7 @@ impl Chunk<'_> {
         let mut bars = SurfaceAdjoint::zeros(adjoint.len());
         self.batch.scene.shader.vjp(&colored.batch(), &adjoint, &mut bars, shader);
         for (j, x) in colored.x.iter().enumerate() {
-            let (n, bar) = (colored.normal[j], bars.normal[j]);
-            let length = colored.gradient[j].length().max(f32::MIN_POSITIVE);
-            let c = (bar - n * n.dot(bar)) / length;
+            let c = HitAdjoint::<f32>::normal_coefficient(colored.gradient[j], bars.normal[j]);
             self.adjoints.push(PointAdjoint { pixel: 0, x: *x, alpha: 0.0, c });
         }
     }

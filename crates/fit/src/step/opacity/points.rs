@@ -5,7 +5,7 @@ use field::Field;
 use glam::Vec3;
 use random::Stream;
 
-use super::compositing::ln_transmittance;
+use super::compositing::transmittance;
 
 /// Intervals of equal length over the chord.
 const COARSE: usize = 24;
@@ -79,7 +79,8 @@ impl ChordPoints {
             let part = |of: usize| i * of..(i + 1) * of;
             let own = coarse[part(COARSE + 1)].iter().zip(&coarse_f[part(COARSE + 1)]);
             let others = fine[part(FINE)].iter().zip(&fine_f[part(FINE)]);
-            let mut all: Vec<(f32, f32)> = own.chain(others).map(|(t, f)| (*t, *f)).collect();
+            let mut all = [(0.0, 0.0); POINTS];
+            all.iter_mut().zip(own.chain(others)).for_each(|(all, (t, f))| *all = (*t, *f));
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
             points.t.extend(all.iter().map(|point| point.0));
             points.f.extend(all.iter().map(|point| point.1));
@@ -104,7 +105,7 @@ fn add_fine(t: &[f32], f: &[f32], sharpness: f32, jitter: f32, out: &mut Vec<f32
     for (k, weight) in weights.iter_mut().enumerate() {
         let length = (t[k + 1] - t[k]).max(f32::MIN_POSITIVE);
         let blurred = sharpness.min(BLUR / length);
-        let pass = ln_transmittance(blurred, [f[k], f[k + 1]]).exp();
+        let pass = transmittance(blurred, [f[k], f[k + 1]]);
         *weight = before * (1.0 - pass) + FLOOR;
         before *= pass;
         total += *weight;

@@ -118,7 +118,6 @@ fn the_gradient_of_a_soft_surface_matches_differences() {
         estimator: &Refined,
         counts: SampleCounts { spp: 1, edge_samples: 1 },
         pass: Pass::Sum,
-        trains_background: true,
         sharpness: Some(SHARPNESS),
         seed: 4,
     };
