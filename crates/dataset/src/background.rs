@@ -8,7 +8,7 @@ use film::{srgb_decode, srgb_encode};
 
 /// A uniform background, and how well the photographs fit one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Background {
+pub struct BackgroundEstimate {
     /// Its linear RGB.
     pub color: [f32; 3],
     /// A robust standard deviation of the background's pixels in display space (sRGB in [0, 1]),
@@ -53,7 +53,11 @@ const SHARE_RANGE: f32 = 0.4;
 const MOST_SPREAD: f32 = 0.15;
 const SPREAD_RANGE: f32 = 0.1;
 
-impl Background {
+impl BackgroundEstimate {
+    /// Black: the background of photographs that are over black by their masks.
+    pub const NOTHING: Self =
+        BackgroundEstimate { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 1.0 };
+
     /// Estimates the background from the pixels whose rays miss the sphere `candidate`, and from
     /// the pixels of the images' borders.
     ///
@@ -64,7 +68,7 @@ impl Background {
         let pixels: Vec<[f32; 3]> =
             views.iter().flat_map(|view| surrounding_pixels(view, candidate)).collect();
         if pixels.is_empty() {
-            return Background { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
+            return BackgroundEstimate { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
         }
         let center: [f32; 3] =
             std::array::from_fn(|c| median(pixels.iter().map(|p| p[c]).collect()));
@@ -78,7 +82,7 @@ impl Background {
         let share = near as f32 / pixels.len() as f32;
         let confidence = ((share - LEAST_SHARE) / SHARE_RANGE).clamp(0.0, 1.0)
             * ((MOST_SPREAD - spread) / SPREAD_RANGE).clamp(0.0, 1.0);
-        Background { color: center.map(srgb_decode), spread, confidence }
+        BackgroundEstimate { color: center.map(srgb_decode), spread, confidence }
     }
 
     /// The probability in [0, 1] that a pixel of this linear RGB shows the background.
@@ -185,7 +189,8 @@ mod tests {
 
     #[test]
     fn the_background_colour_is_probable_and_others_are_not() {
-        let background = Background { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 1.0 };
+        let background =
+            BackgroundEstimate { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 1.0 };
         assert!(background.probability([0.1, 0.2, 0.3]) > 0.99);
         assert!(background.probability([0.3, 0.2, 0.1]) < 1e-6);
         assert!(background.probability([0.105, 0.205, 0.3]) > 0.9);
@@ -199,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_constant_background_has_the_least_spread() {
-        let found = Background::estimate(&views(|_, _| [0.4, 0.5, 0.6]), &ball());
+        let found = BackgroundEstimate::estimate(&views(|_, _| [0.4, 0.5, 0.6]), &ball());
         assert_eq!((found.spread, found.confidence), (LEAST_SPREAD, 1.0));
         for (found, shown) in found.color.into_iter().zip([0.4, 0.5, 0.6]) {
             assert!((srgb_encode(found) - shown).abs() < 1e-5);
@@ -208,8 +213,10 @@ mod tests {
 
     #[test]
     fn noise_widens_the_spread() {
-        let noisy =
-            Background::estimate(&views(|x, y| [0.5 + 0.1 * (noise(x, y) - 0.5); 3]), &ball());
+        let noisy = BackgroundEstimate::estimate(
+            &views(|x, y| [0.5 + 0.1 * (noise(x, y) - 0.5); 3]),
+            &ball(),
+        );
         // A uniform distribution of width 0.1: half of it lies within 0.025 of the middle, 95 %
         // within 0.0475.
         assert!((0.02..0.045).contains(&noisy.spread) && noisy.confidence == 1.0, "{noisy:?}");
@@ -217,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_dim_part_of_a_black_background_widens_the_spread() {
-        let table = Background::estimate(
+        let table = BackgroundEstimate::estimate(
             &views(|x, y| if x < 10 { [0.06 * noise(x, y); 3] } else { [0.0; 3] }),
             &ball(),
         );
@@ -230,8 +237,10 @@ mod tests {
 
     #[test]
     fn a_part_of_another_colour_lowers_the_confidence_only() {
-        let two_colours =
-            Background::estimate(&views(|x, _| if x < 10 { [0.8; 3] } else { [0.1; 3] }), &ball());
+        let two_colours = BackgroundEstimate::estimate(
+            &views(|x, _| if x < 10 { [0.8; 3] } else { [0.1; 3] }),
+            &ball(),
+        );
         assert!(
             two_colours.spread < 0.02 && two_colours.probability([srgb_decode(0.8); 3]) < 1e-6,
             "{two_colours:?}"
@@ -241,17 +250,17 @@ mod tests {
 
     #[test]
     fn clutter_no_views_and_one_pixel_have_a_defined_estimate() {
-        let clutter = Background::estimate(
+        let clutter = BackgroundEstimate::estimate(
             &views(|x, y| [noise(x, y), noise(y, x), noise(x + 99, y)]),
             &ball(),
         );
         assert!(clutter.confidence < 0.05, "{clutter:?}");
-        let none = Background::estimate(&[], &ball());
+        let none = BackgroundEstimate::estimate(&[], &ball());
         assert_eq!(none.confidence, 0.0);
         let film = Film::new(1, 1);
         let camera = cameras(1)[0].resized(1, 1);
         let tiny =
             View { name: String::new(), path: Default::default(), camera, image: film, mask: None };
-        assert!(Background::estimate(&[tiny], &ball()).spread >= LEAST_SPREAD);
+        assert!(BackgroundEstimate::estimate(&[tiny], &ball()).spread >= LEAST_SPREAD);
     }
 }

@@ -1,18 +1,21 @@
 //! The bounding sphere of the object: from the data set, or estimated.
 
+use std::fmt;
+
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::carve::visual_hull_sphere;
-use crate::{Background, Dataset, View};
+use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
 
 /// Room around an estimated sphere, as a factor on the radius. Carved cells are coarse, and warp
 /// fields need both sides of a silhouette.
 const MARGIN: f64 = 1.1;
 
-/// The least confidence of a background with which the volume is carved.
-const LEAST_CONFIDENCE: f32 = 0.3;
+/// The least confidence with which a background counts as uniform.
+pub const UNIFORM: f32 = 0.5;
 
 /// The least number of surface points from which a sphere is estimated.
 const LEAST_POINTS: usize = 50;
@@ -29,35 +32,155 @@ const MOST_OF_DISTANCE: f64 = 0.9;
 /// number of views, is below this.
 const PARALLEL: f64 = 1e-9;
 
-/// The bounding sphere, in the data set's units, and the background.
+/// The evidence that a bounding sphere comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SphereSource {
+    /// The user.
+    Asked,
+    /// The data set.
+    Dataset,
+    /// The masks of the object.
+    Masks,
+    /// The points on the scene's surfaces.
+    Points,
+    /// The outline of the object before uniform backgrounds.
+    Outlines,
+    /// The cameras alone.
+    Cameras,
+}
+
+impl fmt::Display for SphereSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            SphereSource::Asked => "as asked",
+            SphereSource::Dataset => "from the data set",
+            SphereSource::Masks => "from the masks",
+            SphereSource::Points => "from the data set's points",
+            SphereSource::Outlines => "from outlines before uniform backgrounds",
+            SphereSource::Cameras => "from the cameras alone",
+        })
+    }
+}
+
+/// The bounding sphere and the backgrounds of a data set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// The bounding sphere, in the data set's units.
+    pub sphere: Sphere<f64>,
+    /// The evidence for it.
+    pub source: SphereSource,
+    /// One uniform background of all training views.
+    pub background: BackgroundEstimate,
+    /// A uniform background of each training view.
+    pub backgrounds: Vec<BackgroundEstimate>,
+}
+
+impl Surroundings {
+    fn new(views: &[View], sphere: Sphere<f64>, source: SphereSource) -> Self {
+        let of_view = |view| BackgroundEstimate::estimate(std::slice::from_ref(view), &sphere);
+        let backgrounds = views.par_iter().map(of_view).collect();
+        let background = BackgroundEstimate::estimate(views, &sphere);
+        Surroundings { sphere, source, background, backgrounds }
+    }
+
+    /// The confidence, 0 to 1, that each view has a uniform background, of a colour of its own: one
+    /// view of ten may have less.
+    pub fn confidence_of_views(&self) -> f32 {
+        let mut all: Vec<f32> = self.backgrounds.iter().map(|b| b.confidence).collect();
+        all.sort_by(f32::total_cmp);
+        all.get(all.len() / 10).copied().unwrap_or(0.0)
+    }
+
+    /// Whether the photographs have uniform backgrounds: one, or each one of its own.
+    pub fn is_uniform(&self) -> bool {
+        self.background.confidence.max(self.confidence_of_views()) >= UNIFORM
+    }
+
+    /// The background of training view `i`: the common one if all views agree well enough.
+    fn of_view(&self, i: usize) -> &BackgroundEstimate {
+        if self.background.confidence >= UNIFORM { &self.background } else { &self.backgrounds[i] }
+    }
+}
+
+/// The bounding sphere of the object, and the background around it.
 ///
 /// The sphere is the first of these that exists:
 /// 1. `asked`;
 /// 2. the data set's own ([`Dataset::bounds`]);
-/// 3. a sphere around the visual hull of the training photographs, if their background has a
-///    confidence of at least 0.3;
-/// 4. a sphere around the data set's surface points, if at least 50 lie in the median view;
-/// 5. a sphere that the median camera sees whole, around the point at which the cameras aim.
+/// 3. if `use_masks` is true and all training views have the coverage of the object, a sphere
+///    around the visual hull of the masks;
+/// 4. a sphere around the data set's surface points, if at least 50 are seen by half of the views;
+/// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds;
+/// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
+///
+/// If 4 and 5 both exist, the sphere contains both: points are missing where the object has no
+/// texture, and a dark part of the object can look like its background.
 ///
 /// The background is that of the pixels around the sphere. An estimated sphere need not contain the
 /// object: look at the picture of [`inspect::overlay`](crate::inspect::overlay).
 ///
 /// # Panics
 /// If the data set has no training views.
-pub fn surroundings(dataset: &Dataset, asked: Option<Sphere<f64>>) -> (Sphere<f64>, Background) {
+pub fn surroundings(
+    dataset: &Dataset,
+    asked: Option<Sphere<f64>>,
+    use_masks: bool,
+) -> Surroundings {
     let views = &dataset.train;
-    if let Some(known) = asked.or(dataset.bounds) {
-        return (known, Background::estimate(views, &known));
+    let known = asked.map(|sphere| (sphere, SphereSource::Asked));
+    let known = known.or(dataset.bounds.map(|sphere| (sphere, SphereSource::Dataset)));
+    let (sphere, source) = known
+        .or_else(|| sphere_of_masks(views).filter(|_| use_masks))
+        .or_else(|| sphere_of_evidence(dataset))
+        .unwrap_or_else(|| (sphere_in_view(views, DVec2::min_element), SphereSource::Cameras));
+    Surroundings::new(views, sphere, source)
+}
+
+/// The sphere that fills the median view to its corners.
+fn widest(views: &[View]) -> Sphere<f64> {
+    sphere_in_view(views, |half| half.length())
+}
+
+/// A sphere around the visual hull of the masks, if each view has one.
+fn sphere_of_masks(views: &[View]) -> Option<(Sphere<f64>, SphereSource)> {
+    let masks: Option<Vec<&[f32]>> = views.iter().map(View::coverage).collect();
+    let masks = masks?;
+    let hull = visual_hull_sphere(views, &widest(views), |view, i| masks[view][i] >= 0.5)?;
+    Some((hull.scaled(MARGIN), SphereSource::Masks))
+}
+
+/// A sphere around the surface points and the visual hull of the photographs, as far as there are
+/// such.
+fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
+    let views = &dataset.train;
+    let wide = widest(views);
+    let points = sphere_around_points(&dataset.points, views, &wide);
+    let rough = Surroundings::new(views, wide, SphereSource::Cameras);
+    let hull = rough.is_uniform().then(|| {
+        let is_foreground = |view: usize, i: usize| {
+            rough.of_view(view).probability(views[view].image.pixels[i]) < 0.5
+        };
+        visual_hull_sphere(views, &wide, is_foreground).map(|hull| hull.scaled(MARGIN))
+    });
+    match (points, hull.flatten()) {
+        (Some(points), Some(hull)) => Some((around_both(&points, &hull), SphereSource::Points)),
+        (Some(points), None) => Some((points, SphereSource::Points)),
+        (None, Some(hull)) => Some((hull, SphereSource::Outlines)),
+        (None, None) => None,
     }
-    let wide = sphere_in_view(views, |half| half.length());
-    let background = Background::estimate(views, &wide);
-    let carved = (background.confidence >= LEAST_CONFIDENCE)
-        .then(|| visual_hull_sphere(views, &wide, &background))
-        .flatten()
-        .map(|hull| hull.scaled(MARGIN));
-    let narrow = sphere_in_view(views, DVec2::min_element);
-    let sphere = carved.or_else(|| sphere_around_points(&dataset.points, &wide)).unwrap_or(narrow);
-    (sphere, Background::estimate(views, &sphere))
+}
+
+/// The smallest sphere around two spheres.
+fn around_both(a: &Sphere<f64>, b: &Sphere<f64>) -> Sphere<f64> {
+    let (between, distance) = (b.center - a.center, a.center.distance(b.center));
+    if distance + b.radius <= a.radius {
+        return *a;
+    }
+    if distance + a.radius <= b.radius {
+        return *b;
+    }
+    let radius = 0.5 * (a.radius + b.radius + distance);
+    Sphere { center: a.center + between * ((radius - a.radius) / distance), radius }
 }
 
 /// Checks the cameras of all views against the bounding sphere.
@@ -133,13 +256,24 @@ fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> 
     Sphere { center, radius: radii[radii.len() / 2].min(MOST_OF_DISTANCE * nearest) }
 }
 
-/// A sphere around nearly all of the points inside the sphere `within`, which excludes the
-/// background behind the object. `None` if there are too few.
+/// A sphere around nearly all of the points that are inside the sphere `within` and on the film of
+/// at least half of the views: walls behind the object are on fewer. `None` if there are too few.
 ///
 /// The centre is the median in each coordinate.
-fn sphere_around_points(points: &[DVec3], within: &Sphere<f64>) -> Option<Sphere<f64>> {
-    let inside = |p: &&DVec3| (**p - within.center).length() < within.radius;
-    let points: Vec<DVec3> = points.iter().filter(inside).copied().collect();
+fn sphere_around_points(
+    points: &[DVec3],
+    views: &[View],
+    within: &Sphere<f64>,
+) -> Option<Sphere<f64>> {
+    let is_on = |view: &View, p: DVec3| {
+        let film = film_size(view);
+        view.camera.project(p).is_some_and(|u| u.min_element() >= 0.0 && u.cmple(film).all())
+    };
+    let is_inside = |p: &&DVec3| {
+        (**p - within.center).length() < within.radius
+            && 2 * views.iter().filter(|v| is_on(v, **p)).count() >= views.len()
+    };
+    let points: Vec<DVec3> = points.iter().filter(is_inside).copied().collect();
     if points.len() < LEAST_POINTS {
         return None;
     }
@@ -153,4 +287,18 @@ fn sphere_around_points(points: &[DVec3], within: &Sphere<f64>) -> Option<Sphere
     distances.sort_by(f64::total_cmp);
     let radius = MARGIN * distances[(CONTAINED * (distances.len() - 1) as f64) as usize];
     (radius > 0.0).then_some(Sphere { center, radius })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sphere_around_two_touches_both() {
+        let sphere = |x: f64, radius| Sphere { center: DVec3::new(x, 0.0, 0.0), radius };
+        let both = around_both(&sphere(-1.0, 1.0), &sphere(2.0, 2.0));
+        assert!((both.radius - 3.0).abs() < 1e-12 && (both.center.x - 1.0).abs() < 1e-12);
+        let (small, large) = (sphere(0.2, 0.5), sphere(0.0, 1.0));
+        assert_eq!([around_both(&small, &large), around_both(&large, &small)], [large; 2]);
+    }
 }

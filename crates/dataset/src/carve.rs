@@ -10,7 +10,7 @@ use field::Sphere;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::{Background, View};
+use crate::View;
 
 /// Cells along a side of the grid.
 const GRID: usize = 64;
@@ -47,15 +47,17 @@ const BALL_OF_CUBE: f64 = std::f64::consts::PI / 6.0;
 const LAST_STEP: u32 = 49;
 
 /// A sphere around the visual hull: estimated on a coarse grid, then on a grid of that sphere's
-/// size. `in_view` is the sphere that fills the median view to its corners. `None` if nothing, or
-/// nearly everything, is left.
+/// size. `in_view` is the sphere that fills the median view to its corners, and `is_foreground`
+/// tells whether pixel `i` of a view, row-major, shows the object. `None` if nothing, or nearly
+/// everything, is left.
 pub(crate) fn visual_hull_sphere(
     views: &[View],
     in_view: &Sphere<f64>,
-    background: &Background,
+    is_foreground: impl Fn(usize, usize) -> bool + Sync,
 ) -> Option<Sphere<f64>> {
-    let silhouettes: Vec<Silhouette> =
-        views.par_iter().map(|v| Silhouette::new(v, background)).collect();
+    let silhouette =
+        |(number, view): (usize, &View)| Silhouette::new(view, |i| is_foreground(number, i));
+    let silhouettes: Vec<Silhouette> = views.par_iter().enumerate().map(silhouette).collect();
     let coarse = carve(views, &silhouettes, &in_view.scaled(FIRST_GRID))?;
     Some(carve(views, &silhouettes, &coarse).unwrap_or(coarse))
 }
@@ -70,13 +72,13 @@ struct Silhouette {
 }
 
 impl Silhouette {
-    fn new(view: &View, background: &Background) -> Self {
+    fn new(view: &View, is_foreground: impl Fn(usize) -> bool) -> Self {
         let (width, height) = (view.image.width as usize, view.image.height as usize);
         let mut sums = vec![0; (width + 1) * (height + 1)];
         for y in 0..height {
             let mut row = 0;
             for x in 0..width {
-                row += u32::from(background.probability(view.image.pixels[y * width + x]) < 0.5);
+                row += u32::from(is_foreground(y * width + x));
                 sums[(y + 1) * (width + 1) + x + 1] = sums[y * (width + 1) + x + 1] + row;
             }
         }

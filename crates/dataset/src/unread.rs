@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
-use crate::View;
 use crate::lens::Lens;
+use crate::{Mask, MaskKind, View};
 use film::{Film, srgb_encode};
 use io::InputError;
 use io::read_image;
@@ -19,7 +19,7 @@ pub(crate) struct UnreadView {
     /// The image file.
     pub(crate) path: PathBuf,
     /// A separate mask image, if the data set has one.
-    pub(crate) mask: Option<PathBuf>,
+    pub(crate) mask: Option<(MaskKind, PathBuf)>,
     /// The pinhole part of the camera that took the photograph.
     pub(crate) camera: Camera,
     /// Distortion and skew, to be removed from the photograph.
@@ -32,8 +32,8 @@ pub(crate) struct UnreadView {
 struct Photograph {
     camera: Camera,
     image: Film,
-    /// Coverage as a grey film.
-    mask: Option<Film>,
+    /// The mask's numbers as a grey film.
+    mask: Option<(MaskKind, Film)>,
 }
 
 impl UnreadView {
@@ -49,11 +49,15 @@ impl UnreadView {
             2.. => photograph.downscaled(downscale),
             _ => photograph,
         };
-        let mask = mask.map(|mask| mask.pixels.iter().map(|p| p[0]).collect());
+        let mask = mask.map(|(kind, film)| {
+            let values = film.pixels.iter().map(|p| p[0]).collect();
+            Mask { kind, values }
+        });
         Ok(View { name: self.name, path: self.path, camera, image, mask })
     }
 
-    /// Reads the image over black, and its mask: the alpha channel, or else the mask image.
+    /// Reads the image over black, and its mask: the alpha channel, or else the mask image. An
+    /// alpha channel that is opaque everywhere gives way to a mask image.
     fn read_photograph(&self) -> Result<Photograph> {
         let UnreadView { path, camera, .. } = self;
         let (image, alpha) = read_image(path)?;
@@ -65,10 +69,13 @@ impl UnreadView {
             Some(alpha) => over_black(image, alpha),
             None => image,
         };
+        let is_opaque = |alpha: &Vec<f32>| alpha.iter().all(|a| *a >= 1.0);
         let mask = match (alpha, &self.mask) {
-            (Some(alpha), _) => Some(coverage_film(&image, &alpha)),
-            (None, Some(mask)) => Some(read_mask(mask, camera)?),
-            (None, None) => None,
+            (Some(alpha), mask) if mask.is_none() || !is_opaque(&alpha) => {
+                Some((MaskKind::Alpha, coverage_film(&image, &alpha)))
+            }
+            (_, Some((kind, mask))) => Some((*kind, read_mask(mask, camera)?)),
+            (_, None) => None,
         };
         Ok(Photograph { camera: *camera, image, mask })
     }
@@ -85,7 +92,11 @@ impl UnreadView {
             InputError::new(&self.path, "distortion", format!("{:?}", self.lens), expected)
         })?;
         let resample = |film: &Film| self.lens.undistort(film, camera, &ideal);
-        Ok(Photograph { image: resample(image), mask: mask.as_ref().map(resample), camera: ideal })
+        Ok(Photograph {
+            image: resample(image),
+            mask: mask.as_ref().map(|(kind, mask)| (*kind, resample(mask))),
+            camera: ideal,
+        })
     }
 }
 
@@ -100,7 +111,7 @@ impl Photograph {
         Photograph {
             camera: Camera { width, height, focal, principal, ..camera },
             image: image.downscaled(n),
-            mask: mask.map(|mask| mask.downscaled(n)),
+            mask: mask.map(|(kind, mask)| (kind, mask.downscaled(n))),
         }
     }
 }
@@ -122,7 +133,7 @@ fn coverage_film(image: &Film, coverage: &[f32]) -> Film {
     }
 }
 
-/// Reads a mask image: white, or opaque, is the object.
+/// Reads a mask image: white, or opaque, is the object, or a pixel to use.
 fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
     let (mask, alpha) = read_image(path)?;
     check_size(path, &mask, camera, "(the photograph's size)")?;

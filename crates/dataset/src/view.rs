@@ -7,6 +7,8 @@ use film::Film;
 use glam::DVec3;
 use render::Camera;
 
+use crate::Mask;
+
 /// One posed photograph, without lens distortion.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -18,9 +20,16 @@ pub struct View {
     pub camera: Camera,
     /// The photograph, linear RGB; composited over black if the file has an alpha channel.
     pub image: Film,
-    /// Coverage of each pixel by the object in [0, 1], row-major, from the alpha channel or a mask
-    /// image. `None` if the data set has neither for this view.
-    pub mask: Option<Vec<f32>>,
+    /// The mask: the alpha channel, or else a mask image. `None` if the data set has neither for
+    /// this view.
+    pub mask: Option<Mask>,
+}
+
+impl View {
+    /// The coverage of each pixel by the object, in [0, 1], if the mask tells it.
+    pub fn coverage(&self) -> Option<&[f32]> {
+        self.mask.as_ref().and_then(Mask::coverage)
+    }
 }
 
 /// A data set. Lengths are in its own units. Positions are relative to the origin of these units,

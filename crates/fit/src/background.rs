@@ -1,8 +1,9 @@
 //! The probability that a pixel shows the background.
 
-use dataset::Background;
+use dataset::BackgroundEstimate;
 use field::Sphere;
-use film::Film;
+
+use crate::pyramid::Photograph;
 
 /// A pixel with more than this probability counts as certain background. At 0.9 and 0.999: distance
 /// 1.00 and 1.04 (see the evidence in `schedule.rs`).
@@ -17,35 +18,39 @@ const MARGIN: u32 = 32;
 const KNOWN: f32 = 0.5;
 
 /// The model that tells background pixels from pixels of the object.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct BackgroundModel {
     /// The bounding sphere of the object, in world units.
     pub(crate) bounds: Sphere<f64>,
-    /// The estimated colour of the background.
-    pub(crate) background: Background,
+    /// The estimated colour of the background: one for all views, or one for each.
+    pub(crate) estimates: Vec<BackgroundEstimate>,
     /// Whether the background is trained: pixels whose rays miss the bounding sphere then count.
     pub(crate) is_trained: bool,
-    /// Whether the mask of a view, if it has one, replaces the estimated background.
-    pub(crate) use_masks: bool,
 }
 
 impl BackgroundModel {
-    /// The probability, 0 to 1, that pixel (x, y) shows the background.
-    pub(crate) fn probability(&self, image: &Film, mask: Option<&Film>, x: u32, y: u32) -> f32 {
-        match mask.filter(|_| self.use_masks) {
-            Some(mask) => 1.0 - mask.at(x, y)[0],
-            None => self.background.probability(image.at(x, y)),
+    /// The estimated background of a view.
+    fn estimate(&self, view: usize) -> &BackgroundEstimate {
+        &self.estimates[view.min(self.estimates.len() - 1)]
+    }
+
+    /// The probability, 0 to 1, that pixel (x, y) of a view shows the background.
+    pub(crate) fn probability(&self, view: usize, photograph: &Photograph, x: u32, y: u32) -> f32 {
+        match &photograph.coverage {
+            Some(coverage) => 1.0 - coverage.at(x, y)[0],
+            None => self.estimate(view).probability(photograph.image.at(x, y)),
         }
     }
 
     /// For each pixel, row-major, whether it and all pixels in the margin around it are certain
     /// background.
-    pub(crate) fn certain(&self, image: &Film, mask: Option<&Film>) -> Vec<bool> {
-        let (width, height) = (image.width, image.height);
-        let known = self.background.confidence > KNOWN || (self.use_masks && mask.is_some());
+    pub(crate) fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
+        let (width, height) = (photograph.image.width, photograph.image.height);
+        let known = self.estimate(view).confidence > KNOWN || photograph.coverage.is_some();
         let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let certain: Vec<bool> =
-            all().map(|(x, y)| known && self.probability(image, mask, x, y) > CERTAIN).collect();
+        let certain: Vec<bool> = all()
+            .map(|(x, y)| known && self.probability(view, photograph, x, y) > CERTAIN)
+            .collect();
         let margin = (width.max(height) / MARGIN).max(1);
         let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
         // A square is a row of columns: test the columns first, then the rows.

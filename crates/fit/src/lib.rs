@@ -4,6 +4,7 @@ mod background;
 mod checkpoint;
 mod iteration;
 mod loss;
+mod masks;
 mod model;
 mod model_background;
 mod options;
@@ -17,6 +18,7 @@ mod step;
 mod turntable;
 
 pub use iteration::Metrics;
+pub use masks::{MaskChoice, MaskUse};
 pub use model::Model;
 pub use model_background::{BackgroundChoice, BackgroundKind, ModelBackground};
 pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};

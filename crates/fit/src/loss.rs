@@ -1,6 +1,6 @@
 //! The photometric loss, in display units: 0 is black and 1 is the white of a display.
 
-use film::{Film, srgb_encode};
+use film::srgb_encode;
 
 /// The residual, in display units, at which the loss turns from quadratic to linear: about the
 /// noise of a photograph with its unmodelled highlights. Half and double of it changed the fits of
@@ -22,7 +22,8 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// The target of pixel (x, y) of a photograph.
+    /// The target of pixel (x, y) of a photograph of this width and height. `seen` gives the
+    /// radiance of its pixels.
     ///
     /// The slope is that of a chord of the sRGB transfer function: from the darkest to the
     /// brightest value among the pixel and its eight neighbours. At a silhouette, the residual is
@@ -31,11 +32,16 @@ impl Target {
     /// The slope does not depend on the samples. The slope of the transfer function at a noisy
     /// estimate is steep if the estimate happens to be dark; that moved silhouettes in front of
     /// dark backgrounds outwards, by half a pixel with four samples.
-    pub(crate) fn of(image: &Film, x: u32, y: u32) -> Self {
+    pub(crate) fn of(
+        [width, height]: [u32; 2],
+        seen: impl Fn(u32, u32) -> [f32; 3],
+        x: u32,
+        y: u32,
+    ) -> Self {
         let (mut low, mut high) = ([f32::INFINITY; 3], [0.0f32; 3]);
-        for y in y.saturating_sub(1)..=(y + 1).min(image.height - 1) {
-            for x in x.saturating_sub(1)..=(x + 1).min(image.width - 1) {
-                for (c, v) in image.at(x, y).into_iter().enumerate() {
+        for y in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+            for x in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                for (c, v) in seen(x, y).into_iter().enumerate() {
                     (low[c], high[c]) = (low[c].min(v), high[c].max(v));
                 }
             }
@@ -44,7 +50,7 @@ impl Target {
             let high = high[c].max(low[c] + LEAST_CONTRAST);
             (srgb_encode(high) - srgb_encode(low[c])) / (high - low[c])
         });
-        Target { radiance: image.at(x, y), slope }
+        Target { radiance: seen(x, y), slope }
     }
 }
 
@@ -77,6 +83,7 @@ pub(crate) fn squared_error(radiance: [f32; 3], target: [f32; 3]) -> f32 {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use film::Film;
     use proptest::prelude::*;
 
     proptest! {
@@ -86,7 +93,7 @@ mod tests {
             target in prop::array::uniform3(0.0f32..1.0),
         ) {
             let image = Film { width: 2, height: 1, pixels: vec![target, [0.2; 3]] };
-            let target = Target::of(&image, 0, 0);
+            let target = Target::of([2, 1], |x, y| image.at(x, y), 0, 0);
             let (_, adjoint) = photometric(radiance, &target);
             for c in 0..3 {
                 let moved = |h: f32| {
@@ -106,12 +113,13 @@ mod tests {
 
     #[test]
     fn the_slope_is_that_of_the_range_of_the_neighbourhood() {
-        let (mut image, at) = (Film::new(5, 5), |image: &Film| Target::of(image, 2, 2).slope[1]);
+        let slope = |image: &Film, x, y| Target::of([5, 5], |x, y| image.at(x, y), x, y).slope[1];
+        let (mut image, at) = (Film::new(5, 5), |image: &Film| slope(image, 2, 2));
         assert_relative_eq!(at(&image), srgb_encode(LEAST_CONTRAST) / LEAST_CONTRAST);
         image.pixels[6] = [0.5; 3];
         assert_relative_eq!(at(&image), srgb_encode(0.5) / 0.5);
         image.pixels[4] = [0.9; 3];
         assert_relative_eq!(at(&image), srgb_encode(0.5) / 0.5);
-        assert_relative_eq!(Target::of(&image, 4, 0).slope[1], srgb_encode(0.9) / 0.9);
+        assert_relative_eq!(slope(&image, 4, 0), srgb_encode(0.9) / 0.9);
     }
 }

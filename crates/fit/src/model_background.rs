@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use background::{Extent, Volume};
+use dataset::{Surroundings, UNIFORM};
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
 use random::{Purpose, Stream};
@@ -15,11 +16,14 @@ use crate::run_file::RunFile;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum BackgroundChoice {
-    /// A constant where the photographs have a uniform background, and else a volume
+    /// A constant where the photographs have one uniform background, one colour for each where
+    /// each has a uniform one, and else a volume
     #[default]
     Auto,
     /// One colour, estimated from the photographs
     Constant,
+    /// One colour for each photograph, estimated from it
+    PerView,
     /// An environment by direction: right where everything behind the object is far away
     Direction,
     /// Everything behind the bounding sphere, near and far
@@ -32,31 +36,44 @@ pub enum BackgroundChoice {
 pub enum BackgroundKind {
     /// One colour, which is not trained.
     Constant,
+    /// One colour for each photograph, which is not trained.
+    PerView,
     /// An environment by direction.
     Direction,
     /// Everything behind the bounding sphere.
     Volume,
 }
 
-/// The least confidence in a uniform background with which `auto` takes a constant.
-const LEAST_CONFIDENCE: f32 = 0.5;
-
 impl BackgroundChoice {
-    /// The model, for photographs with this confidence (0 to 1) in a uniform background.
-    pub fn resolve(self, confidence: f32) -> BackgroundKind {
+    /// The model for the background of photographs.
+    pub fn resolve(self, found: &Surroundings) -> BackgroundKind {
         match self {
-            BackgroundChoice::Auto if confidence < LEAST_CONFIDENCE => BackgroundKind::Volume,
-            BackgroundChoice::Auto | BackgroundChoice::Constant => BackgroundKind::Constant,
+            BackgroundChoice::Auto if found.background.confidence >= UNIFORM => {
+                BackgroundKind::Constant
+            }
+            BackgroundChoice::Auto if found.confidence_of_views() >= UNIFORM => {
+                BackgroundKind::PerView
+            }
+            BackgroundChoice::Constant => BackgroundKind::Constant,
+            BackgroundChoice::PerView => BackgroundKind::PerView,
             BackgroundChoice::Direction => BackgroundKind::Direction,
-            BackgroundChoice::Volume => BackgroundKind::Volume,
+            BackgroundChoice::Auto | BackgroundChoice::Volume => BackgroundKind::Volume,
         }
+    }
+}
+
+impl BackgroundKind {
+    /// Whether the background has trained parameters.
+    pub(crate) fn is_trained(self) -> bool {
+        matches!(self, BackgroundKind::Direction | BackgroundKind::Volume)
     }
 }
 
 /// The background of a model.
 #[derive(Clone, Debug)]
 pub enum ModelBackground {
-    /// One colour, which is not trained.
+    /// One colour, which is not trained. Views whose photographs have colours of their own are
+    /// rendered in front of these: see [`RunFile::background_of`].
     Constant(UniformBackground<f32>),
     /// A volume with trained parameters.
     Trained(Volume<f32>),
@@ -69,7 +86,7 @@ impl ModelBackground {
     /// The background at the start of a fit.
     pub(crate) fn initial(file: &RunFile) -> Self {
         let extent = match file.background_kind {
-            BackgroundKind::Constant => return Self::constant(file),
+            BackgroundKind::Constant | BackgroundKind::PerView => return Self::constant(file),
             BackgroundKind::Direction => Extent::Direction,
             BackgroundKind::Volume => Extent::Volume,
         };
@@ -92,7 +109,7 @@ impl ModelBackground {
     /// The number of trained parameters of a background of this kind.
     pub(crate) fn parameter_count(kind: BackgroundKind) -> usize {
         match kind {
-            BackgroundKind::Constant => 0,
+            BackgroundKind::Constant | BackgroundKind::PerView => 0,
             BackgroundKind::Direction | BackgroundKind::Volume => Volume::<f32>::PARAMETERS,
         }
     }
@@ -122,7 +139,7 @@ impl ModelBackground {
 
     /// Reads the background of a run folder, for points relative to the run's origin.
     pub(crate) fn load(run: &Path, file: &RunFile) -> Result<Self, InputError> {
-        if file.background_kind == BackgroundKind::Constant {
+        if !file.background_kind.is_trained() {
             return Ok(Self::constant(file));
         }
         let path = run.join(FILE);

@@ -12,6 +12,7 @@ use io::{InputError, check_memory};
 use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
+use crate::masks::MaskChoice;
 use crate::model::encoding;
 use crate::model_background::BackgroundChoice;
 
@@ -33,9 +34,9 @@ pub struct FitOptions {
     /// Read images at 1/N of their size
     #[arg(long, default_value_t = Self::default().downscale)]
     pub downscale: u32,
-    /// Use masks or alpha in the loss, not in evaluation only
-    #[arg(long)]
-    pub use_masks: bool,
+    /// Use of masks and alpha channels
+    #[arg(long, value_enum, default_value_t = Self::default().masks)]
+    pub masks: MaskChoice,
     /// Model for the background
     #[arg(long, value_enum, default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
@@ -147,7 +148,7 @@ impl Default for FitOptions {
             time: None,
             seed: 0,
             downscale: 1,
-            use_masks: false,
+            masks: MaskChoice::Auto,
             background: BackgroundChoice::Auto,
             bounds: None,
             width: 64,

@@ -1,13 +1,17 @@
 //! The image pyramid: the photographs at several sizes, and their pixels whose rays meet the
 //! bounding sphere.
 
-use dataset::View;
+use dataset::{Mask, View};
 use film::Film;
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
 use crate::background::BackgroundModel;
+use crate::masks::MaskUse;
+
+/// The share of a pixel from which all of it counts as used: 1, less the rounding of means.
+const ALL: f32 = 0.999;
 
 /// The smallest side that a level of the pyramid may have, in pixels.
 const SMALLEST_SIDE: u32 = 24;
@@ -29,13 +33,52 @@ pub(crate) struct Level {
 pub(crate) struct Photograph {
     /// Its image.
     pub(crate) image: Film,
-    /// Its mask, if the view has one.
-    pub(crate) mask: Option<Film>,
+    /// The coverage of each pixel by the object, if the fit uses it. The image is over black then.
+    pub(crate) coverage: Option<Film>,
+    /// The share of each pixel that is used, if the fit leaves some out.
+    used: Option<Film>,
 }
 
 impl Photograph {
+    fn new(view: &View, masks: MaskUse) -> Self {
+        let grey = |values: &mut dyn Iterator<Item = f32>| Film {
+            width: view.image.width,
+            height: view.image.height,
+            pixels: values.map(|value| [value; 3]).collect(),
+        };
+        let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
+        let used = view.mask.as_ref().and_then(Mask::used).filter(|_| masks == MaskUse::LeaveOut);
+        Photograph {
+            image: view.image.clone(),
+            coverage: coverage.map(|values| grey(&mut values.iter().copied())),
+            used: used.map(|used| grey(&mut used.map(|used| f32::from(u8::from(used))))),
+        }
+    }
+
     fn halved(&self) -> Self {
-        Photograph { image: self.image.halved(), mask: self.mask.as_ref().map(Film::halved) }
+        Photograph {
+            image: self.image.halved(),
+            coverage: self.coverage.as_ref().map(Film::halved),
+            used: self.used.as_ref().map(Film::halved),
+        }
+    }
+
+    /// The width and the height.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        [self.image.width, self.image.height]
+    }
+
+    /// The radiance of pixel (x, y) in front of `behind`. A photograph without coverage shows its
+    /// own background.
+    pub(crate) fn over(&self, behind: Vec3, x: u32, y: u32) -> [f32; 3] {
+        let radiance = self.image.at(x, y);
+        let Some(coverage) = &self.coverage else { return radiance };
+        (Vec3::from(radiance) + behind * (1.0 - coverage.at(x, y)[0])).to_array()
+    }
+
+    /// Whether pixel (x, y) is used, all of it.
+    fn is_used(&self, x: u32, y: u32) -> bool {
+        self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL)
     }
 }
 
@@ -56,7 +99,7 @@ impl Level {
     fn new(cameras: Vec<Camera>, photographs: Vec<Photograph>, model: &BackgroundModel) -> Self {
         let (mut foreground, mut background) = (Vec::new(), Vec::new());
         for (view, (camera, photograph)) in cameras.iter().zip(&photographs).enumerate() {
-            let certain = model.certain(&photograph.image, photograph.mask.as_ref());
+            let certain = model.certain(view, photograph);
             let mut certain = certain.into_iter();
             for y in 0..camera.height as u16 {
                 for x in 0..camera.width as u16 {
@@ -64,7 +107,8 @@ impl Level {
                     let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
                     let is_background = certain.next() == Some(true) || !meets;
                     let list = if is_background { &mut background } else { &mut foreground };
-                    if meets || model.is_trained {
+                    let is_used = photograph.is_used(x.into(), y.into());
+                    if is_used && (meets || model.is_trained) {
                         list.push(Pixel { view: view as u32, x, y, count: 1 });
                     }
                 }
@@ -171,17 +215,15 @@ fn permute(i: u64, n: u64, seed: u64) -> u64 {
 ///
 /// It ends before a level with a side below [`SMALLEST_SIDE`], or without a pixel whose ray meets
 /// the bounding sphere.
-pub(crate) fn pyramid(views: &[View], model: &BackgroundModel, levels: usize) -> Vec<Level> {
-    let photograph = |view: &View| {
-        let mask = view.mask.as_ref().map(|mask| Film {
-            width: view.image.width,
-            height: view.image.height,
-            pixels: mask.iter().map(|&m| [m; 3]).collect(),
-        });
-        Photograph { image: view.image.clone(), mask }
-    };
+pub(crate) fn pyramid(
+    views: &[View],
+    masks: MaskUse,
+    model: &BackgroundModel,
+    levels: usize,
+) -> Vec<Level> {
     let cameras = views.iter().map(|v| v.camera).collect();
-    let mut out = vec![Level::new(cameras, views.iter().map(photograph).collect(), model)];
+    let photographs = views.iter().map(|view| Photograph::new(view, masks)).collect();
+    let mut out = vec![Level::new(cameras, photographs, model)];
     while out.len() < levels {
         let last = &out[out.len() - 1];
         if last.photographs.iter().any(|p| p.image.width.min(p.image.height) < 2 * SMALLEST_SIDE) {
@@ -199,6 +241,10 @@ pub(crate) fn pyramid(views: &[View], model: &BackgroundModel, levels: usize) ->
 
 #[cfg(test)]
 mod tests {
+    use dataset::{BackgroundEstimate, MaskKind};
+    use field::Sphere;
+    use glam::DVec3;
+
     use super::*;
 
     #[test]
@@ -212,5 +258,43 @@ mod tests {
             (0..50).map(|i| permute(i, 50, 1)).collect::<Vec<_>>(),
             (0..50).map(|i| permute(i, 50, 2)).collect::<Vec<_>>()
         );
+    }
+
+    #[test]
+    fn pixels_to_leave_out_are_not_drawn_on_any_level() {
+        let (focal, middle) = (DVec2::splat(96.0), DVec2::splat(48.0));
+        let camera =
+            Camera::look_at(96, 96, focal, middle, DVec3::Z * 3.0, DVec3::ZERO, DVec3::Y).unwrap();
+        // The columns 31 and later are used: on level 1, those from 16 on, all of whose pixels are.
+        let values = (0..96 * 96).map(|i| f32::from(u8::from(i % 96 >= 31))).collect();
+        let view = View {
+            name: String::new(),
+            path: "0.png".into(),
+            camera,
+            image: Film::new(96, 96),
+            mask: Some(Mask { kind: MaskKind::Used, values }),
+        };
+        let model = BackgroundModel {
+            bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
+            estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            is_trained: true,
+        };
+        let columns = |masks| -> Vec<u16> {
+            let levels = pyramid(std::slice::from_ref(&view), masks, &model, 2);
+            let least = |l: &Level| l.foreground.iter().chain(&l.background).map(|p| p.x).min();
+            levels.iter().map(|level| least(level).unwrap()).collect()
+        };
+        assert_eq!(columns(MaskUse::LeaveOut), [31, 16]);
+        assert_eq!(columns(MaskUse::None), [0, 0]);
+    }
+
+    #[test]
+    fn a_photograph_with_coverage_is_seen_in_front_of_any_colour() {
+        let grey = |value| Some(Film { width: 1, height: 1, pixels: vec![[value; 3]] });
+        let image = Film { width: 1, height: 1, pixels: vec![[0.1; 3]] };
+        let mut photograph = Photograph { image, coverage: grey(0.5), used: None };
+        assert_eq!(photograph.over(Vec3::new(0.0, 0.5, 1.0), 0, 0), [0.1, 0.35, 0.6]);
+        photograph.coverage = None;
+        assert_eq!(photograph.over(Vec3::ONE, 0, 0), [0.1; 3]);
     }
 }

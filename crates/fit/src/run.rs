@@ -6,15 +6,19 @@ use std::time::Instant;
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
+use film::srgb_decode;
+use glam::Vec3;
 use io::{InputError, check_memory};
 use metrics::psnr;
 use optim::{Adam, Group};
 use random::{Purpose, Stream};
 use rayon::prelude::*;
-use render::{Camera, InvalidField, Sample, Scene};
+use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
+use crate::background::BackgroundModel;
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
+use crate::masks::MaskUse;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
 use crate::preview::write_preview;
@@ -81,6 +85,9 @@ pub struct Fit {
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
+    background: BackgroundModel,
+    /// The background of each view, if the photographs have colours of their own.
+    colors: Option<BackgroundPerCamera<f32>>,
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// Wall time of all sessions, in seconds.
@@ -118,7 +125,9 @@ impl Fit {
         let pixels: u64 = dataset.train.iter().map(|v| v.image.pixels.len() as u64).sum();
         let found = format!("{pixels} pixels of photographs");
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
-        let levels = pyramid(&dataset.train, &file.background_model(), LEVELS);
+        let background = file.background_model(&dataset.train);
+        let colors = file.background_of(&dataset.train);
+        let levels = pyramid(&dataset.train, file.masks, &background, LEVELS);
         if levels[0].pixel_count() == 0 {
             let expected = "a sphere that the cameras see (option --bounds)";
             return Err(InputError::new(
@@ -137,6 +146,8 @@ impl Fit {
             estimator,
             folder: folder.to_owned(),
             levels,
+            background,
+            colors,
             adam,
             parameters,
             seconds: 0.0,
@@ -251,22 +262,35 @@ impl Fit {
         let (pixels, pixel_count) = self.draw(level);
         let confidence = self.file.uniform_confidence();
         let counted = Counted::new(&self.model.field);
-        let cameras = &self.levels[level].cameras;
+        let scene = scene(&self.model, &self.file, &self.levels[level].cameras);
+        let seed = Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits();
+        let behind = (self.file.masks == MaskUse::Coverage).then(|| self.random_colors(seed));
+        let colors = behind.as_ref().or(self.colors.as_ref());
+        let background = colors.map_or(scene.background, |colors| colors);
         let batch = Batch {
-            scene: Scene { field: &counted, ..scene(&self.model, &self.file, cameras) },
+            scene: Scene { field: &counted, background, ..scene },
             level: &self.levels[level],
             pixels: &pixels,
             pixel_count,
-            background: self.file.background_model(),
-            weights: weights(self.progress(), options, confidence),
+            background: &self.background,
+            behind: behind.as_ref().map_or(&[], |colors| &colors.0),
+            weights: weights(self.progress(), options, self.file.masks, confidence),
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),
             sharpness: sharpness(self.progress(), self.file.background_kind),
-            seed: Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits(),
+            seed,
         };
         let (gradient, stats) = gradient(&batch)?;
         Ok((gradient, stats, counted.evaluations()))
+    }
+
+    /// A random colour for each view, uniform in display space.
+    fn random_colors(&self, seed: u64) -> BackgroundPerCamera<f32> {
+        let stream = Stream::new(seed, Purpose::BackgroundColor);
+        let channel = |view: u64, c: u64| srgb_decode(stream.at(view).at(c).unit() as f32);
+        let color = |view| Vec3::from([0, 1, 2].map(|c| channel(view, c)));
+        BackgroundPerCamera((0..self.dataset.train.len() as u64).map(color).collect())
     }
 
     /// Clips a gradient to the multiple of the running mean of its norm that the options give,
@@ -344,12 +368,10 @@ impl Fit {
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
         let cameras = [view.camera];
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
-        let image = write_preview(
-            &path,
-            &Solid::new(&self.model, &self.file).scene(&cameras),
-            0,
-            &view.image,
-        )?;
+        let solid = Solid::new(&self.model, &self.file);
+        let colors = self.file.background_of(std::slice::from_ref(view));
+        let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
+        let image = write_preview(&path, &scene, 0, &view.image)?;
         self.held_out_psnr = held_out.map(|view| psnr(&image, &view.image));
         Ok(())
     }

@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::Background;
+use dataset::{BackgroundEstimate, Dataset, View, check_cameras, surroundings};
 use field::Sphere;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
+use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
 use crate::background::BackgroundModel;
+use crate::masks::{MaskUse, put_over_black};
 use crate::model_background::BackgroundKind;
 use crate::options::{Check, FitOptions};
 
@@ -20,6 +22,8 @@ pub struct RunFile {
     pub dataset: PathBuf,
     /// The centre x, y, z and the radius of the bounding sphere, in the units of the data set.
     pub bounds: [f64; 4],
+    /// The use of the masks.
+    pub masks: MaskUse,
     /// The model for the background.
     pub background_kind: BackgroundKind,
     /// The radiance of a uniform background, estimated from the photographs, linear RGB.
@@ -33,6 +37,44 @@ pub struct RunFile {
 }
 
 impl RunFile {
+    /// The input of a new run on the data set at `path`: its bounding sphere, the use of its masks
+    /// and the model for its background.
+    ///
+    /// The options are not checked here; see [`FitOptions::validate`].
+    ///
+    /// # Errors
+    /// If a camera does not suit the bounding sphere, or if masks must be used and are missing.
+    pub fn of_dataset(
+        path: PathBuf,
+        dataset: &Dataset,
+        options: &FitOptions,
+    ) -> Result<Self, InputError> {
+        let mut found = surroundings(dataset, options.bounds(), false);
+        let masks = options.masks.resolve(dataset, found.is_uniform(), Path::new("arguments"))?;
+        let mut background_kind = options.background.resolve(&found);
+        if masks == MaskUse::Coverage {
+            found = surroundings(dataset, options.bounds(), true);
+            found.background = BackgroundEstimate::NOTHING;
+            background_kind = BackgroundKind::Constant;
+        }
+        check_cameras(dataset, &found.sphere)?;
+        let Sphere { center, radius } = found.sphere;
+        let BackgroundEstimate { color, spread, confidence } = found.background;
+        Ok(RunFile {
+            dataset: path,
+            bounds: [center.x, center.y, center.z, radius],
+            masks,
+            background_kind,
+            background: color,
+            background_spread: spread,
+            background_confidence: match background_kind {
+                BackgroundKind::PerView => found.confidence_of_views(),
+                _ => confidence,
+            },
+            options: options.clone(),
+        })
+    }
+
     /// The point that a run's cameras, model and mesh are relative to, in the units of the data
     /// set: see [`Sphere::precise_origin`].
     pub fn origin(&self) -> DVec3 {
@@ -53,30 +95,51 @@ impl RunFile {
     /// The confidence in a uniform background: 0 for a run that trains another one.
     pub(crate) fn uniform_confidence(&self) -> f64 {
         match self.background_kind {
-            BackgroundKind::Constant => f64::from(self.background_confidence),
+            BackgroundKind::Constant | BackgroundKind::PerView => {
+                f64::from(self.background_confidence)
+            }
             BackgroundKind::Direction | BackgroundKind::Volume => 0.0,
         }
     }
 
-    /// The estimated uniform background.
-    pub fn background(&self) -> Background {
-        Background {
-            color: self.background,
-            spread: self.background_spread,
-            confidence: self.background_confidence,
+    /// The data set as the run sees it: relative to [`origin`](Self::origin), and over black if
+    /// the run uses the coverage of the object.
+    #[must_use]
+    pub fn prepare(&self, dataset: Dataset) -> Dataset {
+        let mut dataset = dataset.about(self.origin());
+        if self.masks == MaskUse::Coverage {
+            put_over_black(&mut dataset.train);
+            put_over_black(&mut dataset.test);
         }
+        dataset
     }
 
-    /// The model that tells background pixels from pixels of the object.
-    pub(crate) fn background_model(&self) -> BackgroundModel {
+    /// The estimated uniform background: one of all views, or one of each.
+    fn estimates(&self, views: &[View]) -> Vec<BackgroundEstimate> {
+        if self.background_kind == BackgroundKind::PerView {
+            let sphere = self.sphere();
+            let of_view = |view| BackgroundEstimate::estimate(std::slice::from_ref(view), &sphere);
+            return views.iter().map(of_view).collect();
+        }
+        vec![BackgroundEstimate {
+            color: self.background,
+            spread: self.background_spread,
+            confidence: self.uniform_confidence() as f32,
+        }]
+    }
+
+    /// The background of each of these views, if the photographs have colours of their own.
+    pub fn background_of(&self, views: &[View]) -> Option<BackgroundPerCamera<f32>> {
+        let colors = || self.estimates(views).iter().map(|b| Vec3::from(b.color)).collect();
+        (self.background_kind == BackgroundKind::PerView).then(|| BackgroundPerCamera(colors()))
+    }
+
+    /// The model that tells background pixels of these views from pixels of the object.
+    pub(crate) fn background_model(&self, views: &[View]) -> BackgroundModel {
         BackgroundModel {
             bounds: self.sphere(),
-            background: Background {
-                confidence: self.uniform_confidence() as f32,
-                ..self.background()
-            },
-            is_trained: self.background_kind != BackgroundKind::Constant,
-            use_masks: self.options.use_masks,
+            estimates: self.estimates(views),
+            is_trained: self.background_kind.is_trained(),
         }
     }
 
@@ -111,7 +174,8 @@ impl RunFile {
     }
 
     fn refuse_out_of_range(&self, path: &Path) -> Result<(), InputError> {
-        let Background { color, spread, confidence } = self.background();
+        let (color, spread) = (self.background, self.background_spread);
+        let confidence = self.background_confidence;
         let sphere = self.world_sphere();
         let positive =
             sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;

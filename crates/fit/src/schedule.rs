@@ -2,6 +2,7 @@
 
 use optim::Schedule;
 
+use crate::masks::MaskUse;
 use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 
@@ -86,7 +87,7 @@ const SHARPNESS: [f64; 2] = [16.0, 200.0];
 /// background it is sharp from the start.
 pub(crate) fn sharpness(progress: f64, background: BackgroundKind) -> Option<f32> {
     let [from, to] = SHARPNESS;
-    let soft = background != BackgroundKind::Constant && progress < SOFT;
+    let soft = background.is_trained() && progress < SOFT;
     soft.then(|| (from * (to / from).powf(progress / SOFT)) as f32)
 }
 
@@ -103,10 +104,15 @@ pub(crate) struct Weights {
 
 /// The weights of the terms of the loss, for a uniform background of this confidence (0 to 1).
 ///
-/// With masks, the trust is 1 for the whole fit.
-pub(crate) fn weights(progress: f64, options: &FitOptions, confidence: f64) -> Weights {
+/// With the coverage of masks, the trust is 1 for the whole fit.
+pub(crate) fn weights(
+    progress: f64,
+    options: &FitOptions,
+    masks: MaskUse,
+    confidence: f64,
+) -> Weights {
     let fade = ((TRUST[1] - progress) / (TRUST[1] - TRUST[0])).clamp(LAST_TRUST, 1.0);
-    let trust = if options.use_masks { 1.0 } else { confidence * fade };
+    let trust = if masks == MaskUse::Coverage { 1.0 } else { confidence * fade };
     Weights {
         eikonal: options.eikonal as f32,
         background: (options.background_weight * trust) as f32,

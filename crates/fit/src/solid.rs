@@ -1,7 +1,7 @@
 //! The solid of a run: its model in its bounding sphere, as pictures and meshes show it.
 
 use field::{Clipped, Field, Sphere, may_reach};
-use render::{Camera, Scene};
+use render::{BackgroundPerCamera, Camera, Scene};
 
 use crate::model::Model;
 use crate::run::SLOPE_POINTS;
@@ -34,7 +34,18 @@ impl<'a> Solid<'a> {
 
     /// The solid in front of its background.
     pub fn scene<'b>(&'b self, cameras: &'b [Camera]) -> Scene<'b, f32> {
-        let background = self.model.background.as_background();
+        self.scene_in_front_of(None, cameras)
+    }
+
+    /// The solid in front of these colours of the cameras ([`RunFile::background_of`]), or else of
+    /// its background.
+    pub fn scene_in_front_of<'b>(
+        &'b self,
+        colors: Option<&'b BackgroundPerCamera<f32>>,
+        cameras: &'b [Camera],
+    ) -> Scene<'b, f32> {
+        let own = self.model.background.as_background();
+        let background = colors.map_or(own, |colors| colors);
         Scene::new(&*self.field, &self.model.head, cameras, &self.bounds, background)
             .with_slope_of_field(SLOPE_POINTS)
     }
@@ -46,6 +57,7 @@ mod tests {
     use render::render;
 
     use super::*;
+    use crate::masks::MaskUse;
     use crate::model_background::BackgroundKind;
     use crate::options::FitOptions;
 
@@ -67,6 +79,7 @@ mod tests {
         let file = RunFile {
             dataset: "data".into(),
             bounds: [0.0, 0.0, 0.0, 1.0],
+            masks: MaskUse::None,
             background_kind: BackgroundKind::Constant,
             background: [0.0; 3],
             background_spread: 0.05,

@@ -135,9 +135,9 @@ fn read_scene(folder: &Path) -> anyhow::Result<()> {
 
 fn read_dataset(folder: &Path) -> anyhow::Result<()> {
     let dataset = dataset::load(folder, &LoadOptions::default())?;
-    let (bounds, background) = dataset::surroundings(&dataset, None);
-    dataset::check_cameras(&dataset, &bounds)?;
-    dataset::inspect::inspect(&dataset, &bounds, &background, "estimate");
+    let found = dataset::surroundings(&dataset, None, true);
+    dataset::check_cameras(&dataset, &found.sphere)?;
+    dataset::inspect::inspect(&dataset, &found.sphere, &found.background, "estimate");
     Ok(())
 }
 

@@ -25,10 +25,23 @@ pub(crate) fn assert_same_size(a: &Film, b: &Film) {
 /// # Panics
 /// If the images differ in size.
 pub fn psnr(a: &Film, b: &Film) -> f64 {
+    psnr_where(a, b, std::iter::repeat(true))
+}
+
+/// [`psnr`] over the pixels that `used` flags, row-major.
+///
+/// # Panics
+/// If the images differ in size.
+pub fn psnr_where(a: &Film, b: &Film, used: impl IntoIterator<Item = bool>) -> f64 {
     assert_same_size(a, b);
     let (a, b) = (display_values(a), display_values(b));
-    let squares = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-    let mean = squares / a.len().max(1) as f64;
+    let (mut squares, mut count) = (0.0, 0);
+    let pixels = a.chunks_exact(3).zip(b.chunks_exact(3)).zip(used);
+    for ((a, b), _) in pixels.filter(|(_, used)| *used) {
+        squares += a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        count += 3;
+    }
+    let mean = squares / f64::from(count.max(1));
     // Not `f64::min`: it would return the cap for a NaN.
     if mean < 10f64.powf(-0.1 * PSNR_CAP) { PSNR_CAP } else { -10.0 * mean.log10() }
 }

@@ -1,7 +1,7 @@
 use approx::assert_relative_eq;
 use film::{Film, srgb_decode};
 
-use crate::{mask_iou, psnr, ssim};
+use crate::{mask_iou, psnr, psnr_where, ssim};
 
 /// 24 × 20 pixels whose display values are `f(column, row, channel)`.
 fn film(f: impl Fn(f64, f64, f64) -> f64) -> Film {
@@ -62,4 +62,11 @@ fn small_images_have_no_ssim_and_empty_masks_agree() {
     assert!(ssim(&small, &small).is_nan());
     assert_eq!(mask_iou(&[0.0; 3], &[0.4; 3]), 1.0);
     assert_eq!(mask_iou(&[1.0, 0.5, 0.0, 0.0], &[1.0, 0.0, 0.7, 0.0]), 1.0 / 3.0);
+}
+
+#[test]
+fn pixels_that_are_left_out_do_not_count() {
+    let (a, b) = (film(|_, _, _| 0.5), film(|x, _, _| if x < 6.0 { 0.9 } else { 0.6 }));
+    assert_relative_eq!(psnr_where(&a, &b, (0..480).map(|i| i % 24 >= 6)), 20.0, epsilon = 1e-4);
+    assert!(psnr(&a, &b) < 20.0);
 }

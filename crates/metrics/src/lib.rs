@@ -8,7 +8,7 @@ mod sample;
 mod ssim;
 mod surface;
 
-pub use image::{mask_iou, psnr};
+pub use image::{mask_iou, psnr, psnr_where};
 pub use sample::{SurfacePoint, sample_surface};
 pub use ssim::ssim;
 pub use surface::{Comparison, compare, compare_to_field};

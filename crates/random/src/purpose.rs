@@ -56,13 +56,15 @@ pub enum Purpose {
     InitialBackground,
     /// The points of a ray whose opacity is summed.
     RayPoints,
+    /// The colour behind the object of a view.
+    BackgroundColor,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 25] = [
+    pub const ALL: [Purpose; 26] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -88,6 +90,7 @@ impl Purpose {
         Purpose::SurfacePoints,
         Purpose::InitialBackground,
         Purpose::RayPoints,
+        Purpose::BackgroundColor,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -118,6 +121,7 @@ impl Purpose {
             Purpose::InitialRadiance => 22,
             Purpose::InitialBackground => 24,
             Purpose::RayPoints => 25,
+            Purpose::BackgroundColor => 26,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

@@ -74,3 +74,29 @@ impl<R: Real> Background<R> for UniformBackground<R> {
         }
     }
 }
+
+/// One radiance for each camera of the scene, by its number. The parameters are red, green and blue
+/// of each camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackgroundPerCamera<R: Real>(pub Vec<R::Vec3>);
+
+impl<R: Real> Background<R> for BackgroundPerCamera<R> {
+    fn parameter_count(&self) -> usize {
+        3 * self.0.len()
+    }
+
+    fn radiance(&self, rays: &[BackgroundRay<R>], rgb: &mut [R::Vec3]) {
+        rays.iter().zip(rgb).for_each(|(ray, rgb)| *rgb = self.0[ray.camera]);
+    }
+
+    fn direction_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], direction: &mut [R::Vec3]) {
+        direction.fill(R::Vec3::zero());
+    }
+
+    fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
+        for (ray, adjoint) in rays.iter().zip(adjoint) {
+            let own = &mut parameters[3 * ray.camera..][..3];
+            own.iter_mut().zip(adjoint.to_array()).for_each(|(sum, adjoint)| *sum += adjoint);
+        }
+    }
+}

@@ -10,7 +10,7 @@ mod scene;
 mod shader;
 mod slope;
 
-pub use background::{Background, BackgroundRay, UniformBackground};
+pub use background::{Background, BackgroundPerCamera, BackgroundRay, UniformBackground};
 pub use camera::Camera;
 pub use image::{Render, render};
 pub use invalid::InvalidField;

@@ -18,7 +18,7 @@ gamma = [3.0, 6.0]
 top_k = [4, 7, 9]
 [fixed]
 estimator = "paper"
-use_masks = true
+masks = "use"
 [[data]]
 name = "a"
 scene = "a.json"
@@ -33,7 +33,7 @@ fn cells_are_all_combinations_for_every_seed() {
     let flags = sweep.flags(&cells[11]).join(" ");
     assert_eq!(
         flags,
-        "--estimator=paper --use-masks --gamma=6.0 --top-k=9 --seed=2 --iterations=5"
+        "--estimator=paper --masks=use --gamma=6.0 --top-k=9 --seed=2 --iterations=5"
     );
     assert_eq!(sweep.axes(), ("gamma".to_owned(), Some("top_k".to_owned())));
     let mut names: Vec<&String> = cells.iter().map(|c| &c.name).collect();
@@ -51,7 +51,7 @@ fn a_value_of_settings_stands_for_options() {
     assert_eq!(cells.len(), 12);
     assert_eq!(cells[1].name, "a.top_k=4.weights=sharp.seed=1");
     let flags = |cell| sweep.flags(cell).join(" ");
-    let fixed = "--estimator=paper --use-masks --top-k=4";
+    let fixed = "--estimator=paper --masks=use --top-k=4";
     assert_eq!(flags(&cells[0]), format!("{fixed} --seed=1 --iterations=5"));
     assert_eq!(flags(&cells[1]), format!("{fixed} --clip=inf --gamma=6.0 --seed=1 --iterations=5"));
     assert_eq!(sweep.setting(&cells[0], "gamma"), None);

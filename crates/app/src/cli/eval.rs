@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::common::{Global, bar_mover};
 use super::mesh::mesh_of_run;
-use dataset::{LoadOptions, View};
-use fit::{Model, RunFile, Solid};
+use dataset::{LoadOptions, Mask, View};
+use fit::{MaskUse, Model, RunFile, Solid};
 use mesh::read_mesh;
-use metrics::{compare, mask_iou, psnr, ssim};
+use metrics::{compare, mask_iou, psnr, psnr_where, ssim};
 use render::render;
 
 /// Arguments of `dsdf eval`.
@@ -64,7 +64,7 @@ impl Eval {
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
         let options = LoadOptions { downscale: file.options.downscale };
-        let dataset = dataset::load(path, &options)?.about(file.origin());
+        let dataset = file.prepare(dataset::load(path, &options)?);
         let bar = global.progress("eval");
         let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar_mover(&bar))?;
         if let Some(truth) = truth {
@@ -95,7 +95,8 @@ pub(super) fn compare_views(
 ) -> anyhow::Result<EvalReport> {
     let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
     let solid = Solid::new(model, file);
-    let scene = solid.scene(&cameras);
+    let colors = file.background_of(views);
+    let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
     let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
     let mut is_empty = !views.is_empty();
     for (i, view) in views.iter().enumerate() {
@@ -103,9 +104,13 @@ pub(super) fn compare_views(
             progress((i as f64 + p) / views.len() as f64)
         })?;
         is_empty &= image.coverage.iter().all(|coverage| *coverage == 0.0);
-        psnrs.push(psnr(&image.film, &view.image));
+        let used = view.mask.as_ref().and_then(Mask::used);
+        psnrs.push(match used.filter(|_| file.masks == MaskUse::LeaveOut) {
+            Some(used) => psnr_where(&image.film, &view.image, used),
+            None => psnr(&image.film, &view.image),
+        });
         ssims.push(ssim(&image.film, &view.image));
-        ious.extend(view.mask.as_ref().map(|mask| mask_iou(&image.coverage, mask)));
+        ious.extend(view.coverage().map(|mask| mask_iou(&image.coverage, mask)));
     }
     Ok(EvalReport {
         psnr: mean(&psnrs),

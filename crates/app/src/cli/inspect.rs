@@ -51,21 +51,19 @@ impl Inspect {
         let of_run = run.as_ref().map_or(1, |file| file.options.downscale);
         let options = LoadOptions { downscale: self.downscale.unwrap_or(of_run) };
         let dataset = dataset::load(path, &options)?;
-        let source = match (self.bounds, &run, dataset.bounds) {
-            (Some(_), _, _) => "as asked",
-            (None, Some(_), _) => "from the run",
-            (None, None, Some(_)) => "from the data set",
-            (None, None, None) => "estimated from cameras and background",
-        };
         let given = self.bounds.or(run.as_ref().map(|file| file.bounds));
         let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
-        let (bounds, background) = dataset::surroundings(&dataset, given);
-        write_image(&self.output, &overlay(&dataset, &bounds))?;
+        let found = dataset::surroundings(&dataset, given, false);
+        let source = match (self.bounds, &run) {
+            (None, Some(_)) => "from the run".to_owned(),
+            _ => found.source.to_string(),
+        };
+        write_image(&self.output, &overlay(&dataset, &found.sphere))?;
         let slope = match &run {
             Some(file) => Some(slope_of(&Model::load(&self.dataset, file)?.field)),
             None => None,
         };
-        let dataset = inspect(&dataset, &bounds, &background, source);
+        let dataset = inspect(&dataset, &found.sphere, &found.background, &source);
         let report = InspectReport { dataset, slope };
         global.report(&report, || {
             let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));

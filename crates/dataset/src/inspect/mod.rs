@@ -11,7 +11,7 @@ use serde::Serialize;
 
 pub use overlay::overlay;
 
-use crate::{Background, Dataset, View, looks_away};
+use crate::{BackgroundEstimate, Dataset, View, looks_away};
 
 /// A report on a data set; lengths in its own units.
 #[derive(Clone, Debug, Serialize)]
@@ -81,7 +81,7 @@ const COVERAGE_RAYS: u32 = 64;
 pub fn inspect(
     dataset: &Dataset,
     bounds: &Sphere<f64>,
-    background: &Background,
+    background: &BackgroundEstimate,
     bounds_from: &str,
 ) -> Report {
     let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();

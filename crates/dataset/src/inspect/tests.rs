@@ -37,7 +37,7 @@ fn dataset() -> Dataset {
 }
 
 fn report(dataset: &Dataset) -> Report {
-    let background = Background { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 0.7 };
+    let background = BackgroundEstimate { color: [0.1, 0.2, 0.3], spread: 0.01, confidence: 0.7 };
     inspect(dataset, &BOUNDS, &background, "as asked")
 }
 

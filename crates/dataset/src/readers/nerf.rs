@@ -11,6 +11,7 @@ use glam::{DMat4, DVec2};
 use serde_json::Value;
 
 use super::{Recognised, Result};
+use crate::MaskKind;
 use crate::lens::Lens;
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
@@ -218,12 +219,14 @@ impl Frame<'_> {
         Ok(DMat4::from_cols_array_2d(&[r[0], r[1], r[2], [0.0, 0.0, 0.0, 1.0]]).transpose())
     }
 
-    /// The mask file: `mask_path`, or else the file of the same name in `masks/`, if there is one.
-    fn mask(&self, folder: &Path, name: &str) -> Result<Option<PathBuf>> {
+    /// The mask file. `mask_path` is nerfstudio's key, and tells which pixels to use. A file of the
+    /// same name in `masks/` is a mask of the object.
+    fn mask(&self, folder: &Path, name: &str) -> Result<Option<(MaskKind, PathBuf)>> {
         match &self.frame["mask_path"] {
-            Value::Null => Ok(sibling_mask(folder, name)),
+            Value::Null => Ok(sibling_mask(folder, name).map(|mask| (MaskKind::Object, mask))),
             Value::String(mask) => {
-                Ok(Some(image_path(folder, mask).unwrap_or_else(|| folder.join(mask))))
+                let file = image_path(folder, mask).unwrap_or_else(|| folder.join(mask));
+                Ok(Some((MaskKind::Used, file)))
             }
             _ => Err(self.error("mask_path", "a file's name")),
         }

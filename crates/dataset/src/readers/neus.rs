@@ -16,6 +16,7 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::{Recognised, Result};
+use crate::MaskKind;
 use crate::projection::decompose;
 use crate::unread::UnreadView;
 use io::InputError;
@@ -45,7 +46,7 @@ pub(super) fn read(folder: &Path) -> Result<Recognised> {
             InputError::new(&archive.file, format!("world_mat_{i}"), "a singular matrix", expected)
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mask = mask_of(path, i, images.len(), &masks);
+        let mask = mask_of(path, i, images.len(), &masks).map(|mask| (MaskKind::Object, mask));
         let size_source = "the image".to_owned();
         train.push(UnreadView { name, path: path.clone(), mask, camera, lens, size_source });
     }

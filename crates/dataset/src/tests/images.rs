@@ -40,7 +40,10 @@ fn masks_come_from_alpha_a_key_or_the_masks_folder() {
     write_json(&path, &root);
     let dataset = load(&path, &LoadOptions::default()).unwrap();
     let views = in_order(&dataset);
-    let masks: Vec<&Vec<f32>> = views.iter().map(|v| v.mask.as_ref().unwrap()).collect();
+    let masks: Vec<&Mask> = views.iter().map(|v| v.mask.as_ref().unwrap()).collect();
+    let kinds = [MaskKind::Alpha, MaskKind::Used, MaskKind::Object];
+    assert!(masks.iter().map(|mask| mask.kind).eq(kinds));
+    let masks: Vec<&Vec<f32>> = masks.iter().map(|mask| &mask.values).collect();
     assert_eq!((masks[0][0], masks[0][2 * WIDTH as usize + 3]), (0.0, 1.0));
     assert_eq!((views[0].image.at(0, 0), views[0].image.at(3, 2)), ([0.0; 3], [1.0; 3]));
     assert_relative_eq!(masks[1][7], 128.0 / 255.0, epsilon = 1e-5);

@@ -63,7 +63,7 @@ fn cameras_and_sphere_are_read_in_world_units() {
     assert_relative_eq!(bounds.radius, 0.7, epsilon = 1e-12);
     for (view, camera) in in_order(&dataset).into_iter().zip(&all) {
         assert_same_camera(&view.camera, camera, 1e-9);
-        let mask = view.mask.as_ref().unwrap();
+        let mask = view.coverage().unwrap();
         let film = photograph(camera);
         let covered = film.pixels.iter().map(|p| f32::from(u8::from(*p != BACKGROUND)));
         assert!(mask.iter().zip(covered).all(|(m, c)| (m - c).abs() < 1e-5));

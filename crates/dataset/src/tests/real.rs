@@ -18,9 +18,9 @@ fn shared(name: &str) -> Option<PathBuf> {
 }
 
 /// A data set with its estimated sphere and background; its cameras are checked.
-fn estimated(name: &str) -> Option<(Dataset, Sphere<f64>, Background)> {
+fn estimated(name: &str) -> Option<(Dataset, Sphere<f64>, BackgroundEstimate)> {
     let dataset = load(&shared(name)?, &LoadOptions::default()).unwrap();
-    let (bounds, background) = surroundings(&dataset, None);
+    let Surroundings { sphere: bounds, background, .. } = surroundings(&dataset, None, false);
     eprintln!("{name}: {bounds:?} {background:?}");
     check_cameras(&dataset, &bounds).unwrap();
     Some((dataset, bounds, background))

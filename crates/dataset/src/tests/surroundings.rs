@@ -36,7 +36,7 @@ fn the_estimated_sphere_contains_the_ball() {
     let folder = tempfile::tempdir().unwrap();
     write_nerf(folder.path(), "transforms.json", &cameras(12));
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    let (bounds, background) = surroundings(&dataset, None);
+    let Surroundings { sphere: bounds, background, .. } = surroundings(&dataset, None, false);
     let off = (bounds.center - ball().center).length();
     assert!(
         off + ball().radius < bounds.radius && bounds.radius < 1.35 * ball().radius,
@@ -47,5 +47,60 @@ fn the_estimated_sphere_contains_the_ball() {
         assert_relative_eq!(found, expected, epsilon = 0.005);
     }
     // A given sphere is used unchanged.
-    assert_eq!(surroundings(&dataset, Some(ball())).0, ball());
+    assert_eq!(surroundings(&dataset, Some(ball()), false).sphere, ball());
+}
+
+/// The data set of [`write_nerf`] with the photographs changed by `paint`, which gets the view's
+/// number and whether the pixel shows the ball.
+fn painted(paint: impl Fn(usize, bool, &mut [f32; 3])) -> Dataset {
+    let folder = tempfile::tempdir().unwrap();
+    write_nerf(folder.path(), "transforms.json", &cameras(12));
+    let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    for (number, view) in dataset.train.iter_mut().enumerate() {
+        let empty = view.image.at(0, 0);
+        view.image.pixels.iter_mut().for_each(|p| paint(number, *p != empty, p));
+    }
+    dataset
+}
+
+fn holds_the_ball(sphere: &Sphere<f64>) -> bool {
+    let off = (sphere.center - ball().center).length();
+    off + ball().radius < sphere.radius && sphere.radius < 1.35 * ball().radius
+}
+
+#[test]
+fn uniform_backgrounds_of_different_colours_give_the_sphere() {
+    let dataset = painted(|number, is_ball, p| {
+        if !is_ball {
+            *p = [0.02; 3];
+            p[number % 3] = 0.7;
+        }
+    });
+    let found = surroundings(&dataset, None, false);
+    assert!(found.background.confidence < UNIFORM && found.confidence_of_views() > 0.9);
+    assert_eq!(found.source, SphereSource::Outlines);
+    assert!(holds_the_ball(&found.sphere), "{:?}", found.sphere);
+}
+
+#[test]
+fn clutter_gives_the_sphere_of_the_masks_or_of_the_cameras() {
+    let hash = |number: usize, p: &[f32; 3]| (p[0] * 1e4) as usize * 31 + number * 17;
+    let mut dataset = painted(|_, _, _| {});
+    for (number, view) in dataset.train.iter_mut().enumerate() {
+        let empty = view.image.at(0, 0);
+        let values = view.image.pixels.iter().map(|p| f32::from(u8::from(*p != empty))).collect();
+        view.mask = Some(Mask { kind: MaskKind::Object, values });
+        for (i, p) in view.image.pixels.iter_mut().enumerate() {
+            *p = [7, 11, 5].map(|n| ((i + hash(number, p)) % n) as f32 / n as f32);
+        }
+    }
+    let found = surroundings(&dataset, None, true);
+    assert_eq!(found.source, SphereSource::Masks);
+    assert!(holds_the_ball(&found.sphere), "{:?}", found.sphere);
+    assert_eq!(surroundings(&dataset, None, false).source, SphereSource::Cameras);
+    // Masks of pixels to leave out say nothing about the object.
+    for view in &mut dataset.train {
+        view.mask.as_mut().unwrap().kind = MaskKind::Used;
+    }
+    assert_eq!(surroundings(&dataset, None, true).source, SphereSource::Cameras);
 }

@@ -8,7 +8,7 @@ use render::{Sample, Scene};
 
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric, squared_error};
-use crate::pyramid::{Level, Photograph, Pixel};
+use crate::pyramid::{Level, Pixel};
 use crate::schedule::Weights;
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
@@ -23,7 +23,9 @@ pub(crate) struct Batch<'a> {
     /// the mean would be a ratio of two random numbers, which is biased.
     pub(crate) pixel_count: f32,
     /// The model for the probability that a pixel shows the background.
-    pub(crate) background: BackgroundModel,
+    pub(crate) background: &'a BackgroundModel,
+    /// The radiance behind the object in each view, if the photographs are over black; else empty.
+    pub(crate) behind: &'a [Vec3],
     /// The weights of the terms.
     pub(crate) weights: Weights,
     /// The estimator of pixels that a silhouette may cross.
@@ -106,11 +108,11 @@ impl<'a> Chunk<'a> {
 
     /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
     pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
-        let target = Target::of(
-            &self.batch.level.photographs[p.view as usize].image,
-            p.x.into(),
-            p.y.into(),
-        );
+        let view = p.view as usize;
+        let photograph = &self.batch.level.photographs[view];
+        let behind = self.batch.behind.get(view).copied().unwrap_or_default();
+        let seen = |x, y| photograph.over(behind, x, y);
+        let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
         let (loss, adjoint) = photometric(radiance, &target);
         let count = f64::from(p.count);
         self.stats.photometric += f64::from(loss) * count;
@@ -120,8 +122,8 @@ impl<'a> Chunk<'a> {
 
     /// The probability that a pixel shows the background.
     pub(super) fn background_probability(&self, p: Pixel) -> f32 {
-        let (level, view) = (&self.batch.level, p.view as usize);
-        let Photograph { image, mask } = &level.photographs[view];
-        self.batch.background.probability(image, mask.as_ref(), p.x.into(), p.y.into())
+        let view = p.view as usize;
+        let photograph = &self.batch.level.photographs[view];
+        self.batch.background.probability(view, photograph, p.x.into(), p.y.into())
     }
 }

@@ -3,13 +3,14 @@
 use super::*;
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric};
+use crate::masks::MaskUse;
 use crate::model::Model;
 use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::Weights;
-use dataset::{Background, View};
+use dataset::{BackgroundEstimate, View};
 use estimate::record::Pass;
 use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
@@ -40,6 +41,7 @@ fn model(radius: f64, width: usize) -> Model {
     let mut model = Model::initial(&RunFile {
         dataset: PathBuf::new(),
         bounds: [0.0, 0.0, 0.0, BOUNDS.radius],
+        masks: MaskUse::None,
         background_kind: BackgroundKind::Constant,
         background: BACKGROUND.0.to_array(),
         background_spread: 0.01,
@@ -58,13 +60,18 @@ fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
     Scene::new(&model.field, &model.head, cameras, &BOUNDS, &BACKGROUND)
 }
 
+/// The target of a pixel of an image.
+fn target_at(image: &Film, x: u32, y: u32) -> Target {
+    Target::of([image.width, image.height], |x, y| image.at(x, y), x, y)
+}
+
 /// The mean photometric loss of the box-filtered image.
 fn loss(model: &Model, target: &Film) -> f64 {
     let cameras = [camera()];
     let film = render(&scene(model, &cameras), 0, 1024, 3, &|_| {}).unwrap().film;
     let pixels = (0..SIZE * SIZE).map(|i| (i % SIZE, i / SIZE));
     let each =
-        pixels.map(|(x, y)| f64::from(photometric(film.at(x, y), &Target::of(target, x, y)).0));
+        pixels.map(|(x, y)| f64::from(photometric(film.at(x, y), &target_at(target, x, y)).0));
     each.sum::<f64>() / film.pixels.len() as f64
 }
 
@@ -77,8 +84,8 @@ fn target() -> Film {
 }
 
 fn background_model() -> BackgroundModel {
-    let background = Background { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
-    BackgroundModel { bounds: BOUNDS, background, is_trained: false, use_masks: false }
+    let estimate = BackgroundEstimate { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
+    BackgroundModel { bounds: BOUNDS, estimates: vec![estimate], is_trained: false }
 }
 
 /// The mean over seeds of the photometric gradient of a model.
@@ -98,7 +105,8 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             level,
             pixels: &pixels,
             pixel_count: level.count_of(draws, 4) as f32,
-            background: background_model(),
+            background: &background_model(),
+            behind: &[],
             weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },
@@ -125,7 +133,7 @@ fn error(estimator: &dyn Estimator<f32>) -> f64 {
         image: target.clone(),
         mask: None,
     };
-    let levels = pyramid(&[view], &background_model(), 1);
+    let levels = pyramid(&[view], MaskUse::None, &background_model(), 1);
     let mean = mean_gradient(&model, &levels[0], estimator);
     let fields = model.field.parameters().len();
     let (mut error, mut square) = (0.0, 0.0);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fit::{BackgroundKind, FitOptions, Model, RunFile};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -40,6 +40,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
     RunFile {
         dataset: "data".into(),
         bounds: [0.0, 0.0, 0.0, 1.0],
+        masks: MaskUse::None,
         background_kind: BackgroundKind::Constant,
         background: [0.0; 3],
         background_spread: 0.05,

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::common::Global;
 use crate::error::Interrupted;
 use dataset::Dataset;
-use fit::{BackgroundKind, Fit as Fitting, Metrics, RunFile};
+use fit::{BackgroundKind, Fit as Fitting, MaskUse, Metrics, RunFile};
 use metrics_file::MetricsFile;
 
 pub(crate) use options::Fit;
@@ -78,7 +78,11 @@ impl Fit {
 /// The model for the background, and its reason, in one line.
 fn background_text(file: &RunFile) -> String {
     let model = match file.background_kind {
+        _ if file.masks == MaskUse::Coverage => {
+            return "background: left out by the masks, which cut the object out".to_owned();
+        }
         BackgroundKind::Constant => "one colour",
+        BackgroundKind::PerView => "one colour for each photograph",
         BackgroundKind::Direction => "an environment by direction, trained",
         BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
     };

@@ -26,7 +26,7 @@ impl Fit {
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
         let options = LoadOptions { downscale: file.options.downscale };
-        Ok((dataset::load(&file.dataset, &options)?.about(file.origin()), file))
+        Ok((file.prepare(dataset::load(&file.dataset, &options)?), file))
     }
 
     /// Refuses an option on the command line that differs from its value in `file`: the resumed run

@@ -34,17 +34,6 @@ pub(in crate::cli) fn new_run(
     options: &FitOptions,
 ) -> anyhow::Result<(Dataset, RunFile)> {
     let dataset = dataset::load(path, &LoadOptions { downscale: options.downscale })?;
-    let (bounds, background) = dataset::surroundings(&dataset, options.bounds());
-    dataset::check_cameras(&dataset, &bounds)?;
-    let center = bounds.center;
-    let file = RunFile {
-        dataset: absolute(path),
-        bounds: [center.x, center.y, center.z, bounds.radius],
-        background_kind: options.background.resolve(background.confidence),
-        background: background.color,
-        background_spread: background.spread,
-        background_confidence: background.confidence,
-        options: options.clone(),
-    };
-    Ok((dataset.about(file.origin()), file))
+    let file = RunFile::of_dataset(absolute(path), &dataset, options)?;
+    Ok((file.prepare(dataset), file))
 }

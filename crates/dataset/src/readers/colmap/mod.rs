@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
 use super::{Recognised, Result};
+use crate::MaskKind;
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -214,11 +215,15 @@ fn pose(file: &Path, image: &ImageRecord) -> Result<DMat4> {
     Ok(camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye))
 }
 
-/// `masks/a.jpg.png` (COLMAP's own naming), `masks/a.png` or `masks/a.jpg` for `images/a.jpg`.
-fn mask_of(image_folder: &Path, name: &str) -> Option<PathBuf> {
+/// The mask of `images/a.jpg`: `masks/a.jpg.png`, COLMAP's own naming, tells which pixels to use;
+/// `masks/a.png` or `masks/a.jpg` is a mask of the object.
+fn mask_of(image_folder: &Path, name: &str) -> Option<(MaskKind, PathBuf)> {
     let masks = image_folder.parent()?.join("masks");
     let stem = Path::new(name).with_extension("png");
-    [masks.join(format!("{name}.png")), masks.join(stem), masks.join(name)]
-        .into_iter()
-        .find(|p| p.is_file())
+    let places = [
+        (MaskKind::Used, masks.join(format!("{name}.png"))),
+        (MaskKind::Object, masks.join(stem)),
+        (MaskKind::Object, masks.join(name)),
+    ];
+    places.into_iter().find(|(_, path)| path.is_file())
 }

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use crate::tests::{
     assert_same_camera, ball, cameras, in_order, photograph, refused, world_to_camera,
 };
-use crate::{LoadOptions, load, surroundings};
+use crate::{LoadOptions, Surroundings, load, surroundings};
 use io::write_image;
 use render::Camera;
 
@@ -155,7 +155,7 @@ fn points_give_the_sphere_if_the_background_is_clutter() {
             *p = [(i % 7) as f32 / 7.0, (i % 11) as f32 / 11.0, (i % 5) as f32 / 5.0]
         });
     }
-    let (bounds, background) = surroundings(&dataset, None);
+    let Surroundings { sphere: bounds, background, .. } = surroundings(&dataset, None, false);
     assert!(background.confidence < 0.3, "{background:?}");
     assert!((bounds.center - ball().center).length() < 0.1, "{bounds:?}");
     assert!((1.0..1.3).contains(&(bounds.radius / ball().radius)), "{bounds:?}");

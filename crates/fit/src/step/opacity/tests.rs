@@ -14,6 +14,7 @@ use render::{BackgroundRay, Camera, Scene};
 use super::*;
 use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric};
+use crate::masks::MaskUse;
 use crate::model::Model;
 use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
@@ -29,6 +30,7 @@ fn run_file() -> RunFile {
     RunFile {
         dataset: PathBuf::new(),
         bounds: [0.0, 0.0, 0.0, 1.0],
+        masks: MaskUse::None,
         background_kind: BackgroundKind::Volume,
         background: [0.0; 3],
         background_spread: 0.01,
@@ -49,11 +51,11 @@ fn level() -> Level {
     let image = Film { width: SIZE, height: SIZE, pixels: (0..SIZE * SIZE).map(value).collect() };
     let view =
         View { name: String::new(), path: PathBuf::new(), camera: camera(), image, mask: None };
-    pyramid(&[view], &background_model(), 1).remove(0)
+    pyramid(&[view], MaskUse::None, &background_model(), 1).remove(0)
 }
 
 fn background_model() -> BackgroundModel {
-    run_file().background_model()
+    run_file().background_model(&[])
 }
 
 fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
@@ -96,7 +98,9 @@ fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 
             }
         }
         sum += seen[0].as_dvec3() * pass;
-        let target = Target::of(&level.photographs[0].image, pixel.x.into(), pixel.y.into());
+        let photograph = &level.photographs[0];
+        let seen = |x, y| photograph.over(Vec3::ZERO, x, y);
+        let target = Target::of(photograph.size(), seen, pixel.x.into(), pixel.y.into());
         total += f64::from(photometric(sum.as_vec3().to_array(), &target).0);
     }
     total / pixels.len() as f64
@@ -113,7 +117,8 @@ fn the_gradient_of_a_soft_surface_matches_differences() {
         level: &level,
         pixels: &pixels,
         pixel_count: pixels.len() as f32,
-        background: background_model(),
+        background: &background_model(),
+        behind: &[],
         weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
         estimator: &Refined,
         counts: SampleCounts { spp: 1, edge_samples: 1 },

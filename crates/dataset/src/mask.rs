@@ -1,0 +1,37 @@
+//! Masks of views, and their meanings.
+
+/// The mask of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    /// The meaning of the numbers.
+    pub kind: MaskKind,
+    /// A number in [0, 1] for each pixel, row-major.
+    pub values: Vec<f32>,
+}
+
+/// The meaning of a mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskKind {
+    /// Coverage by the object, from an alpha channel. The image is over black.
+    Alpha,
+    /// Coverage by the object, from a mask image. The image shows the background too.
+    Object,
+    /// 1 for pixels to use and 0 for pixels to leave out, as the masks of nerfstudio and COLMAP.
+    Used,
+}
+
+/// Pixels of a [`MaskKind::Used`] mask below this are left out.
+const LEAST_USED: f32 = 0.5;
+
+impl Mask {
+    /// The coverage of each pixel by the object; `None` if the mask tells which pixels to use.
+    pub fn coverage(&self) -> Option<&[f32]> {
+        (self.kind != MaskKind::Used).then_some(&self.values[..])
+    }
+
+    /// Whether each pixel is used; `None` if the mask is one of the object.
+    pub fn used(&self) -> Option<impl Iterator<Item = bool> + '_> {
+        let is_used = |value: &f32| *value >= LEAST_USED;
+        (self.kind == MaskKind::Used).then(|| self.values.iter().map(is_used))
+    }
+}

@@ -1,0 +1,167 @@
+//! The use of masks in a fit.
+
+use std::path::Path;
+
+use dataset::{Dataset, Mask, MaskKind, View};
+use io::InputError;
+use serde::{Deserialize, Serialize};
+
+/// The choice of a use for masks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskChoice {
+    /// Use alpha channels, masks of pixels to leave out, and masks of the object if the background
+    /// is not uniform
+    #[default]
+    Auto,
+    /// Use the masks, of whatever kind; masks must be there
+    Use,
+    /// Use no masks; `eval` compares with them
+    Ignore,
+}
+
+/// The use of the masks of a data set in a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskUse {
+    /// No use.
+    None,
+    /// The coverage of the object: it is composited over a colour that changes from iteration to
+    /// iteration, and the model is rendered in front of the same colour.
+    Coverage,
+    /// Pixels are left out.
+    LeaveOut,
+}
+
+/// The least share of the views of which an alpha channel must be transparent somewhere.
+const TRANSPARENT_VIEWS: f64 = 0.5;
+
+/// A pixel of less coverage shows the background rather than the object.
+const HALF: f32 = 0.5;
+
+impl MaskChoice {
+    /// The use of the masks of a data set. `is_uniform` tells whether its photographs have uniform
+    /// backgrounds; `source` is the origin of the choice, for the message of the error.
+    ///
+    /// # Errors
+    /// If masks must be used, and a training view has none.
+    pub fn resolve(
+        self,
+        dataset: &Dataset,
+        is_uniform: bool,
+        source: &Path,
+    ) -> Result<MaskUse, InputError> {
+        let views = &dataset.train;
+        let is_kind = |view: &View, kind| view.mask.as_ref().is_some_and(|m| m.kind == kind);
+        let leave_out = views.iter().any(|view| is_kind(view, MaskKind::Used));
+        let covered = views.iter().filter(|view| view.coverage().is_some()).count();
+        let found = if covered == views.len() {
+            MaskUse::Coverage
+        } else if leave_out {
+            MaskUse::LeaveOut
+        } else {
+            MaskUse::None
+        };
+        let objects = views.iter().any(|view| is_kind(view, MaskKind::Object));
+        match self {
+            MaskChoice::Ignore => Ok(MaskUse::None),
+            MaskChoice::Use if found == MaskUse::None => {
+                let found = format!("use, and masks for {covered} of {} views", views.len());
+                let expected = "a mask or an alpha channel for each view to fit";
+                Err(InputError::new(source, "masks", found, expected))
+            }
+            MaskChoice::Auto if found == MaskUse::Coverage => {
+                let wanted = if objects { !is_uniform } else { is_matte(views) };
+                Ok(if wanted { found } else { MaskUse::None })
+            }
+            MaskChoice::Use | MaskChoice::Auto => Ok(found),
+        }
+    }
+}
+
+/// Whether the alpha channels cut the object out: those of most views are transparent somewhere.
+fn is_matte(views: &[View]) -> bool {
+    let is_cut = |view: &&View| view.coverage().is_some_and(|c| c.iter().any(|c| *c < HALF));
+    views.iter().filter(is_cut).count() as f64 >= TRANSPARENT_VIEWS * views.len() as f64
+}
+
+/// Multiplies each photograph with the coverage of its mask: the object over black, as if it had an
+/// alpha channel.
+pub(crate) fn put_over_black(views: &mut [View]) {
+    for view in views {
+        if let Some(Mask { kind: kind @ MaskKind::Object, values }) = &mut view.mask {
+            for (pixel, coverage) in view.image.pixels.iter_mut().zip(values) {
+                *pixel = pixel.map(|c| c * *coverage);
+            }
+            *kind = MaskKind::Alpha;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use film::Film;
+    use glam::{DVec2, DVec3};
+    use render::Camera;
+
+    use super::*;
+
+    /// Views with the given masks of two pixels.
+    fn dataset(masks: &[Option<(MaskKind, [f32; 2])>]) -> Dataset {
+        let camera = Camera::look_at(2, 1, DVec2::ONE, DVec2::ONE, DVec3::Z, DVec3::ZERO, DVec3::Y);
+        let view = |mask: &Option<(MaskKind, [f32; 2])>| View {
+            name: String::new(),
+            path: "0.png".into(),
+            camera: camera.unwrap(),
+            image: Film { width: 2, height: 1, pixels: vec![[0.4; 3]; 2] },
+            mask: mask.map(|(kind, values)| Mask { kind, values: values.to_vec() }),
+        };
+        Dataset {
+            path: "data".into(),
+            format: String::new(),
+            train: masks.iter().map(view).collect(),
+            test: Vec::new(),
+            bounds: None,
+            points: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_use_follows_the_kind_of_the_masks_and_the_background() {
+        let of = |kind| Some((kind, [0.0, 1.0]));
+        let opaque = Some((MaskKind::Alpha, [1.0; 2]));
+        let (alpha, object, used) = (of(MaskKind::Alpha), of(MaskKind::Object), of(MaskKind::Used));
+        let cases = [
+            (vec![alpha, alpha], [MaskUse::Coverage; 2], Some(MaskUse::Coverage)),
+            (vec![alpha, opaque], [MaskUse::Coverage; 2], Some(MaskUse::Coverage)),
+            (vec![opaque, opaque], [MaskUse::None; 2], Some(MaskUse::Coverage)),
+            (vec![object, object], [MaskUse::None, MaskUse::Coverage], Some(MaskUse::Coverage)),
+            (vec![used, None], [MaskUse::LeaveOut; 2], Some(MaskUse::LeaveOut)),
+            (vec![object, None], [MaskUse::None; 2], None),
+            (vec![None, None], [MaskUse::None; 2], None),
+        ];
+        for (masks, auto, forced) in cases {
+            let data = dataset(&masks);
+            let resolve = |choice: MaskChoice, is_uniform| {
+                choice.resolve(&data, is_uniform, Path::new("arguments"))
+            };
+            let found = [true, false].map(|uniform| resolve(MaskChoice::Auto, uniform).unwrap());
+            assert_eq!(found, auto, "{masks:?}");
+            assert_eq!(resolve(MaskChoice::Use, true).ok(), forced, "{masks:?}");
+            assert_eq!(resolve(MaskChoice::Ignore, false).unwrap(), MaskUse::None);
+        }
+        let error =
+            MaskChoice::Use.resolve(&dataset(&[None, object]), true, Path::new("arguments"));
+        let text = error.unwrap_err().to_string();
+        assert!(text.starts_with("arguments: masks: found use, and masks for 1 of 2"), "{text}");
+    }
+
+    #[test]
+    fn photographs_are_put_over_black_once() {
+        let mut views = dataset(&[Some((MaskKind::Object, [0.25, 1.0]))]).train;
+        for _ in 0..2 {
+            put_over_black(&mut views);
+            assert_eq!(views[0].image.pixels, [[0.1; 3], [0.4; 3]]);
+        }
+    }
+}
