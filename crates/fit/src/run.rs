@@ -24,7 +24,9 @@ use crate::options::DEFAULT_ITERATIONS;
 use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
-use crate::schedule::{background_group, band_window, learning_rate, level, sharpness, weights};
+use crate::schedule::{
+    background_group, band_window, direction_weight, learning_rate, level, sharpness, weights,
+};
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, gradient};
 
@@ -306,12 +308,13 @@ impl Fit {
         norm
     }
 
-    /// Sets the weights of the octaves of both encodings for the current progress. They are part of
-    /// the saved function, so a resumed fit must have the same.
+    /// Sets the weights of the octaves of both encodings, and of the view direction, for the current
+    /// progress. They are part of the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
         let progress = self.progress();
         self.model.field.set_band_weights(&band_window(progress, self.file.options.bands));
-        self.model.head.set_band_weights(&band_window(progress, HEAD_BANDS));
+        let direction = direction_weight(progress, self.file.background_kind);
+        self.model.head.set_input_weights(&band_window(progress, HEAD_BANDS), direction);
     }
 
     /// The pixels of this iteration, and the expected number of pixels that they stand for.

@@ -91,6 +91,19 @@ pub(crate) fn sharpness(progress: f64, background: BackgroundKind) -> Option<f32
     soft.then(|| (from * (to / from).powf(progress / SOFT)) as f32)
 }
 
+/// The progress over which the weight of the view direction in the radiance rises from 0 to 1.
+///
+/// While the surface is soft, radiance that depends on the direction could paint the background,
+/// as each camera sees it, on a sheet in front of the object.
+const DIRECTION: [f64; 2] = [SOFT, 0.6];
+
+/// The weight of the view direction in the radiance. Before a uniform background it is 1.
+pub(crate) fn direction_weight(progress: f64, background: BackgroundKind) -> f32 {
+    let [from, to] = DIRECTION;
+    let weight = ((progress - from) / (to - from)).clamp(0.0, 1.0);
+    if background.is_trained() { weight as f32 } else { 1.0 }
+}
+
 /// The weights of the terms of the loss, at one progress of the schedule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weights {

@@ -84,14 +84,16 @@ impl<R: Lane> RadianceHead<R> {
     }
 
     /// Sets the weight, in [0, 1], of every octave of the position's encoding, as
-    /// [`crate::Network::set_band_weights`].
+    /// [`crate::Network::set_band_weights`], and that of the view direction. With a weight of 0,
+    /// the radiance is the same in all directions.
     ///
     /// # Panics
-    /// If `weights` does not have one element for each octave.
-    pub fn set_band_weights(&mut self, weights: &[R]) {
-        assert_eq!(weights.len(), self.encoding.bands(), "number of octave weights");
-        let mut window = Encoder::window(weights);
-        window.extend([R::one(); DIRECTIONS]);
+    /// If `bands` does not have one element for each octave.
+    pub fn set_input_weights(&mut self, bands: &[R], direction: R) {
+        assert_eq!(bands.len(), self.encoding.bands(), "number of octave weights");
+        let mut window = Encoder::window(bands);
+        window.extend([R::one(); 3]);
+        window.extend([direction; 3]);
         self.mlp.set_window(window);
     }
 
