@@ -1,0 +1,60 @@
+//! Makes a variant of a data set of renders: the same object before another background.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use tests::compose::{Kind, compose};
+
+/// Make a variant of a data set of renders: the same object before another background
+#[derive(Parser)]
+#[command(name = "compose")]
+struct Arguments {
+    /// The kind of the variant
+    kind: Kind,
+    /// The renders: a data set with masks or alpha channels, before one colour
+    dataset: PathBuf,
+    /// A new or empty folder for the variant
+    out: PathBuf,
+    /// Seed of the backgrounds and exposures
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
+    seed: u64,
+}
+
+/// Exit status 0 for success, 2 for wrong arguments or wrong input, 1 for any other failure.
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => {
+            let text = error.to_string();
+            let first = text.split("\n\n").next().unwrap_or_default().split_whitespace();
+            eprintln!("{}", io::printable(&first.collect::<Vec<_>>().join(" ")));
+            return ExitCode::from(2);
+        }
+        Err(help) => {
+            // A reader that closed the pipe is no error.
+            let _ = help.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    match run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", io::printable(&format!("{error:#}").replace('\n', " ")));
+            ExitCode::from(if error.is::<io::InputError>() { 2 } else { 1 })
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left")?;
+    let bar = ProgressBar::new(1000).with_style(style).with_message("views");
+    let Arguments { kind, dataset, out, seed } = arguments;
+    let result = compose(*kind, dataset, out, *seed, &mut |p| bar.set_position((1e3 * p) as u64));
+    bar.finish_and_clear();
+    result?;
+    println!("{}", io::printable(&out.display().to_string()));
+    Ok(())
+}
