@@ -15,7 +15,11 @@ use io::InputError;
 const MARGIN: f64 = 1.1;
 
 /// The least confidence with which a background counts as uniform.
-pub const UNIFORM: f32 = 0.5;
+pub(crate) const UNIFORM: f32 = 0.5;
+
+/// The photographs have backgrounds of different colours if the spread of all is this many times
+/// that of one.
+const DIFFERENT: f32 = 3.0;
 
 /// The least number of surface points from which a sphere is estimated.
 const LEAST_POINTS: usize = 50;
@@ -93,12 +97,28 @@ impl Surroundings {
 
     /// Whether the photographs have uniform backgrounds: one, or each one of its own.
     pub fn is_uniform(&self) -> bool {
-        self.background.confidence.max(self.confidence_of_views()) >= UNIFORM
+        self.is_common() || self.is_per_view()
+    }
+
+    /// Whether one uniform background stands for all photographs.
+    pub fn is_common(&self) -> bool {
+        self.background.confidence >= UNIFORM && !self.is_per_view()
+    }
+
+    /// Whether each photograph has a uniform background of its own colour: the colours of the views
+    /// differ by much more than those of the pixels of a view.
+    pub fn is_per_view(&self) -> bool {
+        let mut spreads: Vec<f32> = self.backgrounds.iter().map(|b| b.spread).collect();
+        spreads.sort_by(f32::total_cmp);
+        let of_views = spreads.get(spreads.len() / 2).copied().unwrap_or(f32::INFINITY);
+        let differ =
+            self.background.confidence < UNIFORM || self.background.spread > DIFFERENT * of_views;
+        self.confidence_of_views() >= UNIFORM && differ
     }
 
     /// The background of training view `i`: the common one if all views agree well enough.
     fn of_view(&self, i: usize) -> &BackgroundEstimate {
-        if self.background.confidence >= UNIFORM { &self.background } else { &self.backgrounds[i] }
+        if self.is_common() { &self.background } else { &self.backgrounds[i] }
     }
 }
 

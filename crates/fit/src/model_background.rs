@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use background::{Extent, Volume};
-use dataset::{Surroundings, UNIFORM};
+use dataset::Surroundings;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
 use random::{Purpose, Stream};
@@ -48,12 +48,8 @@ impl BackgroundChoice {
     /// The model for the background of photographs.
     pub fn resolve(self, found: &Surroundings) -> BackgroundKind {
         match self {
-            BackgroundChoice::Auto if found.background.confidence >= UNIFORM => {
-                BackgroundKind::Constant
-            }
-            BackgroundChoice::Auto if found.confidence_of_views() >= UNIFORM => {
-                BackgroundKind::PerView
-            }
+            BackgroundChoice::Auto if found.is_common() => BackgroundKind::Constant,
+            BackgroundChoice::Auto if found.is_per_view() => BackgroundKind::PerView,
             BackgroundChoice::Constant => BackgroundKind::Constant,
             BackgroundChoice::PerView => BackgroundKind::PerView,
             BackgroundChoice::Direction => BackgroundKind::Direction,
