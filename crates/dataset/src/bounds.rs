@@ -40,7 +40,7 @@ const PARALLEL: f64 = 1e-9;
 /// 5. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
 /// The background is that of the pixels around the sphere. An estimated sphere need not contain the
-/// object: look at the picture of [`inspect::overlay`](crate::inspect::overlay).
+/// object: look at the picture that `dsdf inspect` writes.
 ///
 /// # Panics
 /// If the data set has no training views.

@@ -137,7 +137,7 @@ fn read_dataset(folder: &Path) -> anyhow::Result<()> {
     let dataset = dataset::load(folder, &LoadOptions::default())?;
     let (bounds, background) = dataset::surroundings(&dataset, None);
     dataset::check_cameras(&dataset, &bounds)?;
-    dataset::inspect::inspect(&dataset, &bounds, &background, "estimate");
+    inspect::inspect(&dataset, &bounds, &background, "estimate");
     Ok(())
 }
 

@@ -9,8 +9,9 @@ use serde::Serialize;
 
 use super::common::Global;
 use super::query::slope_of;
+use ::inspect::{Report, inspect, overlay};
 use dataset::LoadOptions;
-use dataset::inspect::{Report, inspect, overlay};
+
 use fit::{Model, RunFile, parse_bounds};
 use io::write_image;
 
