@@ -8,10 +8,10 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::common::Global;
+use super::examine::{BoundsFrom, examine};
 use super::query::slope_of;
-use ::inspect::{Report, inspect, overlay};
+use ::inspect::{Report, Verdict, inspect, overlay};
 use dataset::LoadOptions;
-
 use fit::{Model, RunFile, parse_bounds};
 use io::write_image;
 
@@ -39,6 +39,8 @@ struct InspectReport {
     /// The slope of the run's network: the 98 % quantile of |∇f| over the bounding sphere, or 1 if
     /// it is at most 1.5. Rays start with it. `None` for a data set.
     slope: Option<f32>,
+    /// The verdict on the run's surface and images. `None` for a data set.
+    verdict: Option<Verdict>,
 }
 
 impl Inspect {
@@ -52,25 +54,29 @@ impl Inspect {
         let of_run = run.as_ref().map_or(1, |file| file.options.downscale);
         let options = LoadOptions { downscale: self.downscale.unwrap_or(of_run) };
         let dataset = dataset::load(path, &options)?;
-        let source = match (self.bounds, &run, dataset.bounds) {
-            (Some(_), _, _) => "as asked",
-            (None, Some(_), _) => "from the run",
-            (None, None, Some(_)) => "from the data set",
-            (None, None, None) => "estimated from cameras and background",
+        let source = match (self.bounds, &run) {
+            (None, Some(_)) => BoundsFrom::Run,
+            (asked, _) => BoundsFrom::of(asked.is_some(), &dataset),
         };
         let given = self.bounds.or(run.as_ref().map(|file| file.bounds));
         let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
         let (bounds, background) = dataset::surroundings(&dataset, given);
         write_image(&self.output, &overlay(&dataset, &bounds))?;
-        let slope = match &run {
-            Some(file) => Some(slope_of(&Model::load(&self.dataset, file)?.field)),
-            None => None,
+        let report = inspect(&dataset, &bounds, &background, source.text());
+        let (slope, verdict) = match &run {
+            Some(file) => {
+                let model = Model::load(&self.dataset, file)?;
+                let verdict = examine(&model, file, &dataset.about(file.origin()))?;
+                (Some(slope_of(&model.field)), Some(verdict))
+            }
+            None => (None, None),
         };
-        let dataset = inspect(&dataset, &bounds, &background, source);
-        let report = InspectReport { dataset, slope };
+        let report = InspectReport { dataset: report, slope, verdict };
         global.report(&report, || {
             let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));
-            format!("{}{slope}\npicture      {}", report.dataset, self.output.display())
+            let verdict = report.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
+            let picture = self.output.display();
+            format!("{}{slope}\npicture      {picture}{verdict}", report.dataset)
         })
     }
 }
