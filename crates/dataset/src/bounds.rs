@@ -137,7 +137,7 @@ impl Surroundings {
 /// texture, and a dark part of the object can look like its background.
 ///
 /// The background is that of the pixels around the sphere. An estimated sphere need not contain the
-/// object: look at the picture of [`inspect::overlay`](crate::inspect::overlay).
+/// object: look at the picture that `dsdf inspect` writes.
 ///
 /// # Panics
 /// If the data set has no training views.

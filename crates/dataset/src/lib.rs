@@ -3,7 +3,6 @@
 mod background;
 mod bounds;
 mod carve;
-pub mod inspect;
 mod lens;
 mod load;
 mod mask;

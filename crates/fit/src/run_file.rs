@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::{BackgroundEstimate, Dataset, View, check_cameras, surroundings};
+use dataset::{BackgroundEstimate, Dataset, SphereSource, View, check_cameras, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
@@ -38,7 +38,7 @@ pub struct RunFile {
 
 impl RunFile {
     /// The input of a new run on the data set at `path`: its bounding sphere, the use of its masks
-    /// and the model for its background.
+    /// and the model for its background; and the evidence for the sphere.
     ///
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
@@ -48,7 +48,7 @@ impl RunFile {
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
-    ) -> Result<Self, InputError> {
+    ) -> Result<(Self, SphereSource), InputError> {
         let mut found = surroundings(dataset, options.bounds(), false);
         let masks = options.masks.resolve(dataset, found.is_uniform(), Path::new("arguments"))?;
         let mut background_kind = options.background.resolve(&found);
@@ -60,7 +60,7 @@ impl RunFile {
         check_cameras(dataset, &found.sphere)?;
         let Sphere { center, radius } = found.sphere;
         let BackgroundEstimate { color, spread, confidence } = found.background;
-        Ok(RunFile {
+        let file = RunFile {
             dataset: path,
             bounds: [center.x, center.y, center.z, radius],
             masks,
@@ -72,7 +72,8 @@ impl RunFile {
                 _ => confidence,
             },
             options: options.clone(),
-        })
+        };
+        Ok((file, found.source))
     }
 
     /// The point that a run's cameras, model and mesh are relative to, in the units of the data
@@ -115,21 +116,30 @@ impl RunFile {
     }
 
     /// The estimated uniform background: one of all views, or one of each.
-    fn estimates(&self, views: &[View]) -> Vec<BackgroundEstimate> {
+    fn estimates<'a>(&self, views: impl IntoIterator<Item = &'a View>) -> Vec<BackgroundEstimate> {
         if self.background_kind == BackgroundKind::PerView {
             let sphere = self.sphere();
             let of_view = |view| BackgroundEstimate::estimate(std::slice::from_ref(view), &sphere);
-            return views.iter().map(of_view).collect();
+            return views.into_iter().map(of_view).collect();
         }
-        vec![BackgroundEstimate {
+        let confidence = self.uniform_confidence() as f32;
+        vec![BackgroundEstimate { confidence, ..self.background() }]
+    }
+
+    /// The estimated uniform background of all views.
+    pub fn background(&self) -> BackgroundEstimate {
+        BackgroundEstimate {
             color: self.background,
             spread: self.background_spread,
-            confidence: self.uniform_confidence() as f32,
-        }]
+            confidence: self.background_confidence,
+        }
     }
 
     /// The background of each of these views, if the photographs have colours of their own.
-    pub fn background_of(&self, views: &[View]) -> Option<BackgroundPerCamera<f32>> {
+    pub fn background_of<'a>(
+        &self,
+        views: impl IntoIterator<Item = &'a View>,
+    ) -> Option<BackgroundPerCamera<f32>> {
         let colors = || self.estimates(views).iter().map(|b| Vec3::from(b.color)).collect();
         (self.background_kind == BackgroundKind::PerView).then(|| BackgroundPerCamera(colors()))
     }

@@ -137,7 +137,7 @@ fn read_dataset(folder: &Path) -> anyhow::Result<()> {
     let dataset = dataset::load(folder, &LoadOptions::default())?;
     let found = dataset::surroundings(&dataset, None, true);
     dataset::check_cameras(&dataset, &found.sphere)?;
-    dataset::inspect::inspect(&dataset, &found.sphere, &found.background, "estimate");
+    inspect::inspect(&dataset, &found.sphere, &found.background, "estimate");
     Ok(())
 }
 

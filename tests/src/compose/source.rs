@@ -70,7 +70,7 @@ impl Source {
 
 /// The coverage of each pixel; empty without a mask.
 fn coverage(view: &View) -> &[f32] {
-    view.mask.as_deref().unwrap_or_default()
+    view.coverage().unwrap_or_default()
 }
 
 /// The one colour of all pixels with coverage 0, linear RGB.

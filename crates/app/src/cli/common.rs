@@ -5,10 +5,10 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use super::interrupt::Interrupt;
+use super::progress::Progress;
 use estimate::Registry;
 use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 
@@ -22,7 +22,7 @@ pub(crate) struct Global {
     /// Number of threads, 1 to 1024 [default: all]
     #[arg(long, global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Show no progress on standard error
+    /// Show no progress and no warnings on standard error
     #[arg(long, global = true)]
     pub(crate) quiet: bool,
     /// End when the parent process, which has this number, ends (Linux)
@@ -88,17 +88,10 @@ impl Global {
         }
     }
 
-    /// A progress bar on standard error, hidden with `--quiet`. [`bar_mover`] moves it.
-    pub(crate) fn progress(&self, name: &str) -> ProgressBar {
-        if self.quiet {
-            return ProgressBar::hidden();
-        }
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left");
-        let bar = ProgressBar::new(1000).with_message(name.to_owned());
-        match style {
-            Ok(style) => bar.with_style(style),
-            Err(_) => bar,
-        }
+    /// The progress of a command on standard error: a bar on a terminal, else a line about every
+    /// ten seconds; nothing with `--quiet`.
+    pub(crate) fn progress(&self, name: &str) -> Progress {
+        Progress::new(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet)
     }
 }
 
@@ -108,11 +101,6 @@ impl Global {
 fn escaped(json: &str) -> String {
     let shown = |c| if is_hidden(c) { format!("\\u{:04x}", u32::from(c)) } else { String::from(c) };
     json.chars().map(shown).collect()
-}
-
-/// A callback that moves `bar` to a fraction between 0 and 1.
-pub(crate) fn bar_mover(bar: &ProgressBar) -> impl Fn(f64) + Sync + '_ {
-    |fraction| bar.set_position((fraction.min(1.0) * 1000.0) as u64)
 }
 
 /// Floating-point precision of a computation.
@@ -163,3 +151,6 @@ pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputEr
 
 /// The file name in messages about the command line.
 pub(super) const ARGUMENTS: &str = "arguments";
+
+/// The origin of the bounding sphere of a run that exists.
+pub(super) const FROM_RUN: &str = "from the run";

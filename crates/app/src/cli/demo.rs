@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, bar_mover};
+use super::common::Global;
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
@@ -90,8 +90,8 @@ impl Demo {
         let seconds = self.time.as_secs();
         global.say(&format!("reconstructing it from those images alone, {seconds} s"));
         let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
-        let (dataset, file) = new_run(&data, &options)?;
-        let fitted = fit(dataset, file, &run, Segment::default(), global)?;
+        let (dataset, file, _) = new_run(&data, &options)?;
+        let (fitted, _) = fit(dataset, file, &run, Segment::default(), global)?;
         let (mesh, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));
         let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
         let iterations = fitted.iterations;
@@ -108,7 +108,7 @@ impl Demo {
         let (views, size) = (self.views as usize, [self.size; 2]);
         let options = Options { views, size, spp: TRAINING_SPP, seed: 0 };
         let bar = global.progress("views");
-        synthesise(&scene, &source, data, &options, &bar_mover(&bar))?;
+        synthesise(&scene, &source, data, &options, &bar.mover())?;
         bar.finish_and_clear();
         io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
     }
@@ -139,13 +139,14 @@ fn evaluate(
     let model = Model::load(run, &file)?;
     let dataset = dataset::load(data, &LoadOptions::default())?.about(file.origin());
     let bar = global.progress("evaluate");
-    let progress = bar_mover(&bar);
-    let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &progress)?;
-    let mesh = mesh_of_run(&model, &file, MESH_CELLS, &progress);
+    let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &bar.mover())?;
+    bar.finish_and_clear();
+    let bar = global.progress("mesh");
+    let mesh = mesh_of_run(&model, &file, MESH_CELLS, &bar.mover());
+    bar.finish_and_clear();
     write_mesh(mesh_path, &mesh)?;
     report.add_mesh(&mesh, &read_mesh(&data.join("truth.ply"))?, file.sphere().radius);
     preview(&dataset, &model, &file, picture)?;
-    bar.finish_and_clear();
     Ok(report)
 }
 

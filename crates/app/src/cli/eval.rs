@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, bar_mover};
+use super::common::Global;
 use super::mesh::mesh_of_run;
 use dataset::{LoadOptions, Mask, View};
 use fit::{MaskUse, Model, RunFile, Solid};
@@ -66,13 +66,15 @@ impl Eval {
         let options = LoadOptions { downscale: file.options.downscale };
         let dataset = file.prepare(dataset::load(path, &options)?);
         let bar = global.progress("eval");
-        let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar_mover(&bar))?;
+        let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar.mover())?;
+        bar.finish_and_clear();
         if let Some(truth) = truth {
             let cells = self.resolution as usize;
-            let mesh = mesh_of_run(&model, &file, cells, &bar_mover(&bar));
+            let bar = global.progress("mesh");
+            let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
+            bar.finish_and_clear();
             report.add_mesh(&mesh, &truth, file.sphere().radius);
         }
-        bar.finish_and_clear();
         // The images are the background alone, whatever their PSNR is.
         if report.is_empty {
             let run = self.run.display();

@@ -7,10 +7,11 @@ use field::Sphere;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::common::Global;
+use super::common::{FROM_RUN, Global};
+use super::examine::examine;
 use super::query::slope_of;
+use ::inspect::{Report, Verdict, inspect, overlay};
 use dataset::LoadOptions;
-use dataset::inspect::{Report, inspect, overlay};
 use fit::{Model, RunFile, parse_bounds};
 use io::write_image;
 
@@ -38,6 +39,8 @@ struct InspectReport {
     /// The slope of the run's network: the 98 % quantile of |∇f| over the bounding sphere, or 1 if
     /// it is at most 1.5. Rays start with it. `None` for a data set.
     slope: Option<f32>,
+    /// The verdict on the run's surface and images. `None` for a data set.
+    verdict: Option<Verdict>,
 }
 
 impl Inspect {
@@ -55,19 +58,25 @@ impl Inspect {
         let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
         let found = dataset::surroundings(&dataset, given, false);
         let source = match (self.bounds, &run) {
-            (None, Some(_)) => "from the run".to_owned(),
+            (None, Some(_)) => FROM_RUN.to_owned(),
             _ => found.source.to_string(),
         };
         write_image(&self.output, &overlay(&dataset, &found.sphere))?;
-        let slope = match &run {
-            Some(file) => Some(slope_of(&Model::load(&self.dataset, file)?.field)),
-            None => None,
+        let report = inspect(&dataset, &found.sphere, &found.background, &source);
+        let (slope, verdict) = match &run {
+            Some(file) => {
+                let model = Model::load(&self.dataset, file)?;
+                let verdict = examine(&model, file, &file.prepare(dataset))?;
+                (Some(slope_of(&model.field)), Some(verdict))
+            }
+            None => (None, None),
         };
-        let dataset = inspect(&dataset, &found.sphere, &found.background, &source);
-        let report = InspectReport { dataset, slope };
+        let report = InspectReport { dataset: report, slope, verdict };
         global.report(&report, || {
             let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));
-            format!("{}{slope}\npicture      {}", report.dataset, self.output.display())
+            let verdict = report.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
+            let picture = self.output.display();
+            format!("{}{slope}\npicture      {picture}{verdict}", report.dataset)
         })
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, bar_mover};
+use super::common::Global;
 use fit::{Model, RunFile};
 use io::InputError;
 use mesh::{extract, write_mesh};
@@ -58,7 +58,7 @@ impl Mesh {
         let model = Model::load(&self.run, &file)?;
         let bar = global.progress("mesh");
         let cells = self.resolution as usize;
-        let mesh = mesh_of_run(&model, &file, cells, &bar_mover(&bar));
+        let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
             let path = self.run.join("model.safetensors");

@@ -3,12 +3,14 @@
 mod common;
 mod demo;
 mod eval;
+mod examine;
 mod fit;
 mod gradient;
 mod inspect;
 mod interrupt;
 mod mesh;
 mod preset;
+mod progress;
 mod query;
 mod render;
 mod synth;
@@ -48,10 +50,18 @@ enum Command {
     /// The run folder gets model.safetensors, fit.toml (all options), metrics.jsonl (one line per
     /// iteration), checkpoint/ and preview/. Ctrl-C writes a checkpoint and stops; --resume
     /// continues the run.
+    ///
+    /// Before the first iteration, standard error gets a summary of the photographs and the
+    /// warnings of `dsdf inspect`. At the end, the result has a verdict: the most likely fault, and
+    /// the option to try. `dsdf inspect RUN` gives it again.
     Fit(fit::Fit),
     /// Render a data set of posed images of a scene, and write its true mesh
     Synth(synth::Synth),
-    /// Show the cameras, units and bounding sphere of a data set
+    /// Show the cameras, units and bounding sphere of a data set, or the verdict on a run
+    ///
+    /// The verdict names the most likely fault of a run and the option to try. It follows from the
+    /// surface (its area on the bounding sphere, and its area that no photograph sees) and from the
+    /// PSNR on training and held-out views.
     Inspect(inspect::Inspect),
     /// Reconstruct an embedded example; needs no files
     Demo(demo::Demo),

@@ -7,9 +7,7 @@ use clap::Args;
 use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
-use super::common::{
-    ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, bar_mover, check_film, option_error,
-};
+use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, option_error};
 use dataset::LoadOptions;
 use fit::{Model, RunFile, around, turntable, upwards};
 use io::{InputError, write_image};
@@ -98,7 +96,7 @@ impl Render {
         let up = upwards(&training, bounds.center);
         let cameras = around(&bounds, &training, up, self.views as usize, self.size);
         let bar = global.progress("turntable");
-        let sheet = turntable(&model, &file, &cameras, self.spp, &bar_mover(&bar))?;
+        let sheet = turntable(&model, &file, &cameras, self.spp, &bar.mover())?;
         bar.finish_and_clear();
         write_image(&self.output, &sheet)?;
         let (width, height) = (sheet.width, sheet.height);
@@ -121,7 +119,7 @@ impl Render {
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("render");
         let start = Instant::now();
-        let image = render(&scene, 0, self.spp, self.seed, &bar_mover(&bar))
+        let image = render(&scene, 0, self.spp, self.seed, &bar.mover())
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{ARGUMENTS, Global, RENDER_BYTES, bar_mover, check_film};
+use super::common::{ARGUMENTS, Global, RENDER_BYTES, check_film};
 use scene::SceneFile;
 use synth::{Options, synthesise};
 
@@ -58,7 +58,7 @@ impl Synth {
         let bar = global.progress("synth");
         let options =
             Options { views: self.views as usize, size: self.size, spp: self.spp, seed: self.seed };
-        synthesise(&scene, &self.scene, &self.output, &options, &bar_mover(&bar))?;
+        synthesise(&scene, &self.scene, &self.output, &options, &bar.mover())?;
         bar.finish_and_clear();
         let report = SynthReport { dataset: self.output.clone(), views: self.views };
         global.report(&report, || format!("{} views: {}", self.views, self.output.display()))

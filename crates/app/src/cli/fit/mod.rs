@@ -6,6 +6,7 @@ mod progress;
 mod resume;
 mod run_folder;
 mod start;
+mod summary;
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -13,9 +14,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::common::Global;
+use super::examine::examine;
 use crate::error::Interrupted;
+use ::inspect::Verdict;
 use dataset::Dataset;
-use fit::{BackgroundKind, Fit as Fitting, MaskUse, Metrics, RunFile};
+use fit::{Fit as Fitting, Metrics, RunFile};
 use metrics_file::MetricsFile;
 
 pub(crate) use options::Fit;
@@ -35,13 +38,16 @@ pub(super) struct FitReport {
     loss: Option<f64>,
     /// PSNR of the first held-out view, in dB; `None` without held-out views.
     psnr: Option<f64>,
+    /// The verdict on the surface and the images; `None` if the budget is not spent.
+    verdict: Option<Verdict>,
 }
 
 impl FitReport {
     fn text(&self) -> String {
         let psnr = self.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
         let run = self.run.display();
-        format!("{} iterations, {:.0} s{psnr}: {run}", self.iterations, self.seconds)
+        let verdict = self.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
+        format!("{} iterations, {:.0} s{psnr}: {run}{verdict}", self.iterations, self.seconds)
     }
 }
 
@@ -64,33 +70,20 @@ impl Fit {
         if !self.resume {
             refuse_occupied(&self.output)?;
         }
-        let (dataset, file) =
+        let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
-        if !global.quiet {
-            eprintln!("{}", background_text(&file));
-        }
+        summary::print(&dataset, &file, &source, global);
         let segment = Segment { resume: self.resume, stop_after: self.stop_after };
-        let report = fit(dataset, file, &self.output, segment, global)?;
+        let (mut report, fitting) = fit(dataset, file, &self.output, segment, global)?;
+        if fitting.progress() >= 1.0 {
+            report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);
+        }
         global.report(&report, || report.text())
     }
 }
 
-/// The model for the background, and its reason, in one line.
-fn background_text(file: &RunFile) -> String {
-    let model = match file.background_kind {
-        _ if file.masks == MaskUse::Coverage => {
-            return "background: left out by the masks, which cut the object out".to_owned();
-        }
-        BackgroundKind::Constant => "one colour",
-        BackgroundKind::PerView => "one colour for each photograph",
-        BackgroundKind::Direction => "an environment by direction, trained",
-        BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
-    };
-    let confidence = file.background_confidence;
-    format!("background: {model} (confidence in one colour: {confidence:.2} of 1)")
-}
-
-/// Fits a data set in the run folder `run`, with progress, metrics, previews and checkpoints.
+/// Fits a data set in the run folder `run`, with progress, metrics, previews and checkpoints. The
+/// report has no verdict.
 ///
 /// # Errors
 /// With [`Interrupted`] after Ctrl-C, when the checkpoint is saved; if an input is wrong, another
@@ -102,7 +95,7 @@ pub(super) fn fit(
     run: &Path,
     segment: Segment,
     global: &Global,
-) -> anyhow::Result<FitReport> {
+) -> anyhow::Result<(FitReport, Fitting)> {
     let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
     run_folder::write_run_file(run, &fitting.file)?;
     let interrupt = &global.interrupt;
@@ -114,13 +107,15 @@ pub(super) fn fit(
     fitting.preview()?;
     drop(lock);
     refuse_empty(&fitting, run)?;
-    Ok(FitReport {
+    let report = FitReport {
         run: run.to_owned(),
         iterations: fitting.iteration,
         seconds: fitting.seconds(),
         loss: last.map(|m| m.loss),
         psnr: fitting.held_out_psnr(),
-    })
+        verdict: None,
+    };
+    Ok((report, fitting))
 }
 
 /// Fails after the last iteration of a fit without a surface: its images show the background, and
@@ -167,7 +162,7 @@ fn iterate(
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
-    let bar = progress::bar(global);
+    let bar = progress::start(global);
     let mut last: Option<Metrics> = None;
     let done = Cell::new(fitting.iteration);
     let stop =

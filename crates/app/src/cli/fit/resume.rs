@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::options::Fit;
 use super::run_folder::absolute;
-use crate::cli::common::Global;
+use crate::cli::common::{FROM_RUN, Global};
 use dataset::{Dataset, LoadOptions};
 use fit::RunFile;
 use io::InputError;
@@ -14,8 +14,11 @@ const BUDGET: [&str; 2] = ["time", "iterations"];
 
 impl Fit {
     /// The data set and the `fit.toml` of the run to resume, with the budget of the command line if
-    /// it has one.
-    pub(super) fn resumed_run(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
+    /// it has one, and the origin of its bounding sphere in words.
+    pub(super) fn resumed_run(
+        &self,
+        global: &Global,
+    ) -> anyhow::Result<(Dataset, RunFile, String)> {
         let mut file = RunFile::load(&self.output)?;
         if self.options.time.is_some() || self.options.iterations.is_some() {
             (file.options.time, file.options.iterations) =
@@ -26,7 +29,8 @@ impl Fit {
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
         let options = LoadOptions { downscale: file.options.downscale };
-        Ok((file.prepare(dataset::load(&file.dataset, &options)?), file))
+        let dataset = file.prepare(dataset::load(&file.dataset, &options)?);
+        Ok((dataset, file, FROM_RUN.to_owned()))
     }
 
     /// Refuses an option on the command line that differs from its value in `file`: the resumed run

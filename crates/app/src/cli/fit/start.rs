@@ -10,8 +10,12 @@ use fit::{FitOptions, RunFile};
 use io::InputError;
 
 impl Fit {
-    /// The data set and the `fit.toml` of a new run.
-    pub(super) fn started_run(&self, global: &Global) -> anyhow::Result<(Dataset, RunFile)> {
+    /// The data set and the `fit.toml` of a new run, and the origin of its bounding sphere in
+    /// words.
+    pub(super) fn started_run(
+        &self,
+        global: &Global,
+    ) -> anyhow::Result<(Dataset, RunFile, String)> {
         self.validate(global)?;
         let Some(path) = &self.dataset else {
             let expected = "a data set folder";
@@ -32,8 +36,8 @@ impl Fit {
 pub(in crate::cli) fn new_run(
     path: &Path,
     options: &FitOptions,
-) -> anyhow::Result<(Dataset, RunFile)> {
+) -> anyhow::Result<(Dataset, RunFile, String)> {
     let dataset = dataset::load(path, &LoadOptions { downscale: options.downscale })?;
-    let file = RunFile::of_dataset(absolute(path), &dataset, options)?;
-    Ok((file.prepare(dataset), file))
+    let (file, source) = RunFile::of_dataset(absolute(path), &dataset, options)?;
+    Ok((file.prepare(dataset), file, source.to_string()))
 }

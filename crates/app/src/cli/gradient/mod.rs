@@ -13,7 +13,7 @@ use io::InputError;
 use render::Scene;
 use scene::{Appearance, SceneFile};
 
-use super::common::{Global, PrecisionArg, bar_mover, check_film};
+use super::common::{Global, PrecisionArg, check_film};
 use method::Method;
 use report::GradientReport;
 
@@ -64,7 +64,7 @@ impl Gradient {
         let scene = Scene::new(&field, &*shader, &cameras, &file.bounds, &*background);
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("gradient");
-        let progress = bar_mover(&bar);
+        let progress = bar.mover();
         let mut report = match method {
             Method::Estimator(entry) => {
                 let estimator = entry.estimator::<R>(&self.estimator_options());

@@ -3,9 +3,8 @@
 use field::Sphere;
 use glam::{DVec2, DVec3};
 
-use crate::{Dataset, View};
-use film::Film;
-use film::contact_sheet;
+use dataset::{Dataset, View};
+use film::{Film, contact_sheet};
 
 /// The largest width of a view in the picture, in pixels.
 const WIDEST: u32 = 256;

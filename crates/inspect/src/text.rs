@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter, Result};
 
-use super::Report;
+use crate::{Exposure, ExposureSource, Report};
 
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
@@ -72,10 +72,25 @@ impl Report {
             100.0 * largest
         )?;
         let (spread, confidence) = (self.background_spread, self.background_confidence);
-        write!(
+        writeln!(
             f,
             "background   linear RGB {:.3?}, spread {spread:.3}, confidence {confidence:.2}",
             self.background
-        )
+        )?;
+        write!(f, "exposure     {}", self.exposure_text())
+    }
+}
+
+impl Report {
+    /// The spread of the exposures in words.
+    pub fn exposure_text(&self) -> String {
+        let Some(Exposure { stops, from }) = self.exposure else {
+            return "spread not known (too few views, or a black background)".to_owned();
+        };
+        let from = match from {
+            ExposureSource::Background => "the background",
+            ExposureSource::Sphere => "the sphere's image",
+        };
+        format!("spread {stops:.2} stops (robust standard deviation, by {from})")
     }
 }

@@ -1,17 +1,12 @@
-//! A report on a loaded data set, as numbers, as text and as a picture.
-
-mod overlay;
-#[cfg(test)]
-mod tests;
-mod text;
+//! A report on a loaded data set, as numbers.
 
 use field::{Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-pub use overlay::overlay;
+use dataset::{BackgroundEstimate, Dataset, View, looks_away};
 
-use crate::{BackgroundEstimate, Dataset, View, looks_away};
+use crate::exposure::{Exposure, MOST_SPREAD, exposure_spread};
 
 /// A report on a data set; lengths in its own units.
 #[derive(Clone, Debug, Serialize)]
@@ -56,6 +51,8 @@ pub struct Report {
     pub background_spread: f32,
     /// How uniform the background is, 0 to 1.
     pub background_confidence: f32,
+    /// The spread of the exposures of the training views; `None` if they do not show it.
+    pub exposure: Option<Exposure>,
     /// One sentence for each suspicious property.
     pub warnings: Vec<String>,
 }
@@ -110,6 +107,7 @@ pub fn inspect(
         background: background.color,
         background_spread: background.spread,
         background_confidence: background.confidence,
+        exposure: exposure_spread(&dataset.train, bounds, background),
         warnings: Vec::new(),
     };
     report.warnings = warnings(&report, &views, bounds, &off_axis);
@@ -210,6 +208,14 @@ fn warnings(
     let unseen = report.coverage.iter().filter(|c| **c == 0.0).count();
     if unseen > 0 {
         warnings.push(format!("{unseen} views do not see the bounding sphere at all"));
+    }
+    if let Some(Exposure { stops, .. }) = report.exposure
+        && stops > MOST_SPREAD
+    {
+        warnings.push(format!(
+            "the exposures of the photographs differ by {stops:.2} stops (standard deviation): \
+             a fit takes them as equal"
+        ));
     }
     if report.train_views < 3 {
         warnings.push("fewer than three views to fit".to_owned());

@@ -1,10 +1,12 @@
 //! The report on views with known figures, and the drawn outline against rays that meet the sphere.
 
-use glam::DVec2;
+use dataset::{BackgroundEstimate, Dataset, View};
+use field::Sphere;
+use film::Film;
+use glam::{DVec2, DVec3};
+use render::Camera;
 
 use super::*;
-use film::Film;
-use render::Camera;
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::new(1.0, 2.0, 3.0), radius: 0.5 };
 

@@ -1,0 +1,99 @@
+//! The surface of a fit: its part on the bounding sphere, and its part that no photograph sees.
+
+use field::Sphere;
+use glam::DVec3;
+use mesh::extract;
+use metrics::{SurfacePoint, sample_surface};
+use render::{Camera, InvalidField, Sample, Scene};
+use serde::Serialize;
+
+/// Shares of a surface's area, each 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SurfaceShares {
+    /// On the bounding sphere.
+    pub on_sphere: f64,
+    /// On the bounding sphere, and seen by a photograph.
+    pub seen_on_sphere: f64,
+    /// Seen by no photograph: behind other parts of the surface, from behind, or off all films.
+    pub unseen: f64,
+}
+
+/// Grid cells of the mesh along the diameter of the bounding sphere.
+const CELLS: usize = 96;
+
+/// Points on the surface. The standard deviation of a share is at most 1.1 %.
+const POINTS: usize = 2000;
+
+/// A point is on the bounding sphere if it is this close, in bounding radii: one and a half cells
+/// of the mesh. Solids that leave the sphere are cut off there.
+const ON_SPHERE: f64 = 0.03;
+
+/// A point is visible if the hit of its ray lies at most this far in front of it, in bounding
+/// radii: the width of a cell, which is more than the error of the mesh.
+const SAME_POINT: f64 = 2.0 / CELLS as f64;
+
+/// Counts the shares on about 2000 points of a mesh. `sphere` is the bounding sphere, and
+/// `cameras` are the numbers of the photographs' cameras in `scene`. `None` without a surface.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray.
+pub fn surface_shares(
+    scene: &Scene<'_, f32>,
+    sphere: &Sphere<f64>,
+    cameras: std::ops::Range<usize>,
+) -> Result<Option<SurfaceShares>, InvalidField> {
+    let mesh = extract(scene.field, sphere, CELLS, &|_| {});
+    let points = sample_surface(&mesh, POINTS, 0);
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let mut seen = vec![false; points.len()];
+    for camera in cameras {
+        mark_seen(scene, sphere.radius, camera, &points, &mut seen)?;
+    }
+    let on_sphere = |p: &SurfacePoint| {
+        (p.position - sphere.center).length() > (1.0 - ON_SPHERE) * sphere.radius
+    };
+    let share = |holds: &dyn Fn(&SurfacePoint, bool) -> bool| {
+        let count = points.iter().zip(&seen).filter(|(p, seen)| holds(p, **seen)).count();
+        count as f64 / points.len() as f64
+    };
+    Ok(Some(SurfaceShares {
+        on_sphere: share(&|p, _| on_sphere(p)),
+        seen_on_sphere: share(&|p, seen| seen && on_sphere(p)),
+        unseen: share(&|_, seen| !seen),
+    }))
+}
+
+/// Marks the points that a camera sees. Points that are marked already cost nothing.
+fn mark_seen(
+    scene: &Scene<'_, f32>,
+    radius: f64,
+    camera: usize,
+    points: &[SurfacePoint],
+    seen: &mut [bool],
+) -> Result<(), InvalidField> {
+    let view = &scene.cameras[camera];
+    let candidates: Vec<(usize, Sample)> = (0..points.len())
+        .filter(|i| !seen[*i] && points[*i].normal.dot(view.eye - points[*i].position) > 0.0)
+        .filter_map(|i| Some((i, Sample { camera, u: on_film(view, points[i].position)? })))
+        .collect();
+    let samples: Vec<Sample> = candidates.iter().map(|(_, sample)| *sample).collect();
+    for ((i, _), traced) in candidates.iter().zip(scene.trace(&samples)?) {
+        let distance = (points[*i].position - view.eye).length();
+        let depth = traced.and_then(|ray| ray.depth()).map(f64::from);
+        // A ray without a hit passes beside the point by an error of the mesh.
+        seen[*i] = depth.is_none_or(|depth| depth > distance - SAME_POINT * radius);
+    }
+    Ok(())
+}
+
+/// The film position of a point; `None` outside the film.
+fn on_film(camera: &Camera, x: DVec3) -> Option<glam::DVec2> {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    camera.project(x).filter(|u| (0.0..width).contains(&u.x) && (0.0..height).contains(&u.y))
+}
+
+#[cfg(test)]
+#[path = "surface_tests.rs"]
+mod tests;
