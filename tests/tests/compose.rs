@@ -92,7 +92,7 @@ fn bytes(view: &View, i: usize) -> [f32; 3] {
 }
 
 fn mask(view: &View) -> &[f32] {
-    view.mask.as_deref().unwrap()
+    view.coverage().unwrap()
 }
 
 /// Checks that the coverage is that of the source, up to the rounding of its display values.
