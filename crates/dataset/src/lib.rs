@@ -16,6 +16,6 @@ mod view;
 
 pub use background::Background;
 pub use bounds::{check_cameras, looks_away, surroundings};
-pub use load::{LoadOptions, load};
+pub use load::{LoadOptions, Unread, load, open};
 pub use split::HELD_OUT;
 pub use view::{Dataset, View};
