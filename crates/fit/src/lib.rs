@@ -2,6 +2,7 @@
 
 mod background;
 mod checkpoint;
+mod downscale;
 mod iteration;
 mod loss;
 mod model;
@@ -16,6 +17,7 @@ mod solid;
 mod step;
 mod turntable;
 
+pub use downscale::Limit;
 pub use iteration::Metrics;
 pub use model::Model;
 pub use model_background::{BackgroundChoice, BackgroundKind, ModelBackground};

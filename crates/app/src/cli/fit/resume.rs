@@ -25,7 +25,7 @@ impl Fit {
         file.options.validate(&toml, &global.registry)?;
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
-        let options = LoadOptions { downscale: file.options.downscale };
+        let options = LoadOptions { downscale: file.downscale() };
         Ok((dataset::load(&file.dataset, &options)?.about(file.origin()), file))
     }
 
