@@ -3,6 +3,7 @@
 use glam::{DMat2, DVec2};
 
 use film::Film;
+use rayon::prelude::*;
 use render::Camera;
 
 /// Radial and tangential distortion and skew: the difference between a photograph's camera and a
@@ -115,11 +116,13 @@ impl Lens {
     /// `image`, in linear radiance.
     pub(crate) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
         let mut out = Film::new(ideal.width, ideal.height);
-        for (i, pixel) in out.pixels.iter_mut().enumerate() {
-            let (x, y) = (i % ideal.width as usize, i / ideal.width as usize);
-            let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            *pixel = bilinear(image, self.source_position(ideal, source, u));
-        }
+        let rows = out.pixels.par_chunks_mut(ideal.width as usize).enumerate();
+        rows.for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                *pixel = bilinear(image, self.source_position(ideal, source, u));
+            }
+        });
         out
     }
 }

@@ -16,7 +16,7 @@ mod view;
 
 pub use background::BackgroundEstimate;
 pub use bounds::{SphereSource, Surroundings, check_cameras, looks_away, surroundings};
-pub use load::{LoadOptions, load};
+pub use load::{LoadOptions, Unread, load, open};
 pub use mask::{Mask, MaskKind};
 pub use split::HELD_OUT;
 pub use view::{Dataset, View};

@@ -1,11 +1,11 @@
 //! Loading a data set: recognise, split, read the images.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use io::{InputError, check_memory};
 use rayon::prelude::*;
 
-use crate::readers::recognise;
+use crate::readers::{Recognised, recognise};
 use crate::split::every_eighth;
 use crate::unread::UnreadView;
 use crate::{Dataset, View};
@@ -23,42 +23,83 @@ impl Default for LoadOptions {
     }
 }
 
-/// Reads a data set and recognises its format: NeRF/Blender, NeuS/IDR, Middlebury or COLMAP.
-///
-/// `path` is the folder, or a `.json` camera file in it. Views are in the order of the camera file,
-/// those of COLMAP in the order of their names. Lens distortion and skew are removed from the
-/// photographs, so every view has a pinhole camera. Images are read in parallel; the result does
-/// not depend on the number of threads.
+/// Reads a data set: [`open`], then [`Unread::read`].
 ///
 /// # Errors
-/// If no format is recognised, if a file is missing or wrong, or if `downscale` is 0: an
-/// [`InputError`] with the file and the place in it.
+/// As these.
 pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
-    if options.downscale == 0 {
-        return Err(InputError::new(path, "downscale", 0, "1 or more").into());
-    }
+    open(path)?.read(options)
+}
+
+/// A data set whose images are not read yet.
+pub struct Unread {
+    path: PathBuf,
+    train: Vec<UnreadView>,
+    test: Vec<UnreadView>,
+    /// The rest; it has no views.
+    recognised: Recognised,
+}
+
+/// Reads the cameras of a data set and recognises its format: NeRF/Blender, NeuS/IDR, Middlebury or
+/// COLMAP.
+///
+/// `path` is the folder, or a `.json` camera file in it. Views are in the order of the camera file,
+/// those of COLMAP in the order of their names.
+///
+/// # Errors
+/// If no format is recognised, or if a file is missing or wrong: an [`InputError`] with the file
+/// and the place in it.
+pub fn open(path: &Path) -> anyhow::Result<Unread> {
     let folder = match path.parent().filter(|_| path.is_file()) {
         Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
         Some(parent) => parent,
         None => path,
     };
-    let recognised = recognise(folder, path)?;
-    let (train, test) = match recognised.test {
-        Some(test) => (recognised.train, test),
-        None => every_eighth(recognised.train),
+    let mut recognised = recognise(folder, path)?;
+    let train = std::mem::take(&mut recognised.train);
+    let (train, test) = match recognised.test.take() {
+        Some(test) => (train, test),
+        None => every_eighth(train),
     };
     if train.is_empty() {
         return Err(InputError::new(path, "views", "none to fit", "two photographs or more").into());
     }
-    refuse_too_many(path, [&train, &test], options.downscale)?;
-    Ok(Dataset {
-        path: path.to_owned(),
-        format: recognised.format,
-        train: read_all(train, options.downscale)?,
-        test: read_all(test, options.downscale)?,
-        bounds: recognised.bounds,
-        points: recognised.points,
-    })
+    Ok(Unread { path: path.to_owned(), train, test, recognised })
+}
+
+impl Unread {
+    /// The widths and heights of the whole photographs in pixels: of the views to fit, and of those
+    /// held out.
+    pub fn sizes(&self) -> [Vec<[u32; 2]>; 2] {
+        let size = |view: &UnreadView| [view.camera.width, view.camera.height];
+        [&self.train, &self.test].map(|views| views.iter().map(size).collect())
+    }
+
+    /// Reads the images. Lens distortion and skew are removed from the photographs, so every view
+    /// has a pinhole camera.
+    ///
+    /// Images are read in parallel, as many at a time as fit in 512 MiB at their full size, at
+    /// least one. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// If a file is missing or wrong, or if `downscale` is 0: an [`InputError`] with the file and
+    /// the place in it.
+    pub fn read(self, options: &LoadOptions) -> anyhow::Result<Dataset> {
+        let Unread { path, train, test, recognised } = self;
+        let n = options.downscale;
+        if n == 0 {
+            return Err(InputError::new(path, "downscale", 0, "1 or more").into());
+        }
+        refuse_too_many(&path, [&train, &test], n)?;
+        Ok(Dataset {
+            path,
+            format: recognised.format,
+            train: read_all(train, n)?,
+            test: read_all(test, n)?,
+            bounds: recognised.bounds,
+            points: recognised.points,
+        })
+    }
 }
 
 /// Bytes of memory for each pixel of a view: an image in single precision and a mask.
@@ -72,9 +113,51 @@ fn refuse_too_many(path: &Path, views: [&[UnreadView]; 2], n: u32) -> Result<(),
     check_memory(path, "images", format!("{pixels} pixels"), pixels * MEMORY_PER_PIXEL)
 }
 
-/// Reads the images in parallel. Of several errors, the first in the order of the views is
-/// returned, so that the message does not depend on timing.
-fn read_all(views: Vec<UnreadView>, downscale: u32) -> Result<Vec<View>, InputError> {
-    let views: Vec<_> = views.into_par_iter().map(|view| view.read(downscale)).collect();
-    views.into_iter().collect()
+/// The memory for images of full size while they are read, in bytes.
+const READING_MEMORY: u64 = 512 << 20;
+
+/// Reads the images in parallel, one group after the other. Of several errors, the first in the
+/// order of the views is returned, so that the message does not depend on timing.
+fn read_all(mut views: Vec<UnreadView>, downscale: u32) -> Result<Vec<View>, InputError> {
+    let mut read = Vec::with_capacity(views.len());
+    let memory: Vec<u64> = views.iter().map(UnreadView::reading_memory).collect();
+    for length in groups(&memory) {
+        let group: Vec<_> = views.drain(..length).collect();
+        let group: Vec<_> = group.into_par_iter().map(|view| view.read(downscale)).collect();
+        read.extend(group.into_iter().collect::<Result<Vec<_>, _>>()?);
+    }
+    Ok(read)
+}
+
+/// The lengths of consecutive groups that need [`READING_MEMORY`] at most, or have one image.
+/// `memory` is that of each image.
+fn groups(memory: &[u64]) -> Vec<usize> {
+    let mut groups: Vec<usize> = Vec::new();
+    let mut left = 0;
+    for &bytes in memory {
+        match groups.last_mut().filter(|_| bytes <= left) {
+            Some(last) => (*last, left) = (*last + 1, left - bytes),
+            None => {
+                groups.push(1);
+                left = READING_MEMORY.saturating_sub(bytes);
+            }
+        }
+    }
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_in_flight_stay_within_the_memory() {
+        let mib = |sizes: &[u64]| sizes.iter().map(|n| n << 20).collect::<Vec<_>>();
+        assert_eq!(groups(&mib(&[186; 5])), [2, 2, 1]);
+        assert_eq!(groups(&mib(&[512, 512, 1, 511, 1])), [1, 1, 2, 1]);
+        assert_eq!(groups(&mib(&[9000, 1, 9000, 9000])), [1, 1, 1, 1]);
+        assert_eq!(groups(&[0; 1000]), [1000]);
+        assert_eq!(groups(&[u64::MAX, u64::MAX]), [1, 1]);
+        assert!(groups(&[]).is_empty());
+    }
 }

@@ -8,7 +8,7 @@ use crate::lens::Lens;
 use crate::{Mask, MaskKind, View};
 use film::{Film, srgb_encode};
 use io::InputError;
-use io::read_image;
+use io::{read_image_of, reading_memory};
 use render::Camera;
 
 type Result<T> = std::result::Result<T, InputError>;
@@ -36,7 +36,24 @@ struct Photograph {
     mask: Option<(MaskKind, Film)>,
 }
 
+/// Bytes of memory for each pixel of a photograph whose distortion is removed: the result.
+const MEMORY_PER_UNDISTORTED_PIXEL: u64 = 12;
+
+/// Bytes of memory for each pixel of a mask in addition to that of an image: its display values,
+/// and coverage as a film.
+const MEMORY_PER_MASK_PIXEL: u64 = 16;
+
 impl UnreadView {
+    /// An estimate of the memory for [`read`](Self::read), in bytes.
+    pub(crate) fn reading_memory(&self) -> u64 {
+        let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1) + MEMORY_PER_MASK_PIXEL;
+        let of_lens = if self.lens.is_negligible(&self.camera) { 0 } else { 1 };
+        let a_pixel = reading_memory(&self.path)
+            + self.mask.as_ref().map_or(0, of_mask)
+            + of_lens * MEMORY_PER_UNDISTORTED_PIXEL;
+        u64::from(self.camera.width) * u64::from(self.camera.height) * a_pixel
+    }
+
     /// Reads the image and the mask, removes the lens distortion, and reduces both to
     /// 1/`downscale` of the size.
     ///
@@ -60,7 +77,7 @@ impl UnreadView {
     /// alpha channel that is opaque everywhere gives way to a mask image.
     fn read_photograph(&self) -> Result<Photograph> {
         let UnreadView { path, camera, .. } = self;
-        let (image, alpha) = read_image(path)?;
+        let (image, alpha) = read_image_of(path, (camera.width, camera.height))?;
         check_size(path, &image, camera, &format!("(from {})", self.size_source))?;
         if let Some(bad) = image.pixels.as_flattened().iter().find(|v| !v.is_finite()) {
             return Err(InputError::new(path, "pixels", bad, "finite numbers"));
@@ -135,9 +152,9 @@ fn coverage_film(image: &Film, coverage: &[f32]) -> Film {
 
 /// Reads a mask image: white, or opaque, is the object, or a pixel to use.
 fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
-    let (mask, alpha) = read_image(path)?;
+    let (mask, alpha) = read_image_of(path, (camera.width, camera.height))?;
     check_size(path, &mask, camera, "(the photograph's size)")?;
-    // A mask file holds coverage as display values, so the decoding of `read_image` is inverted.
+    // A mask file holds coverage as display values, so the decoding of `read_image_of` is inverted.
     let shown: Vec<f32> = mask.pixels.iter().map(|p| srgb_encode(p[0]).clamp(0.0, 1.0)).collect();
     // If the mask is in the alpha channel, the colours of the mask file are not used.
     let in_alpha = alpha.filter(|a| a.iter().any(|a| *a < 1.0));

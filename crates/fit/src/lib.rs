@@ -2,6 +2,7 @@
 
 mod background;
 mod checkpoint;
+mod downscale;
 mod iteration;
 mod loss;
 mod masks;
@@ -17,6 +18,7 @@ mod solid;
 mod step;
 mod turntable;
 
+pub use downscale::Limit;
 pub use iteration::Metrics;
 pub use masks::{MaskChoice, MaskUse};
 pub use model::Model;

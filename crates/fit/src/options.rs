@@ -31,9 +31,11 @@ pub struct FitOptions {
     /// Seed of all random numbers
     #[arg(long, default_value_t = Self::default().seed)]
     pub seed: u64,
-    /// Read images at 1/N of their size
-    #[arg(long, default_value_t = Self::default().downscale)]
-    pub downscale: u32,
+    /// Read images at 1/N of their width and height [default: 1, or more if the images have more
+    /// pixels than the budget can draw or 4 GiB of memory can hold]
+    #[arg(long, value_name = "N")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub downscale: Option<u32>,
     /// Use of masks and alpha channels
     #[arg(long, value_enum, default_value_t = Self::default().masks)]
     pub masks: MaskChoice,
@@ -147,7 +149,7 @@ impl Default for FitOptions {
             iterations: None,
             time: None,
             seed: 0,
-            downscale: 1,
+            downscale: None,
             masks: MaskChoice::Auto,
             background: BackgroundChoice::Auto,
             bounds: None,
@@ -272,7 +274,7 @@ impl FitOptions {
         let radius = self.initial_radius;
         vec![
             Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
-            Check::at_least_one("downscale", self.downscale.into()),
+            Check::at_least_one("downscale", self.downscale.unwrap_or(1).into()),
             Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
             Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
             Check::new("bands", self.bands, self.bands <= 12, "at most 12"),

@@ -39,7 +39,7 @@ const NORM_SHARE: f32 = 0.05;
 
 /// Bytes of memory for each pixel of the training views: the photograph and its mask at all levels
 /// of the pyramid, and the lists of pixels. Measured: 79.
-const MEMORY_PER_PIXEL: u64 = 80;
+pub(crate) const MEMORY_PER_PIXEL: u64 = 80;
 
 /// The learning rate of a trained background, in units of that of the networks: features of grids
 /// are trained with larger steps than weights.

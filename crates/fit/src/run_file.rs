@@ -103,6 +103,13 @@ impl RunFile {
         }
     }
 
+    /// The photographs of the run are read at 1/`downscale` of their width and height.
+    ///
+    /// It is 1 if the options have no number; those of a file that was loaded have one.
+    pub fn downscale(&self) -> u32 {
+        self.options.downscale.unwrap_or(1)
+    }
+
     /// The data set as the run sees it: relative to [`origin`](Self::origin), and over black if
     /// the run uses the coverage of the object.
     #[must_use]
@@ -189,11 +196,13 @@ impl RunFile {
         let sphere = self.world_sphere();
         let positive =
             sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;
-        let FitOptions { iterations, time, .. } = self.options;
+        let FitOptions { iterations, time, downscale, .. } = self.options;
         let budget = format!("{iterations:?} iterations and the time {time:?}");
         Check::all(
             path,
             vec![
+                // Another number would read other pixels than the run did.
+                Check::new("downscale", "nothing", downscale.is_some(), "an entry, for example 1"),
                 Check::new("time", budget, iterations.is_none() || time.is_none(), "one of both"),
                 Check::new(
                     "bounds",
@@ -228,7 +237,8 @@ impl RunFile {
     /// # Errors
     /// If it cannot be written.
     pub fn save(&self, run: &Path) -> anyhow::Result<()> {
-        let text = toml::to_string(self)?;
+        let options = FitOptions { downscale: Some(self.downscale()), ..self.options.clone() };
+        let text = toml::to_string(&RunFile { options, ..self.clone() })?;
         atomic_write(&run.join("fit.toml"), |out| Ok(out.write_all(text.as_bytes())?))
     }
 }

@@ -16,6 +16,9 @@ use crate::options::FitOptions;
 /// one and a half times these numbers: distance 1.06 and 1.11.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
+/// The share of the budget that is spent on the finest level.
+pub(crate) const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
+
 /// On the finest level, one draw stands for a group of this many certain background pixels: their
 /// rays miss by then, and have no gradient. On coarser levels these pixels carve the object; with
 /// groups from the start, the Chamfer distance after 1000 iterations was 1.1 % of the bounding

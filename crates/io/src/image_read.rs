@@ -1,35 +1,59 @@
 //! Reading images, with errors that tell missing, cut, damaged and foreign files apart.
 
-use std::io::{BufReader, Cursor, ErrorKind};
+use std::io::{BufRead, BufReader, Cursor, ErrorKind};
 use std::path::Path;
 
 use film::{Film, srgb_decode};
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
+use crate::heif::{refuse, refuse_unconverted};
 use crate::{InputError, check_memory, extension, open, read, read_npy};
 
 /// The files that can be read, for messages.
-const IMAGE: &str = "a PNG, JPEG, EXR or NPY image";
+pub(crate) const IMAGE: &str = "a PNG, JPEG, EXR or NPY image";
 
 /// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
 /// single precision, and its alpha channel.
 const MEMORY_PER_PIXEL: u64 = 48;
 
-/// The width and height of an image file, in pixels.
+/// The same for a JPEG image: the file, 3 bytes as decoded, and 12 in single precision.
+const MEMORY_PER_JPEG_PIXEL: u64 = 16;
+
+/// Bytes of memory for each pixel while [`read_image`] reads this file, by its extension.
+pub fn reading_memory(path: &Path) -> u64 {
+    memory_per_pixel(["jpg", "jpeg"].contains(&extension(path).as_str()))
+}
+
+fn memory_per_pixel(is_jpeg: bool) -> u64 {
+    if is_jpeg { MEMORY_PER_JPEG_PIXEL } else { MEMORY_PER_PIXEL }
+}
+
+/// The width and height of an image file as stored, in pixels. An EXIF orientation is ignored.
 ///
 /// Reads the header only, except for NPY, where the whole file is read.
 ///
 /// # Errors
-/// If the file is missing or is no image.
+/// If the file is missing or is no image. A HEIF file is refused with the name of a converter, also
+/// in place of a missing image.
 pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film.width, film.height));
     }
-    let (file, _) = open(path, "image", IMAGE)?;
-    let reader = ImageReader::new(BufReader::new(file))
-        .with_guessed_format()
-        .map_err(|e| InputError::new(path, "image", e, "a readable file"))?;
+    let (file, _) = open(path, "image", IMAGE).or_else(|e| missing(path, e))?;
+    let unreadable = |e| InputError::new(path, "image", e, "a readable file");
+    let mut file = BufReader::new(file);
+    refuse(path, file.fill_buf().map_err(unreadable)?)?;
+    let reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
     reader.into_dimensions().map_err(|e| undecodable(path, e))
+}
+
+/// The error of an image that cannot be opened: that of a HEIF file in its place, or else `error`.
+fn missing<T>(path: &Path, error: InputError) -> Result<T, InputError> {
+    if !path.exists() {
+        refuse_unconverted(path)?;
+    }
+    Err(error)
 }
 
 /// Reads an image as linear RGB, and its alpha channel if it has one.
@@ -40,44 +64,113 @@ pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
 /// PNG and JPEG (8 or 16 bits per channel, grey or colour) are taken as sRGB. EXR and NPY are taken
 /// as linear. An NPY array has the shape height × width × 3, or height × width (× 1) for grey. The
 /// content of the file decides its format, not the extension; NPY alone is recognised by the
-/// extension.
+/// extension. The pixels are those of the file: an EXIF orientation is ignored.
 ///
 /// # Errors
-/// If the file is missing, is cut short or is no image.
+/// If the file is missing, is cut short or is no image. A HEIF file is refused with the name of a
+/// converter, also in place of a missing image.
 pub fn read_image(path: &Path) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    read_turned(path, None)
+}
+
+/// Like [`read_image`], for the image of a camera of this width and height in pixels.
+///
+/// Some programs write cameras for the pixels as stored, others for the image as its EXIF
+/// orientation shows it. The size tells the two apart: the image is turned if it has the camera's
+/// size then, and not as stored.
+///
+/// # Errors
+/// As [`read_image`]. Another size is no error.
+pub fn read_image_of(
+    path: &Path,
+    size: (u32, u32),
+) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    read_turned(path, Some(size))
+}
+
+/// Reads an image, turned by its EXIF orientation if it has the size `expected` only then.
+fn read_turned(
+    path: &Path,
+    expected: Option<(u32, u32)>,
+) -> Result<(Film, Option<Vec<f32>>), InputError> {
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film, None));
     }
-    let bytes = read(path, "image", IMAGE)?;
+    let bytes = read(path, "image", IMAGE).or_else(|e| missing(path, e))?;
     if bytes.is_empty() {
         return Err(InputError::new(path, "image", "an empty file", IMAGE));
     }
-    let reader = || ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+    refuse(path, &bytes)?;
+    let (image, format) = decoded(path, &bytes, expected)?;
+    drop(bytes);
+    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+}
+
+/// The image of a file with this content, turned as [`read_turned`] says, and its format.
+fn decoded(
+    path: &Path,
+    bytes: &[u8],
+    expected: Option<(u32, u32)>,
+) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
+    let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let unreadable = |e| InputError::new(path, "image", e, "a readable file");
     let format = reader().map_err(unreadable)?.format();
-    if !is_whole(&bytes, format) {
+    if !is_whole(bytes, format) {
         return Err(InputError::new(path, "image", "an image that is cut short", "a whole image"));
     }
-    if format == Some(ImageFormat::Png) && !has_whole_palette(&bytes) {
+    if format == Some(ImageFormat::Png) && !has_whole_palette(bytes) {
         let found = "a damaged image (a palette whose length is no multiple of 3)";
         return Err(InputError::new(path, "image", found, IMAGE));
     }
-    let size = reader().map_err(unreadable)?.into_dimensions();
-    let (width, height) = size.map_err(|e| undecodable(path, e))?;
-    let memory = u64::from(width).saturating_mul(u64::from(height) * MEMORY_PER_PIXEL);
+    let decoder = reader().map_err(unreadable)?.into_decoder();
+    let mut decoder = decoder.map_err(|e| undecodable(path, e))?;
+    let (width, height) = decoder.dimensions();
+    let memory_per_pixel = memory_per_pixel(format == Some(ImageFormat::Jpeg));
+    let memory = u64::from(width).saturating_mul(u64::from(height) * memory_per_pixel);
     check_memory(path, "size", format!("{width} x {height} pixels"), memory)?;
-    let image = reader().map_err(unreadable)?.decode().map_err(|e| undecodable(path, e))?;
-    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+    let may_turn = width != height && expected == Some((height, width));
+    // The orientation may be damaged although the pixels are whole.
+    let orientation = if may_turn { decoder.orientation().ok() } else { None };
+    drop(decoder);
+    let decoded = reader().map_err(unreadable)?.decode();
+    let mut image = decoded.map_err(|e| undecodable(path, e))?;
+    if let Some(orientation) = orientation.filter(|o| swaps_sides(*o)) {
+        image.apply_orientation(orientation);
+    }
+    Ok((image, format))
+}
+
+/// Whether an image of this orientation is shown with its width as height.
+fn swaps_sides(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
 }
 
 /// The linear film and the alpha channel of a decoded image.
 fn linear(image: DynamicImage, is_linear: bool) -> (Film, Option<Vec<f32>>) {
+    let (width, height, color) = (image.width(), image.height(), image.color());
+    if color.bytes_per_pixel() == color.channel_count() {
+        let (pixels, alpha) = linear_of_bytes(image.as_bytes(), color);
+        return (Film { width, height, pixels }, alpha);
+    }
     let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
-    let (width, height) = (image.width(), image.height());
-    let rgba = image.color().has_alpha().then(|| image.to_rgba32f());
+    let rgba = color.has_alpha().then(|| image.to_rgba32f());
     let alpha = rgba.map(|rgba| rgba.pixels().map(|p| p.0[3]).collect());
     let pixels = image.into_rgb32f().pixels().map(|p| p.0.map(decode)).collect();
     (Film { width, height, pixels }, alpha)
+}
+
+/// The linear pixels and the alpha channel of sRGB samples of 8 bits, without the copies in single
+/// precision that other samples need.
+fn linear_of_bytes(samples: &[u8], color: ColorType) -> (Vec<[f32; 3]>, Option<Vec<f32>>) {
+    let of_byte = |v: u8| f32::from(v) / 255.0;
+    let table: Vec<f32> = (0..=255).map(|v| srgb_decode(of_byte(v))).collect();
+    let decode = |v: u8| table[usize::from(v)];
+    let all = samples.chunks_exact(color.channel_count().into());
+    let blue = if color.has_color() { 2 } else { 0 };
+    let pixels = all.clone().map(|p| [p[0], p[blue / 2], p[blue]].map(decode)).collect();
+    let alpha = color.has_alpha().then(|| all.map(|p| of_byte(p[p.len() - 1])).collect());
+    (pixels, alpha)
 }
 
 /// Whether the end of a PNG or JPEG file is there. Other formats count as whole here; their

@@ -2,6 +2,7 @@
 
 mod atomic;
 mod error;
+mod heif;
 mod image_read;
 #[cfg(test)]
 mod image_tests;
@@ -10,6 +11,8 @@ pub mod json;
 mod lock;
 mod memory;
 mod npy;
+#[cfg(test)]
+mod photo_tests;
 mod regular;
 
 pub use atomic::{
@@ -17,7 +20,8 @@ pub use atomic::{
     remove_own_temporary_files,
 };
 pub use error::{InputError, is_hidden, printable};
-pub use image_read::{image_size, read_image};
+pub use heif::refuse_unconverted;
+pub use image_read::{image_size, read_image, read_image_of, reading_memory};
 pub use image_write::write_image;
 pub use lock::lock;
 pub use memory::check_memory;

@@ -90,7 +90,7 @@ impl Demo {
         let seconds = self.time.as_secs();
         global.say(&format!("reconstructing it from those images alone, {seconds} s"));
         let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
-        let (dataset, file, _) = new_run(&data, &options)?;
+        let (dataset, file, _) = new_run(&data, &options, global)?;
         let (fitted, _) = fit(dataset, file, &run, Segment::default(), global)?;
         let (mesh, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));
         let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
@@ -137,7 +137,8 @@ fn evaluate(
 ) -> anyhow::Result<EvalReport> {
     let file = RunFile::load(run)?;
     let model = Model::load(run, &file)?;
-    let dataset = dataset::load(data, &LoadOptions::default())?.about(file.origin());
+    let dataset = dataset::load(data, &LoadOptions { downscale: file.downscale() })?;
+    let dataset = dataset.about(file.origin());
     let bar = global.progress("evaluate");
     let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &bar.mover())?;
     bar.finish_and_clear();

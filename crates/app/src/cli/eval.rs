@@ -63,7 +63,7 @@ impl Eval {
         let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let path = self.dataset.as_deref().unwrap_or(&file.dataset);
-        let options = LoadOptions { downscale: file.options.downscale };
+        let options = LoadOptions { downscale: file.downscale() };
         let dataset = file.prepare(dataset::load(path, &options)?);
         let bar = global.progress("eval");
         let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar.mover())?;

@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use super::common::{FROM_RUN, Global};
 use super::examine::examine;
+use super::fit::load_for;
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
-use dataset::LoadOptions;
-use fit::{Model, RunFile, parse_bounds};
+use fit::{FitOptions, Model, RunFile, parse_bounds};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.
@@ -26,8 +26,9 @@ pub(crate) struct Inspect {
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Read images at 1/N of their width and height [default: 1, or that of the run]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Read images at 1/N of their width and height [default: that of the run, or that of a fit
+    /// with default options]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     downscale: Option<u32>,
 }
 
@@ -51,9 +52,9 @@ impl Inspect {
             false => None,
         };
         let path = run.as_ref().map_or(&self.dataset, |file| &file.dataset);
-        let of_run = run.as_ref().map_or(1, |file| file.options.downscale);
-        let options = LoadOptions { downscale: self.downscale.unwrap_or(of_run) };
-        let dataset = dataset::load(path, &options)?;
+        let of_run = run.as_ref().map(RunFile::downscale);
+        let options = FitOptions { downscale: self.downscale.or(of_run), ..FitOptions::default() };
+        let (dataset, _) = load_for(path, &options, global)?;
         let given = self.bounds.or(run.as_ref().map(|file| file.bounds));
         let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
         let found = dataset::surroundings(&dataset, given, false);

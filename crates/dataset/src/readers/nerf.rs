@@ -16,7 +16,7 @@ use crate::lens::Lens;
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
 use io::json::{numbers, shown};
-use io::{InputError, image_size};
+use io::{InputError, image_size, refuse_unconverted};
 use render::Camera;
 
 /// The least angle across an image, in radians. The narrowest telescopes see more.
@@ -67,16 +67,21 @@ impl Frame<'_> {
         let name = self.frame["file_path"]
             .as_str()
             .ok_or_else(|| self.error("file_path", "a file's name"))?;
-        let path = image_path(folder, name).ok_or_else(|| {
-            let expected = format!("the image of {} in {}", self.pointer, self.file.display());
-            InputError::new(folder.join(name), "image", "no such file", expected)
-        })?;
+        let path = image_path(folder, name);
+        let path = path.map_or_else(|| self.no_image(&folder.join(name)), Ok)?;
         let lens = self.lens()?;
         let camera = self.camera(&path)?;
         let mask = self.mask(folder, name)?;
         let size_source = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = name.trim_start_matches("./").to_owned();
         Ok(UnreadView { name, path, mask, camera, lens, size_source })
+    }
+
+    /// Refuses the frame, whose image `path` is missing.
+    fn no_image(&self, path: &Path) -> Result<PathBuf> {
+        refuse_unconverted(path)?;
+        let expected = format!("the image of {} in {}", self.pointer, self.file.display());
+        Err(InputError::new(path, "image", "no such file", expected))
     }
 
     /// The value of the frame, or else of the file; null if neither has the key.

@@ -19,8 +19,7 @@ use super::{Recognised, Result};
 use crate::MaskKind;
 use crate::projection::decompose;
 use crate::unread::UnreadView;
-use io::InputError;
-use io::image_size;
+use io::{InputError, image_size, refuse_unconverted};
 
 /// The largest deviation of `scale_mat` from a uniform scale, relative to the squared scale.
 const UNIFORM: f64 = 1e-4;
@@ -130,6 +129,7 @@ fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     let images = images_in(folder)
         .map_err(|e| InputError::new(folder, "images", e, "a folder with images"))?;
     if images.is_empty() {
+        refuse_unconverted(folder)?;
         return Err(InputError::new(folder, "images", "none", "PNG or JPEG files"));
     }
     Ok(images)

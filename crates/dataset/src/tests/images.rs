@@ -82,3 +82,38 @@ fn missing_truncated_and_unreadable_images_are_refused() {
     std::fs::remove_file(&path).unwrap();
     refused(folder.path(), &["transforms_1", "no such file"]);
 }
+
+#[test]
+fn photographs_are_turned_by_exif_where_the_camera_file_has_the_size_as_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut root = write_nerf(folder.path(), "transforms.json", &cameras(3));
+    let shown = load(folder.path(), &LoadOptions::default()).unwrap();
+    for i in 0..3 {
+        let path = folder.path().join(format!("transforms_{i}.png"));
+        let stored = image::imageops::rotate270(&image::open(&path).unwrap().to_rgb8());
+        let mut encoder = image::codecs::png::PngEncoder::new(std::fs::File::create(path).unwrap());
+        // Orientation 6: the image is shown turned by a quarter, clockwise.
+        let exif = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+        image::ImageEncoder::set_exif_metadata(&mut encoder, exif.to_vec()).unwrap();
+        stored.write_with_encoder(encoder).unwrap();
+    }
+    let turned = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!(turned.train[0].image, shown.train[0].image);
+    // Without a size in the file, the pixels count as stored.
+    root.as_object_mut().unwrap().retain(|key, _| key != "w" && key != "h");
+    write_json(&folder.path().join("transforms.json"), &root);
+    let stored = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!((stored.train[0].image.width, stored.train[0].image.height), (HEIGHT, WIDTH));
+    assert_eq!(open(folder.path()).unwrap().sizes()[0][0], [HEIGHT, WIDTH]);
+}
+
+#[test]
+fn heic_files_in_place_of_photographs_are_refused_with_a_converter() {
+    let folder = tempfile::tempdir().unwrap();
+    write_nerf(folder.path(), "transforms.json", &cameras(3));
+    let path = folder.path().join("transforms_1.png");
+    std::fs::write(&path, b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    refused(folder.path(), &["transforms_1.png", "HEIC", "heif-convert"]);
+    std::fs::rename(&path, folder.path().join("transforms_1.HEIC")).unwrap();
+    refused(folder.path(), &["transforms_1.HEIC", "HEIC", "heif-convert"]);
+}

@@ -108,3 +108,15 @@ fn wrong_archives_are_refused() {
     std::fs::write(folder.path().join("cameras_sphere.npz"), "no archive").unwrap();
     refused(folder.path(), &["cameras_sphere.npz", ".npz"]);
 }
+
+#[test]
+fn a_folder_of_heic_photographs_is_refused_with_a_converter() {
+    let folder = tempfile::tempdir().unwrap();
+    write_neus(folder.path(), &cameras(3));
+    let images = folder.path().join("image");
+    std::fs::remove_dir_all(&images).unwrap();
+    std::fs::create_dir(&images).unwrap();
+    refused(folder.path(), &["image", "none", "PNG or JPEG files"]);
+    std::fs::write(images.join("a.HEIC"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    refused(folder.path(), &["a.HEIC", "HEIC", "heif-convert"]);
+}

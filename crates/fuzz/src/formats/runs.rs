@@ -31,6 +31,7 @@ struct Run {
 pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
     let options = FitOptions {
         iterations: Some(ITERATIONS),
+        downscale: Some(1),
         width,
         layers,
         bands,

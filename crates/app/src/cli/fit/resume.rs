@@ -28,7 +28,7 @@ impl Fit {
         file.options.validate(&toml, &global.registry)?;
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
-        let options = LoadOptions { downscale: file.options.downscale };
+        let options = LoadOptions { downscale: file.downscale() };
         let dataset = file.prepare(dataset::load(&file.dataset, &options)?);
         Ok((dataset, file, FROM_RUN.to_owned()))
     }
