@@ -15,6 +15,9 @@ const FEW_PIXELS: u64 = 1 << 23;
 /// The memory for photographs in bytes: the program stays below 4 GiB.
 const MEMORY: u64 = 3 << 30;
 
+/// The budget reduces the longest side of a photograph to no less than this many pixels.
+const LEAST_SIDE: u32 = 480;
+
 /// Bytes of memory for each pixel of a held-out view: an image in single precision and a mask.
 const MEMORY_PER_HELD_OUT_PIXEL: u64 = 16;
 
@@ -36,9 +39,9 @@ impl FitOptions {
     /// for a factor above 1 that is not the option's.
     ///
     /// Without the option `downscale` it is the least whole number for which the training pixels
-    /// are no more than the budget draws on the finest level, and all photographs fit in 3 GiB. A
-    /// set with up to 8 million training pixels is not reduced. `train` and `held_out` are the
-    /// widths and heights of the photographs in pixels.
+    /// are no more than the budget draws on the finest level (but the longest side keeps 480
+    /// pixels), and all photographs fit in 3 GiB. A set with up to 8 million training pixels is not
+    /// reduced. `train` and `held_out` are the widths and heights of the photographs in pixels.
     pub fn downscale_for(&self, train: &[[u32; 2]], held_out: &[[u32; 2]]) -> (u32, Option<Limit>) {
         let within_memory = |n: u32| {
             let pixels = |sizes: &[[u32; 2]]| u128::from(pixels(sizes, n));
@@ -56,7 +59,9 @@ impl FitOptions {
         // At the largest factor every photograph is one pixel.
         let most = train.iter().chain(held_out).flatten().copied().max().unwrap_or(1);
         let least = |holds: &dyn Fn(u32) -> bool| (1..=most).find(|n| holds(*n)).unwrap_or(most);
-        match (least(&within_budget), least(&within_memory)) {
+        // Many photographs are better drawn in part than read too small.
+        let budget = least(&within_budget).min((most / LEAST_SIDE).max(1));
+        match (budget, least(&within_memory)) {
             (1, 1) => (1, None),
             (budget, memory) if budget >= memory => (budget, Some(Limit::Budget)),
             (_, memory) => (memory, Some(Limit::Memory)),
@@ -136,6 +141,8 @@ mod tests {
             let asked = FitOptions { downscale: Some(n), ..short.clone() };
             assert_eq!(of_phone(&asked), (n, None));
         }
+        // The longest side of 200 photographs keeps 480 pixels.
+        assert_eq!(short.downscale_for(&[[4032, 3024]; 200], &[]), (8, Some(Limit::Budget)));
         // Views of one pixel cannot be reduced.
         let many = vec![[1, 1]; (FEW_PIXELS + 1) as usize];
         assert_eq!(short.downscale_for(&many, &[]), (1, None));

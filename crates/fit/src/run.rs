@@ -308,7 +308,7 @@ impl Fit {
         norm
     }
 
-    /// Sets the weights of the octaves of both encodings, and of the view direction, for the current
+    /// Sets the weights of the octaves of both encodings and of the view direction for the current
     /// progress. They are part of the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
         let progress = self.progress();

@@ -70,7 +70,7 @@ pub fn refuse_unconverted(path: &Path) -> Result<(), InputError> {
     let mut files: Vec<PathBuf> =
         entries.into_iter().flatten().flatten().map(|e| folder.join(e.file_name())).collect();
     files.sort();
-    // The name in a camera file may lack the extension, and a dot in it may be none of an extension.
+    // The name in a camera file may lack the extension, and may have a dot for another reason.
     let names = [path.file_stem(), path.file_name()];
     let has_name = |file: &&PathBuf| !path.is_dir() && names.contains(&file.file_stem());
     files.iter().filter(has_name).try_for_each(|file| refuse_file(file))?;

@@ -4,8 +4,8 @@
 mod background_force;
 mod chunk;
 mod eikonal;
-mod opacity;
 mod photometric;
+mod soft;
 
 use estimate::record::ordered_sum;
 use estimate::{SilhouetteMargin, near_silhouettes};

@@ -76,7 +76,7 @@ fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 
         let mut seen = [Vec3::ZERO];
         model.background.as_background().radiance(&[ray], &mut seen);
         let (mut sum, mut pass) = (DVec3::ZERO, 1.0);
-        if let Some(i) = rays.chords.iter().position(|chord| chord.sample == sample) {
+        if let Some(i) = rays.samples.iter().position(|of| *of == sample) {
             let (origin, direction): (Vec3, Vec3) = (ray.origin, ray.direction);
             let t = &rays.points.t[i * POINTS..(i + 1) * POINTS];
             let x: Vec<Vec3> = t.iter().map(|t| origin + direction * *t).collect();

@@ -14,7 +14,10 @@ const COARSE: usize = 24;
 const FINE: usize = 16;
 
 /// Points of a ray.
-pub(super) const POINTS: usize = COARSE + 1 + FINE;
+pub const POINTS: usize = COARSE + 1 + FINE;
+
+/// Intervals of a ray.
+pub const INTERVALS: usize = POINTS - 1;
 
 /// The largest sharpness times the length of a coarse interval, in choosing the fine points: a
 /// surface inside of an interval should draw points to its neighbours too.
@@ -25,37 +28,34 @@ const FLOOR: f32 = 1e-3;
 
 /// A ray through the bounding sphere.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Chord {
-    /// The ray's sample, by its number in the chunk.
-    pub(super) sample: usize,
-    pub(super) origin: Vec3,
-    pub(super) direction: Vec3,
+pub struct Chord {
+    /// The origin of the ray, in world units.
+    pub origin: Vec3,
+    /// Its unit direction.
+    pub direction: Vec3,
     /// The distances at which the ray enters and leaves the sphere.
-    pub(super) ends: [f32; 2],
+    pub ends: [f32; 2],
 }
 
 impl Chord {
-    fn at(&self, t: f32) -> Vec3 {
+    /// The point at a distance from the origin.
+    pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
     }
 }
 
 /// Points of chords in order, with f at each.
-pub(super) struct ChordPoints {
+#[derive(Clone, Debug)]
+pub struct ChordPoints {
     /// [`POINTS`] distances for each chord.
-    pub(super) t: Vec<f32>,
+    pub t: Vec<f32>,
     /// The values of f.
-    pub(super) f: Vec<f32>,
+    pub f: Vec<f32>,
 }
 
 impl ChordPoints {
-    /// The points of all chords. `stream` places them at random.
-    pub(super) fn new(
-        field: &dyn Field<f32>,
-        chords: &[Chord],
-        sharpness: f32,
-        stream: Stream,
-    ) -> Self {
+    /// The points of all chords, for a sharpness per world unit. `stream` places them at random.
+    pub fn new(field: &dyn Field<f32>, chords: &[Chord], sharpness: f32, stream: Stream) -> Self {
         let jitter = |i: usize, which: u64| stream.at(i as u64).at(which).unit() as f32;
         let mut coarse = Vec::with_capacity(chords.len() * (COARSE + 1));
         for (i, chord) in chords.iter().enumerate() {

@@ -4,23 +4,16 @@
 //! A sharp surface moves along its normal only. A sheet in front of the object that has taken the
 //! colours of the background would stay for ever, and so would a missing part.
 
-mod compositing;
-mod points;
-
 use estimate::record::PointAdjoint;
 use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::Vec3;
+use opacity::{Chord, ChordPoints, INTERVALS, POINTS, radiance, value_vjp, weights};
 use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, InvalidField, Sample, normals};
 use trace::HitAdjoint;
 
 use super::chunk::{Chunk, pixels_of};
 use super::eikonal::NearPoint;
-use compositing::{radiance, value_vjp, weights};
-use points::{Chord, ChordPoints, POINTS};
-
-/// Intervals of a ray.
-const INTERVALS: usize = POINTS - 1;
 
 /// An interval of less weight counts as empty: it has no opacity and needs no colour.
 const LEAST_WEIGHT: f32 = 1e-3;
@@ -56,6 +49,8 @@ impl Colored {
 struct SoftRays {
     background: Vec<BackgroundRay<f32>>,
     chords: Vec<Chord>,
+    /// The number of each chord's sample in the chunk.
+    samples: Vec<usize>,
     points: ChordPoints,
     /// [`INTERVALS`] weights for each chord.
     weights: Vec<f32>,
@@ -70,29 +65,27 @@ impl SoftRays {
         let ball = scene.bounding_ball();
         let background: Vec<BackgroundRay<f32>> =
             samples.iter().map(|sample| scene.background_ray(sample)).collect();
-        let mut chords = Vec::new();
+        let (mut chords, mut of_chord) = (Vec::new(), Vec::new());
         for (sample, ray) in background.iter().enumerate() {
             let (origin, direction) = (ray.origin, ray.direction);
             let ends = ball.clip(origin, direction);
-            chords.extend(ends.map(|(near, far)| Chord {
-                sample,
-                origin,
-                direction,
-                ends: [near, far],
-            }));
+            if let Some((near, far)) = ends {
+                chords.push(Chord { origin, direction, ends: [near, far] });
+                of_chord.push(sample);
+            }
         }
         let stream = Stream::new(chunk.seed, Purpose::RayPoints);
         let points = ChordPoints::new(scene.field, &chords, sharpness, stream);
         let mut all = vec![0.0; chords.len() * INTERVALS];
         let own = points.f.chunks_exact(POINTS).zip(all.chunks_exact_mut(INTERVALS));
         let last = own.map(|(f, own)| weights(sharpness, f, LEAST_WEIGHT, own)).collect();
-        SoftRays { background, chords, points, weights: all, last }
+        SoftRays { background, chords, samples: of_chord, points, weights: all, last }
     }
 
     /// Refuses values of f that are no numbers.
     fn check(&self, cameras: &[Camera], samples: &[Sample]) -> Result<(), InvalidField> {
         match self.points.f.iter().position(|f| !f.is_finite()) {
-            Some(i) => Err(InvalidField::at(cameras, samples[self.chords[i / POINTS].sample])),
+            Some(i) => Err(InvalidField::at(cameras, samples[self.samples[i / POINTS]])),
             None => Ok(()),
         }
     }
@@ -104,7 +97,7 @@ impl SoftRays {
             let (chord, k) = (self.chords[i / INTERVALS], i % INTERVALS);
             let t = &self.points.t[i / INTERVALS * POINTS + k..][..2];
             out.interval.push(i);
-            out.x.push(chord.origin + chord.direction * ((t[0] + t[1]) * 0.5));
+            out.x.push(chord.at((t[0] + t[1]) * 0.5));
             out.direction.push(chord.direction);
         }
         out.gradient.resize(out.x.len(), Vec3::ZERO);
@@ -140,12 +133,12 @@ impl Chunk<'_> {
         scene.background.radiance(&rays.background, &mut background);
         let mut last = vec![1.0; samples.len()];
         let mut seen = background.clone();
-        for (i, chord) in rays.chords.iter().enumerate() {
+        for (i, sample) in rays.samples.iter().copied().enumerate() {
             let own = i * INTERVALS..(i + 1) * INTERVALS;
-            last[chord.sample] = rays.last[i];
+            last[sample] = rays.last[i];
             let colors = colors[own.clone()].iter().copied();
-            seen[chord.sample] =
-                radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[chord.sample]);
+            seen[sample] =
+                radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
         }
         let pixels = self.pixels.iter().zip(&seen);
         let delta: Vec<Vec3> = pixels.map(|(p, seen)| self.add_loss((*seen).into(), *p)).collect();
@@ -164,7 +157,7 @@ impl Chunk<'_> {
             .zip(&colored.x)
             .filter_map(|(i, x)| {
                 let weight = rays.weights[*i];
-                let count = self.pixels[rays.chords[*i / INTERVALS].sample].count;
+                let count = self.pixels[rays.samples[*i / INTERVALS]].count;
                 (weight > SURFACE).then(|| NearPoint { x: *x, weight: weight * f32::from(count) })
             })
             .collect();
@@ -181,7 +174,7 @@ impl Chunk<'_> {
         delta: &[Vec3],
         shader: &mut [f32],
     ) {
-        let of_interval = |i: &usize| delta[rays.chords[*i / INTERVALS].sample] * rays.weights[*i];
+        let of_interval = |i: &usize| delta[rays.samples[*i / INTERVALS]] * rays.weights[*i];
         let adjoint: Vec<Vec3> = colored.interval.iter().map(of_interval).collect();
         let mut bars = SurfaceAdjoint::zeros(adjoint.len());
         self.batch.scene.shader.vjp(&colored.batch(), &adjoint, &mut bars, shader);
@@ -202,17 +195,18 @@ impl Chunk<'_> {
     ) {
         let mut along = [0.0; INTERVALS];
         for (i, chord) in rays.chords.iter().enumerate() {
-            let delta = delta[chord.sample];
+            let sample = rays.samples[i];
+            let delta = delta[sample];
             let own = i * INTERVALS..(i + 1) * INTERVALS;
             let colors = along.iter_mut().zip(&colors[own.clone()]);
             colors.for_each(|(along, color)| *along = delta.dot(*color));
             let (t, f) = (&rays.points.t[i * POINTS..][..POINTS], &rays.points.f[i * POINTS..]);
-            let last = (rays.last[i], delta.dot(background[chord.sample]));
+            let last = (rays.last[i], delta.dot(background[sample]));
             let mut bars = [0.0; POINTS];
             value_vjp(sharpness, &f[..POINTS], &rays.weights[own], last, &along, &mut bars);
             let least = NEGLIGIBLE * delta.length() * sharpness;
             for (t, alpha) in t.iter().zip(bars).filter(|(_, alpha)| alpha.abs() > least) {
-                let x = chord.origin + chord.direction * *t;
+                let x = chord.at(*t);
                 self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
             }
         }

@@ -14,7 +14,7 @@ fn ln_sigmoid<R: Real>(x: R) -> R {
 
 /// The transmittance of an interval, at most 1. By logarithms: Φ is 0 in single precision deep
 /// inside the solid.
-pub(super) fn transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
+pub(crate) fn transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
     (ln_sigmoid(sharpness * to) - ln_sigmoid(sharpness * from)).min(R::zero()).exp()
 }
 
@@ -23,7 +23,7 @@ pub(super) fn transmittance<R: Real>(sharpness: R, [from, to]: [R; 2]) -> R {
 ///
 /// An interval whose weight would not be above `least` is empty: its weight is 0, and it hides
 /// nothing.
-pub(super) fn weights<R: Real>(sharpness: R, f: &[R], least: R, weights: &mut [R]) -> R {
+pub fn weights<R: Real>(sharpness: R, f: &[R], least: R, weights: &mut [R]) -> R {
     let mut before = R::one();
     for (weight, f) in weights.iter_mut().zip(f.windows(2)) {
         let pass = transmittance(sharpness, [f[0], f[1]]);
@@ -38,7 +38,7 @@ pub(super) fn weights<R: Real>(sharpness: R, f: &[R], least: R, weights: &mut [R
 ///
 /// `radiance` has δ·c of every interval; `last` is the transmittance behind all of them, and
 /// `behind` is δ·B. The adjoints of f are added to `bars`.
-pub(super) fn value_vjp<R: Real>(
+pub fn value_vjp<R: Real>(
     sharpness: R,
     f: &[R],
     weights: &[R],
@@ -60,8 +60,9 @@ pub(super) fn value_vjp<R: Real>(
     }
 }
 
-/// The radiance Σ w c + T B.
-pub(super) fn radiance<R: Real>(
+/// The radiance Σ w c + T B of a ray: `last` is the transmittance T behind all intervals, and
+/// `behind` is B.
+pub fn radiance<R: Real>(
     weights: &[R],
     colors: impl Iterator<Item = R::Vec3>,
     last: R,
