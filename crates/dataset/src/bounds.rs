@@ -6,7 +6,7 @@ use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::carve::visual_hull_sphere;
+use crate::carve::{enclosing_sphere, visual_hull_sphere};
 use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
 
@@ -27,6 +27,10 @@ const LEAST_POINTS: usize = 50;
 /// The share of the surface points that the sphere contains. The others can be mismatches, or a
 /// distant corner of a table.
 const CONTAINED: f64 = 0.98;
+
+/// The radius within which surface points count, in radii of the sphere that the median camera sees
+/// whole: photographs of an object show all of it, with a part of its surroundings.
+const AROUND_FRAMED: f64 = 1.1;
 
 /// The largest radius of a sphere estimated from cameras, as a fraction of the distance of the
 /// nearest camera: cameras must be outside.
@@ -129,7 +133,7 @@ impl Surroundings {
 /// 2. the data set's own ([`Dataset::bounds`]);
 /// 3. if `use_masks` is true and all training views have the coverage of the object, a sphere
 ///    around the visual hull of the masks;
-/// 4. a sphere around the data set's surface points, if at least 50 are seen by half of the views;
+/// 4. a sphere around the data set's surface points in the middle of the views, if there are 50;
 /// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds;
 /// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
@@ -174,7 +178,8 @@ fn sphere_of_masks(views: &[View]) -> Option<(Sphere<f64>, SphereSource)> {
 fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
     let views = &dataset.train;
     let wide = widest(views);
-    let points = sphere_around_points(&dataset.points, views, &wide);
+    let framed = sphere_in_view(views, DVec2::min_element).scaled(AROUND_FRAMED);
+    let points = sphere_around_points(&dataset.points, &framed);
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
         let is_foreground = |view: usize, i: usize| {
@@ -276,23 +281,12 @@ fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> 
     Sphere { center, radius: radii[radii.len() / 2].min(MOST_OF_DISTANCE * nearest) }
 }
 
-/// A sphere around nearly all of the points that are inside the sphere `within` and on the film of
-/// at least half of the views: walls behind the object are on fewer. `None` if there are too few.
+/// A sphere around nearly all of the points inside the sphere `within`, which excludes the table
+/// and the room around the object. `None` if there are too few.
 ///
-/// The centre is the median in each coordinate.
-fn sphere_around_points(
-    points: &[DVec3],
-    views: &[View],
-    within: &Sphere<f64>,
-) -> Option<Sphere<f64>> {
-    let is_on = |view: &View, p: DVec3| {
-        let film = film_size(view);
-        view.camera.project(p).is_some_and(|u| u.min_element() >= 0.0 && u.cmple(film).all())
-    };
-    let is_inside = |p: &&DVec3| {
-        (**p - within.center).length() < within.radius
-            && 2 * views.iter().filter(|v| is_on(v, **p)).count() >= views.len()
-    };
+/// Points far from the median in each coordinate are left out.
+fn sphere_around_points(points: &[DVec3], within: &Sphere<f64>) -> Option<Sphere<f64>> {
+    let is_inside = |p: &&DVec3| (**p - within.center).length() < within.radius;
     let points: Vec<DVec3> = points.iter().filter(is_inside).copied().collect();
     if points.len() < LEAST_POINTS {
         return None;
@@ -302,11 +296,12 @@ fn sphere_around_points(
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    let center = DVec3::new(median(0), median(1), median(2));
-    let mut distances: Vec<f64> = points.iter().map(|p| (*p - center).length()).collect();
-    distances.sort_by(f64::total_cmp);
-    let radius = MARGIN * distances[(CONTAINED * (distances.len() - 1) as f64) as usize];
-    (radius > 0.0).then_some(Sphere { center, radius })
+    let middle = DVec3::new(median(0), median(1), median(2));
+    let mut kept = points;
+    kept.sort_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)));
+    kept.truncate((CONTAINED * kept.len() as f64).ceil() as usize);
+    let sphere = enclosing_sphere(&kept, 0.0)?.scaled(MARGIN);
+    (sphere.radius > 0.0).then_some(sphere)
 }
 
 #[cfg(test)]
