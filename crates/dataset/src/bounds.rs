@@ -6,7 +6,7 @@ use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::carve::{enclosing_sphere, visual_hull_sphere};
+use crate::carve::visual_hull_sphere;
 use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
 
@@ -27,10 +27,6 @@ const LEAST_POINTS: usize = 50;
 /// The share of the surface points that the sphere contains. The others can be mismatches, or a
 /// distant corner of a table.
 const CONTAINED: f64 = 0.98;
-
-/// The radius within which surface points count, in radii of the sphere that the median camera sees
-/// whole: photographs of an object show all of it, with a part of its surroundings.
-const AROUND_FRAMED: f64 = 1.1;
 
 /// The largest radius of a sphere estimated from cameras, as a fraction of the distance of the
 /// nearest camera: cameras must be outside.
@@ -134,6 +130,7 @@ impl Surroundings {
 /// 3. if `use_masks` is true and all training views have the coverage of the object, a sphere
 ///    around the visual hull of the masks;
 /// 4. a sphere around the data set's surface points in the middle of the views, if there are 50;
+///    its centre is the point at which the cameras aim;
 /// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds;
 /// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
@@ -156,8 +153,13 @@ pub fn surroundings(
     let (sphere, source) = known
         .or_else(|| sphere_of_masks(views).filter(|_| use_masks))
         .or_else(|| sphere_of_evidence(dataset))
-        .unwrap_or_else(|| (sphere_in_view(views, DVec2::min_element), SphereSource::Cameras));
+        .unwrap_or_else(|| (framed(views), SphereSource::Cameras));
     Surroundings::new(views, sphere, source)
+}
+
+/// The sphere that the median camera sees whole.
+fn framed(views: &[View]) -> Sphere<f64> {
+    sphere_in_view(views, DVec2::min_element)
 }
 
 /// The sphere that fills the median view to its corners.
@@ -178,8 +180,7 @@ fn sphere_of_masks(views: &[View]) -> Option<(Sphere<f64>, SphereSource)> {
 fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
     let views = &dataset.train;
     let wide = widest(views);
-    let framed = sphere_in_view(views, DVec2::min_element).scaled(AROUND_FRAMED);
-    let points = sphere_around_points(&dataset.points, &framed);
+    let points = sphere_around_points(&dataset.points, &framed(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
         let is_foreground = |view: usize, i: usize| {
@@ -281,27 +282,21 @@ fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> 
     Sphere { center, radius: radii[radii.len() / 2].min(MOST_OF_DISTANCE * nearest) }
 }
 
-/// A sphere around nearly all of the points inside the sphere `within`, which excludes the table
-/// and the room around the object. `None` if there are too few.
+/// A sphere around nearly all of the points inside `framed`, the sphere that the median camera sees
+/// whole, with its centre and at most its radius. `None` if there are too few.
 ///
-/// Points far from the median in each coordinate are left out.
-fn sphere_around_points(points: &[DVec3], within: &Sphere<f64>) -> Option<Sphere<f64>> {
-    let is_inside = |p: &&DVec3| (**p - within.center).length() < within.radius;
-    let points: Vec<DVec3> = points.iter().filter(is_inside).copied().collect();
-    if points.len() < LEAST_POINTS {
+/// Most points can be on the table or in the room around the object, so they tell how small the
+/// sphere may be, and not its centre.
+fn sphere_around_points(points: &[DVec3], framed: &Sphere<f64>) -> Option<Sphere<f64>> {
+    let distances = points.iter().map(|p| p.distance(framed.center));
+    let mut inside: Vec<f64> = distances.filter(|d| *d < framed.radius).collect();
+    if inside.len() < LEAST_POINTS {
         return None;
     }
-    let median = |axis: usize| {
-        let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    let middle = DVec3::new(median(0), median(1), median(2));
-    let mut kept = points;
-    kept.sort_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)));
-    kept.truncate((CONTAINED * kept.len() as f64).ceil() as usize);
-    let sphere = enclosing_sphere(&kept, 0.0)?.scaled(MARGIN);
-    (sphere.radius > 0.0).then_some(sphere)
+    inside.sort_by(f64::total_cmp);
+    let reach = inside[(CONTAINED * (inside.len() - 1) as f64) as usize];
+    let radius = (MARGIN * reach).min(framed.radius);
+    (radius > 0.0).then_some(Sphere { radius, ..*framed })
 }
 
 #[cfg(test)]
