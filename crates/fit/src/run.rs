@@ -312,9 +312,11 @@ impl Fit {
     /// progress. They are part of the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
         let progress = self.progress();
-        self.model.field.set_band_weights(&band_window(progress, self.file.options.bands));
-        let direction = direction_weight(progress, self.file.background_kind);
-        self.model.head.set_input_weights(&band_window(progress, HEAD_BANDS), direction);
+        let background = self.file.background_kind;
+        let window = |bands| band_window(progress, bands, background);
+        self.model.field.set_band_weights(&window(self.file.options.bands));
+        let direction = direction_weight(progress, background);
+        self.model.head.set_input_weights(&window(HEAD_BANDS), direction);
     }
 
     /// The pixels of this iteration, and the expected number of pixels that they stand for.

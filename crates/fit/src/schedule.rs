@@ -34,6 +34,9 @@ pub(crate) fn background_group(progress: f64) -> usize {
 /// 0.8: distance 1.02 and 1.03.
 const BANDS_ON: f64 = 0.5;
 
+/// The same before a trained background: the shape must be fine while the surface is soft.
+const BANDS_ON_SOFT: f64 = 0.25;
+
 /// The number of octaves with full weight at the start. With 1 and 4: distance 1.03 and 0.97.
 const FIRST_BANDS: f64 = 2.0;
 
@@ -60,8 +63,9 @@ pub(crate) fn learning_rate(progress: f64) -> f64 {
 ///
 /// The window of Park, Sinha, Barron, Bouaziz, Goldman, Seitz and Martin-Brualla, "Nerfies:
 /// Deformable Neural Radiance Fields", ICCV 2021.
-pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
-    let on = FIRST_BANDS + (bands as f64 - FIRST_BANDS).max(0.0) * (progress / BANDS_ON).min(1.0);
+pub(crate) fn band_window(progress: f64, bands: usize, background: BackgroundKind) -> Vec<f32> {
+    let end = if background.is_trained() { BANDS_ON_SOFT } else { BANDS_ON };
+    let on = FIRST_BANDS + (bands as f64 - FIRST_BANDS).max(0.0) * (progress / end).min(1.0);
     (0..bands)
         .map(|b| {
             let part = (on - b as f64).clamp(0.0, 1.0);
@@ -81,7 +85,7 @@ const TRUST: [f64; 2] = [0.3, 0.7];
 const LAST_TRUST: f64 = 0.05;
 
 /// The progress at which a soft surface becomes sharp.
-const SOFT: f64 = 0.5;
+const SOFT: f64 = 0.65;
 
 /// The sharpness of the surface at the start and at the end of the soft part, per bounding radius.
 const SHARPNESS: [f64; 2] = [16.0, 200.0];
@@ -98,7 +102,7 @@ pub(crate) fn sharpness(progress: f64, background: BackgroundKind) -> Option<f32
 ///
 /// While the surface is soft, radiance that depends on the direction could paint the background,
 /// as each camera sees it, on a sheet in front of the object.
-const DIRECTION: [f64; 2] = [SOFT, 0.6];
+const DIRECTION: [f64; 2] = [SOFT, 0.75];
 
 /// The weight of the view direction in the radiance. Before a uniform background it is 1.
 pub(crate) fn direction_weight(progress: f64, background: BackgroundKind) -> f32 {
@@ -145,9 +149,12 @@ mod tests {
         assert_eq!((level(0.0, 4), level(0.3, 4), level(1.0, 4)), (3, 1, 0));
         assert_eq!(level(0.0, 1), 0);
         assert!(learning_rate(0.0) < 1e-9 && (learning_rate(1.0) - FINAL_RATE).abs() < 1e-9);
-        assert_eq!(band_window(0.0, 4), vec![1.0, 1.0, 0.0, 0.0]);
-        assert_eq!(band_window(1.0, 4), vec![1.0; 4]);
-        assert_eq!(band_window(0.0, 1), vec![1.0]);
-        assert!(band_window(0.7, 0).is_empty());
+        let window = |progress, bands| band_window(progress, bands, BackgroundKind::Constant);
+        assert_eq!(window(0.0, 4), vec![1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(window(1.0, 4), vec![1.0; 4]);
+        assert_eq!(window(0.0, 1), vec![1.0]);
+        assert!(window(0.7, 0).is_empty());
+        assert_eq!(band_window(0.25, 4, BackgroundKind::Volume), vec![1.0; 4]);
+        assert!(window(0.25, 4)[3] < 1.0);
     }
 }

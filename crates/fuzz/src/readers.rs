@@ -63,11 +63,12 @@ macro_rules! reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 14] = [
+pub const READERS: [Reader; 15] = [
     reader!("array", arrays::array_files(), Call::Library(read_array)),
     reader!("image", images::image_files(), Call::Library(read_images)),
     reader!("mesh", meshes::mesh_files(), Call::Library(read_meshes)),
     reader!("model", models::model_files(), Call::Library(read_model)),
+    reader!("background", runs::background_files(), Call::Library(read_background)),
     reader!("scene", scenes::scene_files(), Call::Library(read_scene)),
     reader!("nerf", datasets::nerf(), Call::Library(read_dataset)),
     reader!("neus", datasets::neus(), Call::Library(read_dataset)),
@@ -123,6 +124,11 @@ fn read_meshes(folder: &Path) -> anyhow::Result<()> {
 
 fn read_model(folder: &Path) -> anyhow::Result<()> {
     Model::load(folder, &runs::run_file(1, 1, 0))?;
+    Ok(())
+}
+
+fn read_background(folder: &Path) -> anyhow::Result<()> {
+    Model::load(folder, &runs::room_file())?;
     Ok(())
 }
 

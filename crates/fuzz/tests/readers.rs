@@ -53,6 +53,7 @@ readers! {
     image: 1000,
     mesh: 1000,
     model: 1000,
+    background: 200,
     scene: 1000,
     nerf: 500,
     neus: 500,

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, ModelBackground, RunFile};
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -48,6 +48,30 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background_confidence: 0.5,
         options,
     }
+}
+
+/// The content of `fit.toml` for a small network before a volume.
+pub(crate) fn room_file() -> RunFile {
+    RunFile { background_kind: BackgroundKind::Volume, ..run_file(1, 1, 0) }
+}
+
+/// The model files of a run before a volume, of which that of the background is harmed.
+pub(crate) fn background_files() -> BoxedStrategy<Case> {
+    let model = Model::initial(&room_file());
+    let field = model.field.to_safetensors().unwrap_or_default();
+    let head = model.head.to_safetensors().unwrap_or_default();
+    let background = match &model.background {
+        ModelBackground::Trained(volume) => volume.to_safetensors().unwrap_or_default(),
+        ModelBackground::Constant(_) => Vec::new(),
+    };
+    spoiled(Just(Tensors::of(&background)))
+        .prop_map(move |background| {
+            Case::default()
+                .file("model.safetensors", field.clone())
+                .file("radiance.safetensors", head.clone())
+                .file("background.safetensors", background.to_bytes())
+        })
+        .boxed()
 }
 
 impl Run {
