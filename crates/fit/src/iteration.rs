@@ -29,6 +29,6 @@ pub struct Metrics {
     pub edge_fraction: f64,
     /// The level of the pyramid: images at 1/2^level of their size.
     pub level: usize,
-    /// The L2 norm of the gradient before clipping.
+    /// The L2 norm of the gradient of the field and the radiance head, before clipping.
     pub gradient_norm: f64,
 }

@@ -249,7 +249,9 @@ impl Fit {
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = level(self.progress(), self.levels.len());
         let (mut gradient, stats, evaluations) = self.gradient(level)?;
-        let norm = self.clip(&mut gradient);
+        let background = self.model.background.parameters().len();
+        let shape = gradient.len() - background;
+        let norm = self.clip(&mut gradient[..shape]);
         let rate = self.file.options.learning_rate * learning_rate(self.progress());
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
         self.model.set_parameters(&self.parameters);
@@ -295,9 +297,9 @@ impl Fit {
         BackgroundPerCamera((0..self.dataset.train.len() as u64).map(color).collect())
     }
 
-    /// Clips a gradient to the multiple of the running mean of its norm that the options give,
-    /// updates the running mean, and returns the norm before clipping. The first gradient is not
-    /// clipped.
+    /// Clips the gradient of the field and the radiance head to the multiple of the running mean of
+    /// its norm that the options give, updates the running mean, and returns the norm before
+    /// clipping. The first gradient is not clipped.
     fn clip(&mut self, gradient: &mut [f32]) -> f32 {
         let known = self.usual_norm > 0.0;
         let limit = self.file.options.clip as f32 * self.usual_norm;
