@@ -247,7 +247,7 @@ impl Fit {
     /// One iteration. `rays_per_second` of the result is the number of rays, and `progress` is 0;
     /// the caller completes them.
     fn step(&mut self) -> anyhow::Result<Metrics> {
-        let level = level(self.progress(), self.levels.len());
+        let level = level(self.progress(), self.levels.len(), self.file.background_kind);
         let (mut gradient, stats, evaluations) = self.gradient(level)?;
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
@@ -326,7 +326,7 @@ impl Fit {
         // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
-        let every = background_group(self.progress());
+        let every = background_group(self.progress(), self.file.background_kind);
         let draws = level_pixels.draws_for(batch, every);
         let seed = self.file.options.seed;
         let stream = Stream::new(seed, Purpose::PixelOrder).at(level as u64);

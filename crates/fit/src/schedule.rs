@@ -16,6 +16,15 @@ use crate::options::FitOptions;
 /// one and a half times these numbers: distance 1.06 and 1.11.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
+/// The same before a trained background: the shape must be fine while the surface is soft (see
+/// docs/rooms.md).
+const LEVEL_ENDS_SOFT: [f64; 3] = [0.05, 0.12, 0.25];
+
+/// The progress at which each finer level starts.
+fn level_ends(background: BackgroundKind) -> &'static [f64; 3] {
+    if background.is_trained() { &LEVEL_ENDS_SOFT } else { &LEVEL_ENDS }
+}
+
 /// The share of the budget that is spent on the finest level.
 pub(crate) const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
 
@@ -25,9 +34,18 @@ pub(crate) const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
 /// radius instead of 0.9 %. Groups of 4 and 16 on the finest level: distance 0.97 and 0.95.
 const BACKGROUND_GROUP: usize = 8;
 
+/// The same on coarser levels before a trained background: pixels whose rays miss the bounding
+/// sphere train the background only. With groups of 1, a fit was as good and took longer.
+const COARSE_GROUP: usize = 4;
+
 /// The number of background pixels that one draw stands for.
-pub(crate) fn background_group(progress: f64) -> usize {
-    if progress < LEVEL_ENDS[2] { 1 } else { BACKGROUND_GROUP }
+pub(crate) fn background_group(progress: f64, background: BackgroundKind) -> usize {
+    let is_finest = progress >= level_ends(background)[2];
+    match (is_finest, background.is_trained()) {
+        (true, _) => BACKGROUND_GROUP,
+        (false, true) => COARSE_GROUP,
+        (false, false) => 1,
+    }
 }
 
 /// The progress from which all octaves of the encodings have their full weight. From 0.25 and from
@@ -48,8 +66,8 @@ const FINAL_RATE: f64 = 0.03;
 const WARM_UP: f64 = 0.01;
 
 /// The level of a pyramid of `levels` levels: the coarsest at the start, 0 at the end.
-pub(crate) fn level(progress: f64, levels: usize) -> usize {
-    let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
+pub(crate) fn level(progress: f64, levels: usize, background: BackgroundKind) -> usize {
+    let remaining = level_ends(background).iter().filter(|end| progress < **end).count();
     remaining.min(levels - 1)
 }
 
@@ -88,7 +106,7 @@ const LAST_TRUST: f64 = 0.05;
 const SOFT: f64 = 0.65;
 
 /// The sharpness of the surface at the start and at the end of the soft part, per bounding radius.
-const SHARPNESS: [f64; 2] = [16.0, 200.0];
+const SHARPNESS: [f64; 2] = [48.0, 200.0];
 
 /// The sharpness of the surface, per bounding radius; `None` once it is sharp. Before a uniform
 /// background it is sharp from the start.
@@ -146,8 +164,9 @@ mod tests {
 
     #[test]
     fn schedules_have_the_expected_values_at_start_and_end() {
-        assert_eq!((level(0.0, 4), level(0.3, 4), level(1.0, 4)), (3, 1, 0));
-        assert_eq!(level(0.0, 1), 0);
+        let of = |progress, levels| level(progress, levels, BackgroundKind::Constant);
+        assert_eq!((of(0.0, 4), of(0.3, 4), of(1.0, 4)), (3, 1, 0));
+        assert_eq!((of(0.0, 1), level(0.3, 4, BackgroundKind::Volume)), (0, 0));
         assert!(learning_rate(0.0) < 1e-9 && (learning_rate(1.0) - FINAL_RATE).abs() < 1e-9);
         let window = |progress, bands| band_window(progress, bands, BackgroundKind::Constant);
         assert_eq!(window(0.0, 4), vec![1.0, 1.0, 0.0, 0.0]);
