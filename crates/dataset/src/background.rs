@@ -137,21 +137,24 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
 fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
     let (width, height) = (view.image.width, view.image.height);
     let stride = (f64::from(width * height) / SAMPLES).sqrt().ceil().max(1.0) as u32;
-    let shown = |x: u32, y: u32| view.image.at(x, y).map(srgb_encode);
+    let shown = |x: u32, y: u32| {
+        let is_used = view.is_used((y * width + x) as usize);
+        is_used.then(|| view.image.at(x, y).map(srgb_encode))
+    };
     let mut pixels = Vec::new();
     for y in (0..height).step_by(stride as usize) {
         for x in (0..width).step_by(stride as usize) {
             let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             if candidate.clip(view.camera.eye, view.camera.direction(u)).is_none() {
-                pixels.push(shown(x, y));
+                pixels.extend(shown(x, y));
             }
         }
     }
     for x in (0..width).step_by(stride as usize) {
-        pixels.extend([shown(x, 0), shown(x, height - 1)]);
+        pixels.extend([shown(x, 0), shown(x, height - 1)].into_iter().flatten());
     }
     for y in (0..height).step_by(stride as usize) {
-        pixels.extend([shown(0, y), shown(width - 1, y)]);
+        pixels.extend([shown(0, y), shown(width - 1, y)].into_iter().flatten());
     }
     pixels
 }

@@ -28,6 +28,10 @@ const LEAST_POINTS: usize = 50;
 /// distant corner of a table.
 const CONTAINED: f64 = 0.98;
 
+/// The least radius of a sphere around surface points, in radii of the sphere that the median
+/// camera sees whole.
+const LEAST_OF_FRAMED: f64 = 0.8;
+
 /// The largest radius of a sphere estimated from cameras, as a fraction of the distance of the
 /// nearest camera: cameras must be outside.
 const MOST_OF_DISTANCE: f64 = 0.9;
@@ -183,8 +187,10 @@ fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> 
     let points = sphere_around_points(&dataset.points, &framed(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
+        // A pixel that is left out may show the object.
         let is_foreground = |view: usize, i: usize| {
-            rough.of_view(view).probability(views[view].image.pixels[i]) < 0.5
+            let found = rough.of_view(view).probability(views[view].image.pixels[i]);
+            found < 0.5 || !views[view].is_used(i)
         };
         visual_hull_sphere(views, &wide, is_foreground).map(|hull| hull.scaled(MARGIN))
     });
@@ -286,7 +292,8 @@ fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> 
 /// whole, with its centre and at most its radius. `None` if there are too few.
 ///
 /// Most points can be on the table or in the room around the object, so they tell how small the
-/// sphere may be, and not its centre.
+/// sphere may be, and not its centre. They can also be on one textured part of the object, so the
+/// sphere keeps most of the radius.
 fn sphere_around_points(points: &[DVec3], framed: &Sphere<f64>) -> Option<Sphere<f64>> {
     let distances = points.iter().map(|p| p.distance(framed.center));
     let mut inside: Vec<f64> = distances.filter(|d| *d < framed.radius).collect();
@@ -295,8 +302,8 @@ fn sphere_around_points(points: &[DVec3], framed: &Sphere<f64>) -> Option<Sphere
     }
     inside.sort_by(f64::total_cmp);
     let reach = inside[(CONTAINED * (inside.len() - 1) as f64) as usize];
-    let radius = (MARGIN * reach).min(framed.radius);
-    (radius > 0.0).then_some(Sphere { radius, ..*framed })
+    let radius = (MARGIN * reach).clamp(LEAST_OF_FRAMED * framed.radius, framed.radius);
+    Some(Sphere { radius, ..*framed })
 }
 
 #[cfg(test)]

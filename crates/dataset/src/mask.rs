@@ -29,9 +29,8 @@ impl Mask {
         (self.kind != MaskKind::Used).then_some(&self.values[..])
     }
 
-    /// Whether each pixel is used; `None` if the mask is one of the object.
-    pub fn used(&self) -> Option<impl Iterator<Item = bool> + '_> {
-        let is_used = |value: &f32| *value >= LEAST_USED;
-        (self.kind == MaskKind::Used).then(|| self.values.iter().map(is_used))
+    /// Whether pixel `i`, row-major, is used. A mask of the object leaves none out.
+    pub fn is_used(&self, i: usize) -> bool {
+        self.kind != MaskKind::Used || self.values[i] >= LEAST_USED
     }
 }

@@ -7,7 +7,7 @@ use film::Film;
 use glam::DVec3;
 use render::Camera;
 
-use crate::Mask;
+use crate::{Mask, MaskKind};
 
 /// One posed photograph, without lens distortion.
 #[derive(Clone, Debug)]
@@ -30,6 +30,11 @@ impl View {
     pub fn coverage(&self) -> Option<&[f32]> {
         self.mask.as_ref().and_then(Mask::coverage)
     }
+
+    /// Whether pixel `i`, row-major, is used: no mask leaves it out.
+    pub fn is_used(&self, i: usize) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask.is_used(i))
+    }
 }
 
 /// A data set. Lengths are in its own units. Positions are relative to the origin of these units,
@@ -51,6 +56,15 @@ pub struct Dataset {
 }
 
 impl Dataset {
+    /// The same data set without masks that leave pixels out: all pixels are used.
+    #[must_use]
+    pub fn with_all_pixels(mut self) -> Self {
+        for view in self.train.iter_mut().chain(&mut self.test) {
+            view.mask.take_if(|mask| mask.kind == MaskKind::Used);
+        }
+        self
+    }
+
     /// The same data set with positions relative to `origin`, a point in its own units.
     #[must_use]
     pub fn about(mut self, origin: DVec3) -> Self {

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum MaskChoice {
-    /// Use alpha channels, masks of pixels to leave out, and masks of the object if the background
-    /// is not uniform
+    /// Use alpha channels, masks of pixels to leave out, and masks of the object if each view has
+    /// one and the background is neither uniform nor chosen
     #[default]
     Auto,
     /// Use the masks, of whatever kind; masks must be there

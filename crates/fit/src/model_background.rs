@@ -60,7 +60,7 @@ impl BackgroundChoice {
 
 impl BackgroundKind {
     /// Whether the background has trained parameters.
-    pub(crate) fn is_trained(self) -> bool {
+    pub fn is_trained(self) -> bool {
         matches!(self, BackgroundKind::Direction | BackgroundKind::Volume)
     }
 }

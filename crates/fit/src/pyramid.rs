@@ -1,7 +1,7 @@
 //! The image pyramid: the photographs at several sizes, and their pixels whose rays meet the
 //! bounding sphere.
 
-use dataset::{Mask, View};
+use dataset::View;
 use film::Film;
 use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
@@ -47,11 +47,12 @@ impl Photograph {
             pixels: values.map(|value| [value; 3]).collect(),
         };
         let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
-        let used = view.mask.as_ref().and_then(Mask::used).filter(|_| masks == MaskUse::LeaveOut);
+        let pixels = 0..view.image.pixels.len();
+        let mut used = pixels.map(|i| f32::from(u8::from(view.is_used(i))));
         Photograph {
             image: view.image.clone(),
             coverage: coverage.map(|values| grey(&mut values.iter().copied())),
-            used: used.map(|used| grey(&mut used.map(|used| f32::from(u8::from(used))))),
+            used: (masks == MaskUse::LeaveOut).then(|| grey(&mut used)),
         }
     }
 
@@ -241,7 +242,7 @@ pub(crate) fn pyramid(
 
 #[cfg(test)]
 mod tests {
-    use dataset::{BackgroundEstimate, MaskKind};
+    use dataset::{BackgroundEstimate, Mask, MaskKind};
     use field::Sphere;
     use glam::DVec3;
 

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use dataset::Dataset;
+use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
 use film::srgb_decode;
 use glam::Vec3;
 use io::{InputError, check_memory};
-use metrics::psnr;
+use metrics::psnr_where;
 use optim::{Adam, Group};
 use random::{Purpose, Stream};
 use rayon::prelude::*;
@@ -379,7 +379,11 @@ impl Fit {
         let colors = self.file.background_of(std::slice::from_ref(view));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
         let image = write_preview(&path, &scene, 0, &view.image)?;
-        self.held_out_psnr = held_out.map(|view| psnr(&image, &view.image));
+        let psnr = |view: &View| {
+            let used = (0..view.image.pixels.len()).map(|i| view.is_used(i));
+            psnr_where(&image, &view.image, used)
+        };
+        self.held_out_psnr = held_out.map(psnr);
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::{BackgroundEstimate, Dataset, SphereSource, View, check_cameras, surroundings};
+use dataset::{BackgroundEstimate, Dataset, MaskKind, SphereSource, View, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::background::BackgroundModel;
 use crate::masks::{MaskUse, put_over_black};
-use crate::model_background::BackgroundKind;
+use crate::model_background::{BackgroundChoice, BackgroundKind};
 use crate::options::{Check, FitOptions};
 
 /// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
@@ -43,21 +43,23 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If a camera does not suit the bounding sphere, or if masks must be used and are missing.
+    /// If masks must be used and are missing.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
         let mut found = surroundings(dataset, options.bounds(), false);
-        let masks = options.masks.resolve(dataset, found.is_uniform(), Path::new("arguments"))?;
+        let arguments = Path::new("arguments");
+        // A background that the user models is there.
+        let is_modelled = options.background != BackgroundChoice::Auto;
+        let masks = options.masks.resolve(dataset, found.is_uniform() || is_modelled, arguments)?;
         let mut background_kind = options.background.resolve(&found);
         if masks == MaskUse::Coverage {
             found = surroundings(dataset, options.bounds(), true);
             found.background = BackgroundEstimate::NOTHING;
             background_kind = BackgroundKind::Constant;
         }
-        check_cameras(dataset, &found.sphere)?;
         let Sphere { center, radius } = found.sphere;
         let BackgroundEstimate { color, spread, confidence } = found.background;
         let file = RunFile {
@@ -88,7 +90,8 @@ impl RunFile {
         Sphere { center: sphere.center - self.origin(), ..sphere }
     }
 
-    fn world_sphere(&self) -> Sphere<f64> {
+    /// The bounding sphere, in the units of the data set.
+    pub fn world_sphere(&self) -> Sphere<f64> {
         let [x, y, z, radius] = self.bounds;
         Sphere { center: DVec3::new(x, y, z), radius }
     }
@@ -119,7 +122,26 @@ impl RunFile {
             put_over_black(&mut dataset.train);
             put_over_black(&mut dataset.test);
         }
-        dataset
+        if self.masks == MaskUse::LeaveOut { dataset } else { dataset.with_all_pixels() }
+    }
+
+    /// Refuses a data set without the masks that the run uses. `source` is its `fit.toml`.
+    ///
+    /// # Errors
+    /// If a training view lacks its mask, or none leaves pixels out.
+    pub fn check_masks(&self, dataset: &Dataset, source: &Path) -> Result<(), InputError> {
+        let views = &dataset.train;
+        let covered = views.iter().filter(|view| view.coverage().is_some()).count();
+        let leaves_out =
+            views.iter().any(|v| v.mask.as_ref().is_some_and(|m| m.kind == MaskKind::Used));
+        let (holds, expected) = match self.masks {
+            MaskUse::None => return Ok(()),
+            MaskUse::Coverage => (covered == views.len(), "a mask for each view, as in this run"),
+            MaskUse::LeaveOut => (leaves_out, "masks of pixels to leave out, as in this run"),
+        };
+        let found =
+            format!("a data set with masks of the object for {covered} of {} views", views.len());
+        if holds { Ok(()) } else { Err(InputError::new(source, "masks", found, expected)) }
     }
 
     /// The estimated uniform background: one of all views, or one of each.
@@ -209,6 +231,13 @@ impl RunFile {
                     format!("{:?}", self.bounds),
                     positive,
                     "x, y, z and a radius above 0",
+                ),
+                Check::new(
+                    "background_kind",
+                    format!("{:?} with masks = \"coverage\"", self.background_kind),
+                    self.masks != MaskUse::Coverage
+                        || self.background_kind == BackgroundKind::Constant,
+                    "constant",
                 ),
                 Check::new(
                     "background",

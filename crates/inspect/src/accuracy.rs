@@ -45,12 +45,13 @@ pub fn sampled_psnr(
     Ok((!shown.is_empty()).then(|| psnr(&row(rendered), &row(shown))))
 }
 
-/// Pixels of a view whose rays meet the sphere.
+/// Used pixels of a view whose rays meet the sphere.
 fn sampled_pixels(view: &View, sphere: &Sphere<f64>) -> Vec<[u32; 2]> {
     let (width, height) = (view.image.width, view.image.height);
     let meets = |[x, y]: &[u32; 2]| {
         let u = DVec2::new(f64::from(*x) + 0.5, f64::from(*y) + 0.5);
-        sphere.clip(view.camera.eye, view.camera.direction(u)).is_some()
+        view.is_used((y * width + x) as usize)
+            && sphere.clip(view.camera.eye, view.camera.direction(u)).is_some()
     };
     let all: Vec<[u32; 2]> =
         (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).filter(meets).collect();

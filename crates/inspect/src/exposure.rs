@@ -123,7 +123,8 @@ fn brightness_in(
             let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let rgb = view.image.at(x, y);
             let direction = view.camera.direction(u);
-            if is_object(rgb) && bounds.clip(view.camera.eye, direction).is_some() {
+            let is_used = view.is_used((y * width + x) as usize);
+            if is_used && is_object(rgb) && bounds.clip(view.camera.eye, direction).is_some() {
                 sum += luminance(rgb);
                 count += 1;
             }

@@ -32,7 +32,8 @@ pub struct Evidence {
 
 impl Evidence {
     /// Examines a fit. `scene` is its solid with the cameras of the training views and then those
-    /// of the held-out views, and `sphere` is its bounding sphere.
+    /// of the held-out views, and `sphere` is its bounding sphere. `uniform_background` tells
+    /// whether its background is one colour, or one for each view.
     ///
     /// It takes about a second, and gives the same numbers on any number of threads.
     ///
@@ -43,11 +44,12 @@ impl Evidence {
         sphere: &Sphere<f64>,
         dataset: &Dataset,
         background: &dataset::BackgroundEstimate,
+        uniform_background: bool,
     ) -> Result<Evidence, InvalidField> {
         let (train, all) = (dataset.train.len(), dataset.train.len() + dataset.test.len());
         Ok(Evidence {
             training_views: train,
-            uniform_background: scene.background.uniform().is_some(),
+            uniform_background,
             background_confidence: background.confidence,
             exposure_spread: exposure_spread(&dataset.train, sphere, background).map(|e| e.stops),
             surface: surface_shares(scene, sphere, 0..train)?,

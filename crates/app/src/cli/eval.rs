@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::common::Global;
 use super::mesh::mesh_of_run;
-use dataset::{LoadOptions, Mask, View};
-use fit::{MaskUse, Model, RunFile, Solid};
+use dataset::{LoadOptions, View};
+use fit::{Model, RunFile, Solid};
 use mesh::read_mesh;
-use metrics::{compare, mask_iou, psnr, psnr_where, ssim};
+use metrics::{compare, mask_iou, psnr_where, ssim};
 use render::render;
 
 /// Arguments of `dsdf eval`.
@@ -38,7 +38,7 @@ pub(crate) struct Eval {
 pub(super) struct EvalReport {
     /// PSNR in dB, mean over the held-out views.
     psnr: Option<f64>,
-    /// Structural similarity, mean over the held-out views.
+    /// Structural similarity, mean over the held-out views, with the pixels that masks leave out.
     ssim: Option<f64>,
     /// Intersection over union of the masks, mean over the held-out views that have one.
     mask_iou: Option<f64>,
@@ -106,11 +106,8 @@ pub(super) fn compare_views(
             progress((i as f64 + p) / views.len() as f64)
         })?;
         is_empty &= image.coverage.iter().all(|coverage| *coverage == 0.0);
-        let used = view.mask.as_ref().and_then(Mask::used);
-        psnrs.push(match used.filter(|_| file.masks == MaskUse::LeaveOut) {
-            Some(used) => psnr_where(&image.film, &view.image, used),
-            None => psnr(&image.film, &view.image),
-        });
+        let used = (0..view.image.pixels.len()).map(|i| view.is_used(i));
+        psnrs.push(psnr_where(&image.film, &view.image, used));
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.coverage().map(|mask| mask_iou(&image.coverage, mask)));
     }

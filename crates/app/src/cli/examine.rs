@@ -15,6 +15,7 @@ pub(super) fn examine(model: &Model, file: &RunFile, dataset: &Dataset) -> anyho
     let solid = Solid::new(model, file);
     let colors = file.background_of(views());
     let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-    let evidence = Evidence::collect(&scene, &file.sphere(), dataset, &file.background())?;
+    let (background, is_uniform) = (file.background(), !file.background_kind.is_trained());
+    let evidence = Evidence::collect(&scene, &file.sphere(), dataset, &background, is_uniform)?;
     Ok(Verdict::of(evidence))
 }

@@ -3,16 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use field::Sphere;
-use glam::DVec3;
 use serde::Serialize;
 
 use super::common::{FROM_RUN, Global};
 use super::examine::examine;
-use super::fit::load_for;
+use super::fit::{load_for, modelled};
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
-use fit::{FitOptions, Model, RunFile, parse_bounds};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, parse_bounds};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.
@@ -37,6 +35,10 @@ pub(crate) struct Inspect {
 struct InspectReport {
     #[serde(flatten)]
     dataset: Report,
+    /// The model of the background in a fit.
+    background_kind: BackgroundKind,
+    /// The use of the masks in a fit.
+    mask_use: MaskUse,
     /// The slope of the run's network: the 98 % quantile of |∇f| over the bounding sphere, or 1 if
     /// it is at most 1.5. Rays start with it. `None` for a data set.
     slope: Option<f32>,
@@ -55,29 +57,44 @@ impl Inspect {
         let of_run = run.as_ref().map(RunFile::downscale);
         let options = FitOptions { downscale: self.downscale.or(of_run), ..FitOptions::default() };
         let (dataset, _) = load_for(path, &options, global)?;
-        let given = self.bounds.or(run.as_ref().map(|file| file.bounds));
-        let given = given.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius });
-        let found = dataset::surroundings(&dataset, given, false);
-        let source = match (self.bounds, &run) {
-            (None, Some(_)) => FROM_RUN.to_owned(),
-            _ => found.source.to_string(),
-        };
-        write_image(&self.output, &overlay(&dataset, &found.sphere))?;
-        let report = inspect(&dataset, &found.sphere, &found.background, &source);
-        let (slope, verdict) = match &run {
+        let (file, source) = match &run {
             Some(file) => {
-                let model = Model::load(&self.dataset, file)?;
+                let bounds = self.bounds.unwrap_or(file.bounds);
+                (RunFile { bounds, ..file.clone() }, FROM_RUN.to_owned())
+            }
+            None => {
+                let options = FitOptions { bounds: self.bounds, ..options };
+                let (file, source) = RunFile::of_dataset(path.clone(), &dataset, &options)?;
+                (file, source.to_string())
+            }
+        };
+        let source = if self.bounds.is_some() { "as asked" } else { &source };
+        // The model first: a run without one has no picture.
+        let model = match &run {
+            Some(file) => Some(Model::load(&self.dataset, file)?),
+            None => None,
+        };
+        let sphere = file.world_sphere();
+        write_image(&self.output, &overlay(&dataset, &sphere))?;
+        let report = inspect(&dataset, &sphere, &file.background(), source);
+        let modelled = modelled(&dataset, &file);
+        let (slope, verdict) = match (&run, model) {
+            (Some(file), Some(model)) => {
                 let verdict = examine(&model, file, &file.prepare(dataset))?;
                 (Some(slope_of(&model.field)), Some(verdict))
             }
-            None => (None, None),
+            _ => (None, None),
         };
-        let report = InspectReport { dataset: report, slope, verdict };
+        let RunFile { background_kind, masks, .. } = file;
+        let report =
+            InspectReport { dataset: report, background_kind, mask_use: masks, slope, verdict };
         global.report(&report, || {
             let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));
             let verdict = report.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
+            let [background, masks] = &modelled;
+            let of_fit = format!("\nfit          {background}\n             {masks}");
             let picture = self.output.display();
-            format!("{}{slope}\npicture      {picture}{verdict}", report.dataset)
+            format!("{}{of_fit}{slope}\npicture      {picture}{verdict}", report.dataset)
         })
     }
 }

@@ -90,7 +90,8 @@ impl Render {
         check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
         let file = RunFile::load(&self.scene)?;
         let model = Model::load(&self.scene, &file)?;
-        let dataset = dataset::load(&file.dataset, &LoadOptions::default())?.about(file.origin());
+        let dataset = dataset::load(&file.dataset, &LoadOptions { downscale: file.downscale() })?
+            .about(file.origin());
         let bounds = file.sphere();
         let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
         let up = upwards(&training, bounds.center);

@@ -245,9 +245,11 @@ fn image_path(folder: &Path, name: &str) -> Option<PathBuf> {
     std::iter::once(as_named).chain(with_extension).find(|p| p.is_file())
 }
 
-/// `masks/train/r_000.png` for `./train/r_000`.
+/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`.
 fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
     let name = name.trim_start_matches("./");
-    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-    [name, stem].into_iter().find_map(|n| image_path(&folder.join("masks"), n))
+    let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
+    let stem = |name: &'_ str| name.rsplit_once('.').map_or(name.len(), |(stem, _)| stem.len());
+    let names = [name, &name[..stem(name)], file, &file[..stem(file)]];
+    names.into_iter().find_map(|n| image_path(&folder.join("masks"), n))
 }

@@ -24,6 +24,7 @@ use metrics_file::MetricsFile;
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};
 pub(super) use start::{load_for, new_run};
+pub(super) use summary::modelled;
 
 /// The result of `dsdf fit`.
 #[derive(Serialize)]

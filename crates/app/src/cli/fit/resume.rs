@@ -29,7 +29,9 @@ impl Fit {
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
         let options = LoadOptions { downscale: file.downscale() };
-        let dataset = file.prepare(dataset::load(&file.dataset, &options)?);
+        let dataset = dataset::load(&file.dataset, &options)?;
+        file.check_masks(&dataset, &toml)?;
+        let dataset = file.prepare(dataset);
         Ok((dataset, file, FROM_RUN.to_owned()))
     }
 

@@ -6,7 +6,7 @@ use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{ARGUMENTS, Global};
 use dataset::{Dataset, LoadOptions};
-use fit::{FitOptions, Limit, RunFile};
+use fit::{FitOptions, Limit, MaskChoice, RunFile};
 use io::InputError;
 
 impl Fit {
@@ -29,15 +29,21 @@ impl Fit {
 /// bounding sphere in words.
 ///
 /// # Errors
-/// If the data set cannot be read, or by [`RunFile::of_dataset`].
+/// If the data set cannot be read, by [`RunFile::of_dataset`], or if a camera does not suit the
+/// bounding sphere.
 pub(in crate::cli) fn new_run(
     path: &Path,
     options: &FitOptions,
     global: &Global,
 ) -> anyhow::Result<(Dataset, RunFile, String)> {
     let (dataset, downscale) = load_for(path, options, global)?;
+    let dataset = match options.masks {
+        MaskChoice::Ignore => dataset.with_all_pixels(),
+        MaskChoice::Auto | MaskChoice::Use => dataset,
+    };
     let options = FitOptions { downscale: Some(downscale), ..options.clone() };
     let (file, source) = RunFile::of_dataset(absolute(path), &dataset, &options)?;
+    dataset::check_cameras(&dataset, &file.world_sphere())?;
     Ok((file.prepare(dataset), file, source.to_string()))
 }
 

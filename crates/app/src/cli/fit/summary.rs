@@ -1,6 +1,5 @@
 //! The summary of a fit before its first iteration.
 
-use ::inspect::Report;
 use dataset::Dataset;
 use fit::{BackgroundKind, MaskUse, RunFile};
 
@@ -18,13 +17,13 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
     let (train, test) = (report.train_views, report.test_views);
     global.say(&format!("views: {train} to fit, {test} held out, {width} x {height} pixels"));
     global.say(&format!("sphere: centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, {source}"));
-    modelled(&report, file).iter().for_each(|line| global.say(line));
+    modelled(dataset, file).iter().for_each(|line| global.say(line));
     global.say(&format!("exposure: {}", report.exposure_text()));
     report.warnings.iter().for_each(|warning| global.say(&format!("WARNING {warning}")));
 }
 
 /// The model for the background with its reason, and the use of masks.
-fn modelled(report: &Report, file: &RunFile) -> [String; 2] {
+pub(in crate::cli) fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
     let model = match file.background_kind {
         _ if file.masks == MaskUse::Coverage => "none: the masks cut the object out",
         BackgroundKind::Constant => "one colour",
@@ -37,11 +36,16 @@ fn modelled(report: &Report, file: &RunFile) -> [String; 2] {
         MaskUse::Coverage => String::new(),
         _ => format!(" (confidence in uniform photographs: {confidence:.2} of 1)"),
     };
-    let masks = match (report.masks, file.masks) {
-        (0, _) => "none".to_owned(),
-        (n, MaskUse::Coverage) => format!("of {n} views, used (see --masks)"),
-        (n, MaskUse::LeaveOut) => format!("of {n} views, pixels left out (see --masks)"),
-        (n, MaskUse::None) => format!("of {n} views, not used in the fit (see --masks)"),
+    let views = || dataset.train.iter().chain(&dataset.test);
+    let covered = views().filter(|view| view.coverage().is_some()).count();
+    let others = views().filter(|view| view.mask.is_some()).count() - covered;
+    let masks = match file.masks {
+        MaskUse::Coverage => format!("of the object in {covered} views, used (see --masks)"),
+        MaskUse::LeaveOut => format!("pixels are left out in {others} views (see --masks)"),
+        MaskUse::None if covered > 0 => {
+            format!("of the object in {covered} views, not used in the fit (see --masks)")
+        }
+        MaskUse::None => "none used".to_owned(),
     };
     [format!("background: {model}{reason}"), format!("masks: {masks}")]
 }
