@@ -82,6 +82,9 @@ impl UnreadView {
         if let Some(bad) = image.pixels.as_flattened().iter().find(|v| !v.is_finite()) {
             return Err(InputError::new(path, "pixels", bad, "finite numbers"));
         }
+        if let Some(bad) = alpha.iter().flatten().find(|a| !(0.0..=1.0).contains(*a)) {
+            return Err(InputError::new(path, "alpha", bad, "numbers from 0 to 1"));
+        }
         let image = match &alpha {
             Some(alpha) => over_black(image, alpha),
             None => image,

@@ -33,8 +33,8 @@ pub enum MaskUse {
     LeaveOut,
 }
 
-/// The least share of the views of which an alpha channel must be transparent somewhere.
-const TRANSPARENT_VIEWS: f64 = 0.5;
+/// The least share of the views whose masks must have pixels of the object and of the background.
+const CUT_VIEWS: f64 = 0.5;
 
 /// A pixel of less coverage shows the background rather than the object.
 const HALF: f32 = 0.5;
@@ -55,7 +55,8 @@ impl MaskChoice {
         let is_kind = |view: &View, kind| view.mask.as_ref().is_some_and(|m| m.kind == kind);
         let leave_out = views.iter().any(|view| is_kind(view, MaskKind::Used));
         let covered = views.iter().filter(|view| view.coverage().is_some()).count();
-        let found = if covered == views.len() {
+        let all_equal = covered == views.len() && !cut_out(views);
+        let found = if covered == views.len() && !all_equal {
             MaskUse::Coverage
         } else if leave_out {
             MaskUse::LeaveOut
@@ -66,23 +67,28 @@ impl MaskChoice {
         match self {
             MaskChoice::Ignore => Ok(MaskUse::None),
             MaskChoice::Use if found == MaskUse::None => {
-                let found = format!("use, and masks for {covered} of {} views", views.len());
-                let expected = "a mask or an alpha channel for each view to fit";
+                let found = match all_equal {
+                    true => "use, and masks that are the same everywhere in most views".to_owned(),
+                    false => format!("use, and masks for {covered} of {} views", views.len()),
+                };
+                let expected = "a mask or an alpha channel of the object for each view to fit";
                 Err(InputError::new(source, "masks", found, expected))
             }
             MaskChoice::Auto if found == MaskUse::Coverage => {
-                let wanted = if objects { !is_uniform } else { is_matte(views) };
-                Ok(if wanted { found } else { MaskUse::None })
+                Ok(if objects && is_uniform { MaskUse::None } else { found })
             }
             MaskChoice::Use | MaskChoice::Auto => Ok(found),
         }
     }
 }
 
-/// Whether the alpha channels cut the object out: those of most views are transparent somewhere.
-fn is_matte(views: &[View]) -> bool {
-    let is_cut = |view: &&View| view.coverage().is_some_and(|c| c.iter().any(|c| *c < HALF));
-    views.iter().filter(is_cut).count() as f64 >= TRANSPARENT_VIEWS * views.len() as f64
+/// Whether the masks cut the object out: most have pixels of the object and pixels of the background.
+fn cut_out(views: &[View]) -> bool {
+    let has_both = |coverage: &[f32]| {
+        coverage.iter().any(|c| *c < HALF) && coverage.iter().any(|c| *c >= HALF)
+    };
+    let cut = views.iter().filter(|view| view.coverage().is_some_and(has_both)).count();
+    cut as f64 >= CUT_VIEWS * views.len() as f64
 }
 
 /// Multiplies each photograph with the coverage of its mask: the object over black, as if it had an
@@ -134,7 +140,7 @@ mod tests {
         let cases = [
             (vec![alpha, alpha], [MaskUse::Coverage; 2], Some(MaskUse::Coverage)),
             (vec![alpha, opaque], [MaskUse::Coverage; 2], Some(MaskUse::Coverage)),
-            (vec![opaque, opaque], [MaskUse::None; 2], Some(MaskUse::Coverage)),
+            (vec![opaque, opaque], [MaskUse::None; 2], None),
             (vec![object, object], [MaskUse::None, MaskUse::Coverage], Some(MaskUse::Coverage)),
             (vec![used, None], [MaskUse::LeaveOut; 2], Some(MaskUse::LeaveOut)),
             (vec![object, None], [MaskUse::None; 2], None),

@@ -120,6 +120,8 @@ impl RunFile {
         let mut dataset = dataset.about(self.origin());
         if self.masks == MaskUse::Coverage {
             put_over_black(&mut dataset.train);
+            // A photograph with its background would be compared with one without.
+            dataset.test.retain(|view| view.coverage().is_some());
             put_over_black(&mut dataset.test);
         }
         if self.masks == MaskUse::LeaveOut { dataset } else { dataset.with_all_pixels() }

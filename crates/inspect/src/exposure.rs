@@ -57,7 +57,8 @@ pub(crate) const MOST_SPREAD: f64 = 0.12;
 
 /// The spread of the exposures of `views`; `None` if they do not show it.
 ///
-/// Before a uniform background that is not black, this is the spread of the background's luminance.
+/// Before a uniform background that is not black, this is the spread of the background's luminance,
+/// if its hue is the same in all views.
 /// Else it is the spread of the mean luminance inside the sphere's image, without the part that
 /// varies smoothly with the direction of the camera. This part is a polynomial of degree 2 in the
 /// direction: the light that a diffuse surface reflects is nearly one (Ramamoorthi and Hanrahan,
@@ -69,15 +70,24 @@ pub fn exposure_spread(
     background: &BackgroundEstimate,
 ) -> Option<Exposure> {
     let is_uniform = background.confidence >= LEAST_CONFIDENCE;
+    let of_one = |view: &View| BackgroundEstimate::estimate(std::slice::from_ref(view), bounds);
+    let backgrounds: Vec<BackgroundEstimate> =
+        if is_uniform { views.par_iter().map(of_one).collect() } else { Vec::new() };
     if is_uniform && luminance(background.color) >= LEAST_LUMINANCE && views.len() > 1 {
-        let of_one = |view: &View| BackgroundEstimate::estimate(std::slice::from_ref(view), bounds);
-        let brightness = |view: &View| luminance(of_one(view).color).max(DARKEST);
-        let stops: Vec<f64> = views.par_iter().map(|view| brightness(view).log2()).collect();
-        return Some(Exposure { stops: deviation(&stops), from: ExposureSource::Background });
+        let brightness = |color| luminance(color).max(DARKEST).log2();
+        let stops: Vec<f64> = backgrounds.iter().map(|b| brightness(b.color)).collect();
+        if same_hue(&backgrounds) {
+            return Some(Exposure { stops: deviation(&stops), from: ExposureSource::Background });
+        }
     }
-    let is_object = |rgb| !is_uniform || background.probability(rgb) < 0.5;
-    let measured: Vec<Option<(DVec3, f64)>> =
-        views.par_iter().map(|view| brightness_in(view, bounds, &is_object)).collect();
+    let is_object = |number: usize, rgb| {
+        backgrounds.get(number).is_none_or(|background| background.probability(rgb) < 0.5)
+    };
+    let measured: Vec<Option<(DVec3, f64)>> = views
+        .par_iter()
+        .enumerate()
+        .map(|(number, view)| brightness_in(view, bounds, &|rgb| is_object(number, rgb)))
+        .collect();
     let (directions, mut stops): (Vec<DVec3>, Vec<f64>) = measured.into_iter().flatten().unzip();
     if stops.len() < LEAST_VIEWS {
         return None;
@@ -87,6 +97,15 @@ pub fn exposure_spread(
     let left = stops.len() as f64 / (stops.len() - removed) as f64;
     let stops = deviation(&stops) * left.sqrt();
     Some(Exposure { stops, from: ExposureSource::Sphere })
+}
+
+/// Whether backgrounds differ in brightness only: an exposure changes all channels by one factor.
+fn same_hue(backgrounds: &[BackgroundEstimate]) -> bool {
+    let channel = |b: &BackgroundEstimate, c: usize| f64::from(b.color[c]).max(DARKEST).log2();
+    [0, 2].into_iter().all(|c| {
+        let ratios: Vec<f64> = backgrounds.iter().map(|b| channel(b, c) - channel(b, 1)).collect();
+        deviation(&ratios) < MOST_SPREAD
+    })
 }
 
 /// The luminance of linear RGB, by ITU-R BT.709.

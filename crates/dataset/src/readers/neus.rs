@@ -45,7 +45,7 @@ pub(super) fn read(folder: &Path) -> Result<Recognised> {
             InputError::new(&archive.file, format!("world_mat_{i}"), "a singular matrix", expected)
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mask = mask_of(path, i, images.len(), &masks).map(|mask| (MaskKind::Object, mask));
+        let mask = mask_of(&images, i, &masks).map(|mask| (MaskKind::Object, mask));
         let size_source = "the image".to_owned();
         train.push(UnreadView { name, path: path.clone(), mask, camera, lens, size_source });
     }
@@ -117,11 +117,14 @@ fn is_numbered(name: &str, prefix: &str) -> bool {
     number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
 }
 
-/// The mask with the image's name. Without one, if there are as many masks as images, the mask at
-/// the image's position in the order of names.
-fn mask_of(image: &Path, i: usize, images: usize, masks: &[PathBuf]) -> Option<PathBuf> {
-    let same_name = masks.iter().find(|m| m.file_stem() == image.file_stem());
-    same_name.or_else(|| masks.get(i).filter(|_| masks.len() == images)).cloned()
+/// The mask of image `i`: the one with its name if any mask has the name of an image, and else, if
+/// there are as many masks as images, the one at its place.
+fn mask_of(images: &[PathBuf], i: usize, masks: &[PathBuf]) -> Option<PathBuf> {
+    let same_name = |image: &PathBuf| masks.iter().find(|m| m.file_stem() == image.file_stem());
+    if images.iter().any(|image| same_name(image).is_some()) {
+        return same_name(&images[i]).cloned();
+    }
+    masks.get(i).filter(|_| masks.len() == images.len()).cloned()
 }
 
 /// The images of a folder that must have some.
