@@ -46,9 +46,9 @@ fn a_fit_prints_its_assumptions_and_its_verdict() {
     assert!(summary[5..].iter().all(|name| *name == "fit"), "{lines:?}");
     for (line, words) in [
         (0, "6 to fit, 1 held out, 32 x 32 pixels"),
-        (1, "estimated from cameras and background"),
-        (2, "one colour (confidence in one colour: 1.00 of 1)"),
-        (3, "of 7 views, not used"),
+        (1, "from outlines before uniform backgrounds"),
+        (2, "one colour (confidence in uniform photographs: 1.00 of 1)"),
+        (3, "of the object in 7 views, not used"),
         (4, "not known"),
     ] {
         assert!(lines[line].contains(words), "no {words:?} in {lines:?}");
