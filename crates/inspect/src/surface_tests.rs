@@ -96,8 +96,8 @@ fn the_psnr_of_a_known_error() {
     let expected = -10.0 * (1.0 - area(0.5) / area(1.0)).log10();
     for (number, numbers) in [(0, 0..1), (1, 1..2)] {
         let views = [view(cameras[number], 1.0)];
-        let found = sampled_psnr(&scene, &UNIT, &views, numbers).unwrap().unwrap();
+        let found = sampled_psnr(&scene, &UNIT, &views, numbers, false).unwrap().unwrap();
         assert!((found - expected).abs() < 0.2, "{found} and {expected}");
     }
-    assert_eq!(sampled_psnr(&scene, &UNIT, &[], 0..0).unwrap(), None);
+    assert_eq!(sampled_psnr(&scene, &UNIT, &[], 0..0, true).unwrap(), None);
 }

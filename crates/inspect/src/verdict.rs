@@ -53,8 +53,20 @@ impl Evidence {
             background_confidence: background.confidence,
             exposure_spread: exposure_spread(&dataset.train, sphere, background).map(|e| e.stops),
             surface: surface_shares(scene, sphere, 0..train)?,
-            training_psnr: sampled_psnr(scene, sphere, &dataset.train, 0..train)?,
-            held_out_psnr: sampled_psnr(scene, sphere, &dataset.test, train..all)?,
+            training_psnr: sampled_psnr(
+                scene,
+                sphere,
+                &dataset.train,
+                0..train,
+                !uniform_background,
+            )?,
+            held_out_psnr: sampled_psnr(
+                scene,
+                sphere,
+                &dataset.test,
+                train..all,
+                !uniform_background,
+            )?,
         })
     }
 }
