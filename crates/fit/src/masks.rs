@@ -82,7 +82,7 @@ impl MaskChoice {
     }
 }
 
-/// Whether the masks cut the object out: most have pixels of the object and pixels of the background.
+/// Whether most masks have pixels of the object and pixels of the background.
 fn cut_out(views: &[View]) -> bool {
     let has_both = |coverage: &[f32]| {
         coverage.iter().any(|c| *c < HALF) && coverage.iter().any(|c| *c >= HALF)

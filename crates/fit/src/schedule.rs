@@ -16,8 +16,7 @@ use crate::options::FitOptions;
 /// one and a half times these numbers: distance 1.06 and 1.11.
 const LEVEL_ENDS: [f64; 3] = [0.08, 0.22, 0.45];
 
-/// The same before a trained background: the shape must be fine while the surface is soft (see
-/// docs/rooms.md).
+/// The same before a trained background: the shape must be fine while the surface is soft.
 const LEVEL_ENDS_SOFT: [f64; 3] = [0.05, 0.12, 0.25];
 
 /// The progress at which each finer level starts.
@@ -34,14 +33,13 @@ pub(crate) const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
 /// radius instead of 0.9 %. Groups of 4 and 16 on the finest level: distance 0.97 and 0.95.
 const BACKGROUND_GROUP: usize = 8;
 
-/// The same on coarser levels before a trained background: pixels whose rays miss the bounding
-/// sphere train the background only. With groups of 1, a fit was as good and took longer.
+/// The same on coarser levels before a trained background, which these pixels train alone. With
+/// groups of 1, a fit was as good and took longer.
 const COARSE_GROUP: usize = 4;
 
 /// The number of background pixels that one draw stands for.
 pub(crate) fn background_group(progress: f64, background: BackgroundKind) -> usize {
-    let is_finest = progress >= level_ends(background)[2];
-    match (is_finest, background.is_trained()) {
+    match (progress >= level_ends(background)[2], background.is_trained()) {
         (true, _) => BACKGROUND_GROUP,
         (false, true) => COARSE_GROUP,
         (false, false) => 1,
@@ -118,8 +116,8 @@ pub(crate) fn sharpness(progress: f64, background: BackgroundKind) -> Option<f32
 
 /// The progress over which the weight of the view direction in the radiance rises from 0 to 1.
 ///
-/// While the surface is soft, radiance that depends on the direction could paint the background,
-/// as each camera sees it, on a sheet in front of the object.
+/// Radiance that depends on the direction could paint the background, as each camera sees it, on a
+/// soft sheet in front of the object.
 const DIRECTION: [f64; 2] = [SOFT, 0.75];
 
 /// The weight of the view direction in the radiance. Before a uniform background it is 1.

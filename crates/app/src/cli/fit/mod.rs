@@ -124,8 +124,8 @@ pub(super) fn fit(
 fn refuse_empty(fitting: &Fitting, run: &Path) -> anyhow::Result<()> {
     if fitting.progress() >= 1.0 && !fitting.has_visible_surface()? {
         anyhow::bail!(
-            "{}: the fit ended without a surface: no ray of a training view meets one (try a larger \
-             sphere with --bounds, and look at the picture of `dsdf inspect`)",
+            "{}: the fit ended without a surface: no ray of a training view meets one (try a \
+             larger sphere with --bounds, and look at the picture of `dsdf inspect`)",
             run.display()
         );
     }
