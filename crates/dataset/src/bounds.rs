@@ -120,9 +120,12 @@ impl Surroundings {
         self.confidence_of_views() >= UNIFORM && differ
     }
 
-    /// The background of training view `i`: the common one if all views agree well enough.
-    fn of_view(&self, i: usize) -> &BackgroundEstimate {
-        if self.is_common() { &self.background } else { &self.backgrounds[i] }
+    /// The background of each training view: the common one if all views agree well enough.
+    fn of_views(&self) -> Vec<BackgroundEstimate> {
+        if self.is_common() {
+            return vec![self.background; self.backgrounds.len()];
+        }
+        self.backgrounds.clone()
     }
 }
 
@@ -187,9 +190,10 @@ fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> 
     let points = sphere_around_points(&dataset.points, &framed(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
+        let backgrounds = rough.of_views();
         // A pixel that is left out may show the object.
         let is_foreground = |view: usize, i: usize| {
-            let found = rough.of_view(view).probability(views[view].image.pixels[i]);
+            let found = backgrounds[view].probability(views[view].image.pixels[i]);
             found < 0.5 || !views[view].is_used(i)
         };
         visual_hull_sphere(views, &wide, is_foreground).map(|hull| hull.scaled(MARGIN))
