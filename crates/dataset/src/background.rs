@@ -85,6 +85,11 @@ impl BackgroundEstimate {
         BackgroundEstimate { color: center.map(srgb_decode), spread, confidence }
     }
 
+    /// Like [`estimate`](Self::estimate), from one view alone.
+    pub fn of_view(view: &View, candidate: &Sphere<f64>) -> Self {
+        Self::estimate(std::slice::from_ref(view), candidate)
+    }
+
     /// The probability in [0, 1] that a pixel of this linear RGB shows the background.
     ///
     /// By Bayes' rule in display space: the background is normal with standard deviation `spread`

@@ -85,7 +85,7 @@ pub struct Surroundings {
 
 impl Surroundings {
     fn new(views: &[View], sphere: Sphere<f64>, source: SphereSource) -> Self {
-        let of_view = |view| BackgroundEstimate::estimate(std::slice::from_ref(view), &sphere);
+        let of_view = |view| BackgroundEstimate::of_view(view, &sphere);
         let backgrounds = views.par_iter().map(of_view).collect();
         let background = BackgroundEstimate::estimate(views, &sphere);
         Surroundings { sphere, source, background, backgrounds }

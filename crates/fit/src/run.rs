@@ -128,7 +128,7 @@ impl Fit {
         let found = format!("{pixels} pixels of photographs");
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
         let background = file.background_model(&dataset.train);
-        let colors = file.background_of(&dataset.train);
+        let colors = file.colors(&background.estimates);
         let levels = pyramid(&dataset.train, file.masks, &background, LEVELS);
         if levels[0].pixel_count() == 0 {
             let expected = "a sphere that the cameras see (option --bounds)";

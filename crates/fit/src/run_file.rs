@@ -150,7 +150,7 @@ impl RunFile {
     fn estimates<'a>(&self, views: impl IntoIterator<Item = &'a View>) -> Vec<BackgroundEstimate> {
         if self.background_kind == BackgroundKind::PerView {
             let sphere = self.sphere();
-            let of_view = |view| BackgroundEstimate::estimate(std::slice::from_ref(view), &sphere);
+            let of_view = |view| BackgroundEstimate::of_view(view, &sphere);
             return views.into_iter().map(of_view).collect();
         }
         let confidence = self.uniform_confidence() as f32;
@@ -171,7 +171,15 @@ impl RunFile {
         &self,
         views: impl IntoIterator<Item = &'a View>,
     ) -> Option<BackgroundPerCamera<f32>> {
-        let colors = || self.estimates(views).iter().map(|b| Vec3::from(b.color)).collect();
+        self.colors(&self.estimates(views))
+    }
+
+    /// The colours of the estimates, if each is that of one view.
+    pub(crate) fn colors(
+        &self,
+        estimates: &[BackgroundEstimate],
+    ) -> Option<BackgroundPerCamera<f32>> {
+        let colors = || estimates.iter().map(|b| Vec3::from(b.color)).collect();
         (self.background_kind == BackgroundKind::PerView).then(|| BackgroundPerCamera(colors()))
     }
 

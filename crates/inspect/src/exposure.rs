@@ -70,9 +70,9 @@ pub fn exposure_spread(
     background: &BackgroundEstimate,
 ) -> Option<Exposure> {
     let is_uniform = background.confidence >= LEAST_CONFIDENCE;
-    let of_one = |view: &View| BackgroundEstimate::estimate(std::slice::from_ref(view), bounds);
+    let of_view = |view| BackgroundEstimate::of_view(view, bounds);
     let backgrounds: Vec<BackgroundEstimate> =
-        if is_uniform { views.par_iter().map(of_one).collect() } else { Vec::new() };
+        if is_uniform { views.par_iter().map(of_view).collect() } else { Vec::new() };
     if is_uniform && luminance(background.color) >= LEAST_LUMINANCE && views.len() > 1 {
         let brightness = |color| luminance(color).max(DARKEST).log2();
         let stops: Vec<f64> = backgrounds.iter().map(|b| brightness(b.color)).collect();
