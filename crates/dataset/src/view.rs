@@ -35,6 +35,11 @@ impl View {
     pub fn is_used(&self, i: usize) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.is_used(i))
     }
+
+    /// [`is_used`](Self::is_used) of each pixel, row-major.
+    pub fn used(&self) -> impl Iterator<Item = bool> {
+        (0..self.image.pixels.len()).map(|i| self.is_used(i))
+    }
 }
 
 /// A data set. Lengths are in its own units. Positions are relative to the origin of these units,

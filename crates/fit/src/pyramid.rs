@@ -47,8 +47,7 @@ impl Photograph {
             pixels: values.map(|value| [value; 3]).collect(),
         };
         let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
-        let pixels = 0..view.image.pixels.len();
-        let mut used = pixels.map(|i| f32::from(u8::from(view.is_used(i))));
+        let mut used = view.used().map(|used| f32::from(u8::from(used)));
         Photograph {
             image: view.image.clone(),
             coverage: coverage.map(|values| grey(&mut values.iter().copied())),

@@ -379,10 +379,7 @@ impl Fit {
         let colors = self.file.background_of(std::slice::from_ref(view));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
         let image = write_preview(&path, &scene, 0, &view.image)?;
-        let psnr = |view: &View| {
-            let used = (0..view.image.pixels.len()).map(|i| view.is_used(i));
-            psnr_where(&image, &view.image, used)
-        };
+        let psnr = |view: &View| psnr_where(&image, &view.image, view.used());
         self.held_out_psnr = held_out.map(psnr);
         Ok(())
     }

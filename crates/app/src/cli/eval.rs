@@ -106,8 +106,7 @@ pub(super) fn compare_views(
             progress((i as f64 + p) / views.len() as f64)
         })?;
         is_empty &= image.coverage.iter().all(|coverage| *coverage == 0.0);
-        let used = (0..view.image.pixels.len()).map(|i| view.is_used(i));
-        psnrs.push(psnr_where(&image.film, &view.image, used));
+        psnrs.push(psnr_where(&image.film, &view.image, view.used()));
         ssims.push(ssim(&image.film, &view.image));
         ious.extend(view.coverage().map(|mask| mask_iou(&image.coverage, mask)));
     }
