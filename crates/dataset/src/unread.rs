@@ -92,7 +92,7 @@ impl UnreadView {
         let is_opaque = |alpha: &Vec<f32>| alpha.iter().all(|a| *a >= 1.0);
         let mask = match (alpha, &self.mask) {
             (Some(alpha), mask) if mask.is_none() || !is_opaque(&alpha) => {
-                Some((MaskKind::Alpha, coverage_film(&image, &alpha)))
+                Some((MaskKind::Alpha, Film::grey(image.width, image.height, alpha)))
             }
             (_, Some((kind, mask))) => Some((*kind, read_mask(mask, camera)?)),
             (_, None) => None,
@@ -144,15 +144,6 @@ fn over_black(image: Film, alpha: &[f32]) -> Film {
     Film { pixels, ..image }
 }
 
-/// Coverage in [0, 1] as a grey film of the image's size.
-fn coverage_film(image: &Film, coverage: &[f32]) -> Film {
-    Film {
-        width: image.width,
-        height: image.height,
-        pixels: coverage.iter().map(|&c| [c; 3]).collect(),
-    }
-}
-
 /// Reads a mask image: white, or opaque, is the object, or a pixel to use.
 fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
     let (mask, alpha) = read_image_of(path, (camera.width, camera.height))?;
@@ -161,7 +152,7 @@ fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
     let shown: Vec<f32> = mask.pixels.iter().map(|p| srgb_encode(p[0]).clamp(0.0, 1.0)).collect();
     // If the mask is in the alpha channel, the colours of the mask file are not used.
     let in_alpha = alpha.filter(|a| a.iter().any(|a| *a < 1.0));
-    Ok(coverage_film(&mask, in_alpha.as_ref().unwrap_or(&shown)))
+    Ok(Film::grey(mask.width, mask.height, in_alpha.unwrap_or(shown)))
 }
 
 /// Refuses an image whose size differs from the camera's.

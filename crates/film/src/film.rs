@@ -19,6 +19,11 @@ impl Film {
         Film { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
     }
 
+    /// A grey image: each of `values`, height × width of them, row by row, in all three channels.
+    pub fn grey(width: u32, height: u32, values: impl IntoIterator<Item = f32>) -> Self {
+        Film { width, height, pixels: values.into_iter().map(|value| [value; 3]).collect() }
+    }
+
     /// The pixel in column `x` and row `y`, both counted from 0 at the top left corner.
     ///
     /// # Panics

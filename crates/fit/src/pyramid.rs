@@ -41,17 +41,13 @@ pub(crate) struct Photograph {
 
 impl Photograph {
     fn new(view: &View, masks: MaskUse) -> Self {
-        let grey = |values: &mut dyn Iterator<Item = f32>| Film {
-            width: view.image.width,
-            height: view.image.height,
-            pixels: values.map(|value| [value; 3]).collect(),
-        };
+        let (width, height) = (view.image.width, view.image.height);
         let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
-        let mut used = view.used().map(|used| f32::from(u8::from(used)));
+        let used = view.used().map(|used| f32::from(u8::from(used)));
         Photograph {
             image: view.image.clone(),
-            coverage: coverage.map(|values| grey(&mut values.iter().copied())),
-            used: (masks == MaskUse::LeaveOut).then(|| grey(&mut used)),
+            coverage: coverage.map(|values| Film::grey(width, height, values.iter().copied())),
+            used: (masks == MaskUse::LeaveOut).then(|| Film::grey(width, height, used)),
         }
     }
 
@@ -290,9 +286,8 @@ mod tests {
 
     #[test]
     fn a_photograph_with_coverage_is_seen_in_front_of_any_colour() {
-        let grey = |value| Some(Film { width: 1, height: 1, pixels: vec![[value; 3]] });
-        let image = Film { width: 1, height: 1, pixels: vec![[0.1; 3]] };
-        let mut photograph = Photograph { image, coverage: grey(0.5), used: None };
+        let grey = |value| Film::grey(1, 1, [value]);
+        let mut photograph = Photograph { image: grey(0.1), coverage: Some(grey(0.5)), used: None };
         assert_eq!(photograph.over(Vec3::new(0.0, 0.5, 1.0), 0, 0), [0.1, 0.35, 0.6]);
         photograph.coverage = None;
         assert_eq!(photograph.over(Vec3::ONE, 0, 0), [0.1; 3]);

@@ -115,7 +115,7 @@ pub fn synthesise(
             let progress = |p: f64| progress((done + p) / total);
             let image = render(&ready, i, options.spp, options.seed, &progress)?;
             let world = camera.about(-scene.origin);
-            frames.push(set.write_view(folder, i, &world, image.film, &image.coverage)?);
+            frames.push(set.write_view(folder, i, &world, &image.film, &image.coverage)?);
             done += 1.0;
         }
         set.write_transforms(folder, &cameras[0], frames)?;
@@ -155,15 +155,16 @@ impl Set {
         folder: &Path,
         i: usize,
         camera: &Camera,
-        image: Film,
+        image: &Film,
         coverage: &[f32],
     ) -> anyhow::Result<Value> {
         let name = self.name;
         let file = format!("r_{i:03}.png");
-        write_image(&folder.join(name).join(&file), &image)?;
+        write_image(&folder.join(name).join(&file), image)?;
         // A mask file holds coverage as display values; `write_image` encodes linear ones.
-        let pixels = coverage.iter().map(|c| [srgb_decode(*c); 3]).collect();
-        write_image(&folder.join("masks").join(name).join(&file), &Film { pixels, ..image })?;
+        let linear = coverage.iter().map(|c| srgb_decode(*c));
+        let mask = Film::grey(image.width, image.height, linear);
+        write_image(&folder.join("masks").join(name).join(&file), &mask)?;
         let rows = camera.pose().transpose().to_cols_array_2d();
         Ok(json!({"file_path": format!("./{name}/r_{i:03}"), "transform_matrix": rows}))
     }

@@ -38,8 +38,8 @@ pub(super) fn create_folders(folder: &Path, set: &str, kind: Kind) -> Result<(),
 /// Writes the coverage as a grey picture.
 pub(super) fn write_mask(path: &Path, layers: &Layers) -> anyhow::Result<()> {
     // A mask file holds coverage as display values; `write_image` encodes linear ones.
-    let pixels = layers.coverage.iter().map(|a| [srgb_decode(*a); 3]).collect();
-    write_image(path, &Film { width: layers.width, height: layers.height, pixels })
+    let linear = layers.coverage.iter().map(|a| srgb_decode(*a));
+    write_image(path, &Film::grey(layers.width, layers.height, linear))
 }
 
 /// Writes the object with its coverage as the alpha channel, not multiplied into the colours.
