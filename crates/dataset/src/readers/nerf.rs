@@ -249,7 +249,11 @@ fn image_path(folder: &Path, name: &str) -> Option<PathBuf> {
 fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
     let name = name.trim_start_matches("./");
     let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
-    let stem = |name: &'_ str| name.rsplit_once('.').map_or(name.len(), |(stem, _)| stem.len());
-    let names = [name, &name[..stem(name)], file, &file[..stem(file)]];
+    let names = [name, without_extension(name), file, without_extension(file)];
     names.into_iter().find_map(|n| image_path(&folder.join("masks"), n))
+}
+
+/// The part of a name before its last point, or all of it.
+fn without_extension(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
