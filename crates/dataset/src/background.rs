@@ -36,6 +36,9 @@ const TAIL: f32 = 0.95;
 /// The [`TAIL`] quantile of |x| for a normal distribution, in standard deviations.
 const TAIL_PER_SIGMA: f32 = 1.96;
 
+/// The least confidence with which a background counts as uniform.
+pub(crate) const UNIFORM: f32 = 0.5;
+
 /// The largest number of sigma-clipping steps.
 const CLIPPINGS: usize = 8;
 
@@ -88,6 +91,11 @@ impl BackgroundEstimate {
     /// Like [`estimate`](Self::estimate), from one view alone.
     pub fn of_view(view: &View, candidate: &Sphere<f64>) -> Self {
         Self::estimate(std::slice::from_ref(view), candidate)
+    }
+
+    /// Whether the background counts as uniform: its confidence is at least 0.5.
+    pub fn is_uniform(&self) -> bool {
+        self.confidence >= UNIFORM
     }
 
     /// The probability in [0, 1] that a pixel of this linear RGB shows the background.

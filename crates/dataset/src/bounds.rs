@@ -6,6 +6,7 @@ use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
+use crate::background::UNIFORM;
 use crate::carve::visual_hull_sphere;
 use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
@@ -13,9 +14,6 @@ use io::InputError;
 /// Room around an estimated sphere, as a factor on the radius. Carved cells are coarse, and warp
 /// fields need both sides of a silhouette.
 const MARGIN: f64 = 1.1;
-
-/// The least confidence with which a background counts as uniform.
-pub(crate) const UNIFORM: f32 = 0.5;
 
 /// The photographs have backgrounds of different colours if the spread of all is this many times
 /// that of one.
@@ -106,7 +104,7 @@ impl Surroundings {
 
     /// Whether one uniform background stands for all photographs.
     pub fn is_common(&self) -> bool {
-        self.background.confidence >= UNIFORM && !self.is_per_view()
+        self.background.is_uniform() && !self.is_per_view()
     }
 
     /// Whether each photograph has a uniform background of its own colour: the colours of the views
@@ -115,8 +113,7 @@ impl Surroundings {
         let mut spreads: Vec<f32> = self.backgrounds.iter().map(|b| b.spread).collect();
         spreads.sort_by(f32::total_cmp);
         let of_views = spreads.get(spreads.len() / 2).copied().unwrap_or(f32::INFINITY);
-        let differ =
-            self.background.confidence < UNIFORM || self.background.spread > DIFFERENT * of_views;
+        let differ = !self.background.is_uniform() || self.background.spread > DIFFERENT * of_views;
         self.confidence_of_views() >= UNIFORM && differ
     }
 

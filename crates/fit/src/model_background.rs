@@ -104,10 +104,7 @@ impl ModelBackground {
 
     /// The number of trained parameters of a background of this kind.
     pub(crate) fn parameter_count(kind: BackgroundKind) -> usize {
-        match kind {
-            BackgroundKind::Constant | BackgroundKind::PerView => 0,
-            BackgroundKind::Direction | BackgroundKind::Volume => Volume::<f32>::PARAMETERS,
-        }
+        if kind.is_trained() { Volume::<f32>::PARAMETERS } else { 0 }
     }
 
     /// The trained parameters.

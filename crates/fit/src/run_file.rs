@@ -98,12 +98,8 @@ impl RunFile {
 
     /// The confidence in a uniform background: 0 for a run that trains another one.
     pub(crate) fn uniform_confidence(&self) -> f64 {
-        match self.background_kind {
-            BackgroundKind::Constant | BackgroundKind::PerView => {
-                f64::from(self.background_confidence)
-            }
-            BackgroundKind::Direction | BackgroundKind::Volume => 0.0,
-        }
+        let is_trained = self.background_kind.is_trained();
+        if is_trained { 0.0 } else { f64::from(self.background_confidence) }
     }
 
     /// The photographs of the run are read at 1/`downscale` of their width and height.

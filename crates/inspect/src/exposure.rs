@@ -25,9 +25,6 @@ pub enum ExposureSource {
     Sphere,
 }
 
-/// The least confidence in a uniform background with which exposures are measured on it.
-const LEAST_CONFIDENCE: f32 = 0.5;
-
 /// The least luminance (linear) of a background on which exposures are measured: a black one is
 /// black at any exposure. 0.02 is 0.15 in display space.
 const LEAST_LUMINANCE: f64 = 0.02;
@@ -69,7 +66,7 @@ pub fn exposure_spread(
     bounds: &Sphere<f64>,
     background: &BackgroundEstimate,
 ) -> Option<Exposure> {
-    let is_uniform = background.confidence >= LEAST_CONFIDENCE;
+    let is_uniform = background.is_uniform();
     let of_view = |view| BackgroundEstimate::of_view(view, bounds);
     let backgrounds: Vec<BackgroundEstimate> =
         if is_uniform { views.par_iter().map(of_view).collect() } else { Vec::new() };
