@@ -137,8 +137,8 @@ fn evaluate(
 ) -> anyhow::Result<EvalReport> {
     let file = RunFile::load(run)?;
     let model = Model::load(run, &file)?;
-    let dataset = dataset::load(data, &LoadOptions { downscale: file.downscale() })?;
-    let dataset = dataset.about(file.origin());
+    let options = LoadOptions { downscale: file.downscale() };
+    let dataset = file.prepare(dataset::load(data, &options)?);
     let bar = global.progress("evaluate");
     let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &bar.mover())?;
     bar.finish_and_clear();
