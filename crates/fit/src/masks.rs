@@ -52,18 +52,16 @@ impl MaskChoice {
         source: &Path,
     ) -> Result<MaskUse, InputError> {
         let views = &dataset.train;
-        let is_kind = |view: &View, kind| view.mask.as_ref().is_some_and(|m| m.kind == kind);
-        let leave_out = views.iter().any(|view| is_kind(view, MaskKind::Used));
-        let covered = views.iter().filter(|view| view.coverage().is_some()).count();
+        let covered = covered(views);
         let all_equal = covered == views.len() && !cut_out(views);
         let found = if covered == views.len() && !all_equal {
             MaskUse::Coverage
-        } else if leave_out {
+        } else if has_kind(views, MaskKind::Used) {
             MaskUse::LeaveOut
         } else {
             MaskUse::None
         };
-        let objects = views.iter().any(|view| is_kind(view, MaskKind::Object));
+        let objects = has_kind(views, MaskKind::Object);
         match self {
             MaskChoice::Ignore => Ok(MaskUse::None),
             MaskChoice::Use if found == MaskUse::None => {
@@ -80,6 +78,36 @@ impl MaskChoice {
             MaskChoice::Use | MaskChoice::Auto => Ok(found),
         }
     }
+}
+
+impl MaskUse {
+    /// Refuses a data set without the masks for this use. `source` is the `fit.toml` of the run.
+    ///
+    /// # Errors
+    /// If a training view lacks its mask, or none leaves pixels out.
+    pub fn check(self, dataset: &Dataset, source: &Path) -> Result<(), InputError> {
+        let (views, covered) = (&dataset.train, covered(&dataset.train));
+        let (holds, expected) = match self {
+            MaskUse::None => return Ok(()),
+            MaskUse::Coverage => (covered == views.len(), "a mask for each view, as in this run"),
+            MaskUse::LeaveOut => {
+                (has_kind(views, MaskKind::Used), "masks of pixels to leave out, as in this run")
+            }
+        };
+        let found =
+            format!("a data set with masks of the object for {covered} of {} views", views.len());
+        if holds { Ok(()) } else { Err(InputError::new(source, "masks", found, expected)) }
+    }
+}
+
+/// The number of views with the coverage of the object.
+fn covered(views: &[View]) -> usize {
+    views.iter().filter(|view| view.coverage().is_some()).count()
+}
+
+/// Whether a view has a mask of this kind.
+fn has_kind(views: &[View], kind: MaskKind) -> bool {
+    views.iter().any(|view| view.mask.as_ref().is_some_and(|mask| mask.kind == kind))
 }
 
 /// Whether most masks have pixels of the object and pixels of the background.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dataset::{BackgroundEstimate, Dataset, MaskKind, SphereSource, View, surroundings};
+use dataset::{BackgroundEstimate, Dataset, SphereSource, View, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
@@ -121,25 +121,6 @@ impl RunFile {
             put_over_black(&mut dataset.test);
         }
         if self.masks == MaskUse::LeaveOut { dataset } else { dataset.with_all_pixels() }
-    }
-
-    /// Refuses a data set without the masks that the run uses. `source` is its `fit.toml`.
-    ///
-    /// # Errors
-    /// If a training view lacks its mask, or none leaves pixels out.
-    pub fn check_masks(&self, dataset: &Dataset, source: &Path) -> Result<(), InputError> {
-        let views = &dataset.train;
-        let covered = views.iter().filter(|view| view.coverage().is_some()).count();
-        let leaves_out =
-            views.iter().any(|v| v.mask.as_ref().is_some_and(|m| m.kind == MaskKind::Used));
-        let (holds, expected) = match self.masks {
-            MaskUse::None => return Ok(()),
-            MaskUse::Coverage => (covered == views.len(), "a mask for each view, as in this run"),
-            MaskUse::LeaveOut => (leaves_out, "masks of pixels to leave out, as in this run"),
-        };
-        let found =
-            format!("a data set with masks of the object for {covered} of {} views", views.len());
-        if holds { Ok(()) } else { Err(InputError::new(source, "masks", found, expected)) }
     }
 
     /// The estimated uniform background: one of all views, or one of each.

@@ -30,7 +30,7 @@ impl Fit {
         self.refuse_other_dataset(&file, &toml)?;
         let options = LoadOptions { downscale: file.downscale() };
         let dataset = dataset::load(&file.dataset, &options)?;
-        file.check_masks(&dataset, &toml)?;
+        file.masks.check(&dataset, &toml)?;
         let dataset = file.prepare(dataset);
         Ok((dataset, file, FROM_RUN.to_owned()))
     }
