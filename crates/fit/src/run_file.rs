@@ -259,6 +259,23 @@ impl RunFile {
     }
 }
 
+#[cfg(test)]
+impl RunFile {
+    /// A run in the unit sphere, in front of a black background.
+    pub(crate) fn of_test(options: FitOptions) -> Self {
+        RunFile {
+            dataset: PathBuf::new(),
+            bounds: [0.0, 0.0, 0.0, 1.0],
+            masks: MaskUse::None,
+            background_kind: BackgroundKind::Constant,
+            background: [0.0; 3],
+            background_spread: 0.01,
+            background_confidence: 1.0,
+            options,
+        }
+    }
+}
+
 /// The key that a TOML error is about; "line N" if there is none.
 fn key_of(text: &str, error: &toml::de::Error) -> String {
     if let Some((_, rest)) = error.message().split_once("missing field `")

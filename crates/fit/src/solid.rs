@@ -57,8 +57,6 @@ mod tests {
     use render::render;
 
     use super::*;
-    use crate::masks::MaskUse;
-    use crate::model_background::BackgroundKind;
     use crate::options::FitOptions;
 
     /// The area of the image of a run's solid, in pixels. The sphere has the outline of a disc with
@@ -76,16 +74,7 @@ mod tests {
     #[test]
     fn a_solid_that_reaches_the_sphere_has_a_cap_there() {
         let options = FitOptions { width: 16, layers: 2, bands: 0, ..FitOptions::default() };
-        let file = RunFile {
-            dataset: "data".into(),
-            bounds: [0.0, 0.0, 0.0, 1.0],
-            masks: MaskUse::None,
-            background_kind: BackgroundKind::Constant,
-            background: [0.0; 3],
-            background_spread: 0.05,
-            background_confidence: 0.5,
-            options,
-        };
+        let file = RunFile::of_test(options);
         let ball = |radius: f64| {
             let options = FitOptions { initial_radius: radius, ..file.options.clone() };
             Model::initial(&RunFile { options, ..file.clone() })

@@ -5,7 +5,6 @@ use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric};
 use crate::masks::MaskUse;
 use crate::model::Model;
-use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
 use crate::run_file::RunFile;
@@ -38,16 +37,8 @@ fn model(radius: f64, width: usize) -> Model {
         beta: 20.0,
         ..FitOptions::default()
     };
-    let mut model = Model::initial(&RunFile {
-        dataset: PathBuf::new(),
-        bounds: [0.0, 0.0, 0.0, BOUNDS.radius],
-        masks: MaskUse::None,
-        background_kind: BackgroundKind::Constant,
-        background: BACKGROUND.0.to_array(),
-        background_spread: 0.01,
-        background_confidence: 1.0,
-        options,
-    });
+    let background = BACKGROUND.0.to_array();
+    let mut model = Model::initial(&RunFile { background, ..RunFile::of_test(options) });
     let bias = model.parameters().len() - 3;
     let mut parameters = model.parameters();
     parameters[bias] += 1.0;

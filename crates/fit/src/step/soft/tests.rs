@@ -27,16 +27,9 @@ const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
 
 fn run_file() -> RunFile {
-    RunFile {
-        dataset: PathBuf::new(),
-        bounds: [0.0, 0.0, 0.0, 1.0],
-        masks: MaskUse::None,
-        background_kind: BackgroundKind::Volume,
-        background: [0.0; 3],
-        background_spread: 0.01,
-        background_confidence: 0.0,
-        options: FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() },
-    }
+    let options =
+        FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() };
+    RunFile { background_kind: BackgroundKind::Volume, ..RunFile::of_test(options) }
 }
 
 fn camera() -> Camera {
