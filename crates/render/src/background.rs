@@ -100,3 +100,61 @@ impl<R: Real> Background<R> for BackgroundPerCamera<R> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Rays of three cameras, with an adjoint for each. No ray is of camera 1.
+    fn rays() -> (Vec<BackgroundRay<f64>>, Vec<DVec3>) {
+        let ray = |camera| BackgroundRay { camera, origin: DVec3::ZERO, direction: DVec3::X };
+        let adjoints = [[1.0, 2.0, 3.0], [-0.5, 0.25, 4.0], [0.5, 7.0, -1.0], [0.0, -3.0, 2.0]];
+        ([2, 0, 2, 0].map(ray).to_vec(), adjoints.map(DVec3::from).to_vec())
+    }
+
+    /// Checks the VJPs of a background, which `of` makes from its parameters.
+    fn check<B: Background<f64>>(start: &[f64], of: impl Fn(&[f64]) -> B) {
+        let (rays, adjoint) = rays();
+        let background = of(start);
+        assert_eq!(background.parameter_count(), start.len());
+        // Σ adjoint · radiance. It is linear in the parameters, so its difference is exact.
+        let weighted = |parameters: &[f64]| -> f64 {
+            let mut rgb = vec![DVec3::NAN; rays.len()];
+            of(parameters).radiance(&rays, &mut rgb);
+            rgb.iter().zip(&adjoint).map(|(rgb, adjoint)| rgb.dot(*adjoint)).sum()
+        };
+        // The adjoint is added to the content.
+        let mut found = vec![10.0; start.len()];
+        background.parameter_vjp(&rays, &adjoint, &mut found);
+        for (i, found) in found.into_iter().enumerate() {
+            let mut moved = start.to_vec();
+            moved[i] += 1.0;
+            let difference = weighted(&moved) - weighted(start);
+            assert!((found - 10.0 - difference).abs() < 1e-12, "{i}: {found} {difference}");
+        }
+        let mut direction = vec![DVec3::NAN; rays.len()];
+        background.direction_vjp(&rays, &adjoint, &mut direction);
+        assert!(direction.iter().all(|d| *d == DVec3::ZERO), "{direction:?}");
+    }
+
+    #[test]
+    fn the_adjoint_of_a_uniform_radiance_is_the_difference() {
+        check(&[0.1, 0.2, 0.3], |rgb| UniformBackground(DVec3::from_slice(rgb)));
+    }
+
+    #[test]
+    fn the_adjoint_of_a_radiance_per_camera_is_the_difference() {
+        let start: Vec<f64> = (0..9).map(|i| 0.1 * f64::from(i)).collect();
+        let of = |rgb: &[f64]| {
+            BackgroundPerCamera::<f64>(rgb.chunks(3).map(DVec3::from_slice).collect())
+        };
+        check(&start, of);
+        let (rays, adjoint) = rays();
+        let mut parameters = [0.0; 9];
+        of(&start).parameter_vjp(&rays, &adjoint, &mut parameters);
+        // Of camera 0 the second and the last ray, of camera 1 none, of camera 2 the others.
+        assert_eq!(parameters, [-0.5, -2.75, 6.0, 0.0, 0.0, 0.0, 1.5, 9.0, 2.0]);
+    }
+}
