@@ -183,6 +183,12 @@ mod tests {
             assert_eq!(found, auto, "{masks:?}");
             assert_eq!(resolve(MaskChoice::Use, true).ok(), forced, "{masks:?}");
             assert_eq!(resolve(MaskChoice::Ignore, false).unwrap(), MaskUse::None);
+            assert!(auto.into_iter().all(|used| used.check(&data, Path::new("fit.toml")).is_ok()));
+        }
+        for (used, views) in [(MaskUse::Coverage, [object, None]), (MaskUse::LeaveOut, [object; 2])]
+        {
+            let error = used.check(&dataset(&views), Path::new("fit.toml")).unwrap_err();
+            assert!(error.to_string().ends_with("as in this run"), "{error}");
         }
         let error =
             MaskChoice::Use.resolve(&dataset(&[None, object]), true, Path::new("arguments"));
