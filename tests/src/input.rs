@@ -1,4 +1,4 @@
-//! Helpers of the tests of wrong input.
+//! Input files of the tests, and the check of a refusal.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::fs;
@@ -91,6 +91,27 @@ pub fn dataset(folder: &Folder) -> Value {
     let frame =
         |i: i32| json!({"file_path": format!("{i}.png"), "transform_matrix": matrix.clone()});
     json!({"camera_angle_x": 0.5, "w": 8, "h": 8, "frames": [frame(0), frame(1), frame(2)]})
+}
+
+/// Renders `views` training views and a held-out one of a lit ball, 32 × 32 pixels, as a data set.
+/// Returns its folder.
+///
+/// # Panics
+/// If it cannot be rendered.
+pub fn ball(folder: &Folder, views: &str) -> String {
+    let scene = json!({
+        "camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5],
+                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
+        "sdf": {"type": "sphere", "center": [0.1, 0, 0], "radius": 0.6},
+        "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3],
+                       "lights": [{"type": "directional", "direction": [1, 1, 1],
+                                   "radiance": [1, 1, 1]}]},
+        "background": [0, 0, 0]
+    });
+    let (scene, data) = (folder.write("scene.json", &scene), folder.path("data"));
+    let options = ["--views", views, "--size", "32x32", "--spp", "4"];
+    dsdf_ok(&[&["synth", &scene, "-o", &data], &options[..]].concat());
+    data
 }
 
 /// Fits the data set of a folder for two iterations, and returns the run's folder.

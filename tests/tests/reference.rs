@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use tests::input::{Folder, ball};
 use tests::{dsdf, dsdf_json, dsdf_ok, npy, shared};
 
 /// The relative L2 error. A reference of one channel stands for all three.
@@ -84,24 +85,6 @@ fn the_same_seed_gives_the_same_bits_on_one_and_two_threads() {
     }
 }
 
-/// Renders six views of a sphere, 32 × 32 pixels, as a data set. Returns its folder.
-fn synth(folder: &Path) -> String {
-    let scene = folder.join("scene.json");
-    let text = r#"{
-        "camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5],
-                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
-        "sdf": {"type": "sphere", "center": [0.1, 0, 0], "radius": 0.6},
-        "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3],
-                       "lights": [{"type": "directional", "direction": [1, 1, 1],
-                                   "radiance": [1, 1, 1]}]},
-        "background": [0, 0, 0]}"#;
-    std::fs::write(&scene, text).unwrap();
-    let data = folder.join("data").to_string_lossy().into_owned();
-    let options = ["--views", "6", "--size", "32x32", "--spp", "4"];
-    dsdf_ok(&[&["synth", &scene.to_string_lossy(), "-o", &data], &options[..]].concat());
-    data
-}
-
 /// The iterations in a run's metrics.
 fn iterations(run: &Path) -> Vec<u64> {
     let text = std::fs::read_to_string(run.join("metrics.jsonl")).unwrap_or_default();
@@ -122,11 +105,10 @@ fn kill_at_iteration(arguments: &[&str], run: &Path, reached: u64) {
 
 #[test]
 fn killed_fit_continues_with_the_same_bits() {
-    let folder = tempfile::tempdir().unwrap();
-    let data = synth(folder.path());
-    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let folder = Folder::new();
+    let data = ball(&folder, "6");
     let options = ["--batch", "64", "--checkpoint-every", "5", "--iterations", "120"];
-    let (whole, killed) = (path("whole"), path("killed"));
+    let (whole, killed) = (folder.path("whole"), folder.path("killed"));
     dsdf_ok(&[&["fit", "--output", &whole, &data], &options[..]].concat());
 
     let run = Path::new(&killed);
@@ -151,12 +133,11 @@ fn killed_fit_continues_with_the_same_bits() {
 /// Each protection of a fit has an effect, and a run keeps its own when it is resumed.
 #[test]
 fn protections_of_a_fit_are_options_that_a_resumed_run_keeps() {
-    let folder = tempfile::tempdir().unwrap();
-    let data = synth(folder.path());
-    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let folder = Folder::new();
+    let data = ball(&folder, "6");
     let model = |run: &str| std::fs::read(Path::new(run).join("model.safetensors")).unwrap();
     let fit = |name: &str, options: &[&str]| {
-        let run = path(name);
+        let run = folder.path(name);
         let fixed = ["--estimator=paper", "--gamma=8", "--batch=64", "--iterations=40"];
         dsdf_ok(&[&["fit", &data, "-o", &run], &fixed[..], options].concat());
         run
@@ -190,9 +171,9 @@ fn protections_of_a_fit_are_options_that_a_resumed_run_keeps() {
 
 #[test]
 fn other_commands_read_the_run_of_a_fit() {
-    let folder = tempfile::tempdir().unwrap();
-    let data = synth(folder.path());
-    let run = folder.path().join("run").to_string_lossy().into_owned();
+    let folder = Folder::new();
+    let data = ball(&folder, "6");
+    let run = folder.path("run");
     let report = dsdf_json(&["fit", &data, "-o", &run, "--iterations", "30", "--batch", "128"]);
     assert_eq!(report["iterations"], 30);
     for name in [
@@ -204,7 +185,7 @@ fn other_commands_read_the_run_of_a_fit() {
     ] {
         assert!(Path::new(&run).join(name).exists(), "{name}");
     }
-    let mesh = folder.path().join("m.glb").to_string_lossy().into_owned();
+    let mesh = folder.path("m.glb");
     assert_eq!(dsdf_json(&["mesh", &run, "-o", &mesh, "--resolution", "48"])["closed"], true);
     let truth = Path::new(&data).join("truth.ply").to_string_lossy().into_owned();
     let eval = dsdf_json(&["eval", &run, "--mesh", &truth, "--resolution", "48"]);
@@ -213,12 +194,12 @@ fn other_commands_read_the_run_of_a_fit() {
     {
         assert!(eval[key].is_number(), "{key} of {eval}");
     }
-    let turntable = folder.path().join("t.png").to_string_lossy().into_owned();
+    let turntable = folder.path("t.png");
     let report = dsdf_json(&[
         "render", &run, "-o", &turntable, "--views", "3", "--size", "24", "--spp", "1",
     ]);
     assert_eq!((&report["views"], &report["width"]), (&3.into(), &(3 * 24 + 2 * 4).into()));
-    let inspect = folder.path().join("i.png").to_string_lossy().into_owned();
+    let inspect = folder.path("i.png");
     let report = dsdf_json(&["inspect", &data, "-o", &inspect]);
     assert_eq!((report["train_views"].as_u64(), report["test_views"].as_u64()), (Some(6), Some(1)));
     assert!(Path::new(&inspect).exists() && report["slope"].is_null());

@@ -3,27 +3,10 @@
 
 use std::process::{Command, Output};
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use tests::input::Folder;
-use tests::{binary, dsdf_json, dsdf_ok};
-
-/// A data set of a lit ball with `views` training views, and its path.
-fn ball(folder: &Folder, views: &str) -> String {
-    let scene = json!({
-        "camera": {"width": 12, "height": 9, "focal": 20, "principal": [6, 4.5],
-                   "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},
-        "sdf": {"type": "sphere", "center": [0.1, 0, 0], "radius": 0.6},
-        "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3],
-                       "lights": [{"type": "directional", "direction": [1, 1, 1],
-                                   "radiance": [1, 1, 1]}]},
-        "background": [0, 0, 0]
-    });
-    let (scene, data) = (folder.write("scene.json", &scene), folder.path("data"));
-    let options = ["--views", views, "--size", "32x32", "--spp", "4"];
-    dsdf_ok(&[&["synth", &scene, "-o", &data], &options[..]].concat());
-    data
-}
+use tests::input::{Folder, ball};
+use tests::{binary, dsdf_json};
 
 /// Runs `dsdf --json` without `--quiet`; standard error is no terminal.
 fn talking(arguments: &[&str]) -> (Value, Vec<String>) {
