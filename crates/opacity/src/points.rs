@@ -23,6 +23,13 @@ pub const INTERVALS: usize = POINTS - 1;
 /// surface inside of an interval should draw points to its neighbours too.
 const BLUR: f32 = 4.0;
 
+/// f at the first point of a chord, whatever the field is there.
+///
+/// A ray enters the bounding sphere from outside the solid, and the solid ends at the sphere. So
+/// where f is negative, the sphere is a surface. Without it, rays would see through a solid that
+/// they begin in: a fit of photographs from one side filled the space before the object.
+const OUTSIDE: f32 = f32::MAX;
+
 /// Weight of every coarse interval in choosing the fine points, beside its opacity.
 const FLOOR: f32 = 1e-3;
 
@@ -49,7 +56,8 @@ impl Chord {
 pub struct ChordPoints {
     /// [`POINTS`] distances for each chord.
     pub t: Vec<f32>,
-    /// The values of f.
+    /// The values of f. At the first point of a chord it is `f32::MAX`: a ray enters the sphere from
+    /// outside the solid.
     pub f: Vec<f32>,
 }
 
@@ -67,7 +75,8 @@ impl ChordPoints {
                 near + (far - near) * part
             }));
         }
-        let coarse_f = values(field, chords, &coarse, COARSE + 1);
+        let mut coarse_f = values(field, chords, &coarse, COARSE + 1);
+        coarse_f.iter_mut().step_by(COARSE + 1).for_each(|first| *first = OUTSIDE);
         let mut fine = Vec::with_capacity(chords.len() * FINE);
         let both = coarse.chunks_exact(COARSE + 1).zip(coarse_f.chunks_exact(COARSE + 1));
         for (i, (t, f)) in both.enumerate() {
@@ -119,5 +128,30 @@ fn add_fine(t: &[f32], f: &[f32], sharpness: f32, jitter: f32, out: &mut Vec<f32
         }
         let part = ((wanted - sum) / weights[k]).clamp(0.0, 1.0);
         out.push(t[k] + (t[k + 1] - t[k]) * part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::weights;
+    use field::Shape;
+    use random::Purpose;
+
+    /// The share of the light of a ray through the unit sphere that comes from the first tenth.
+    fn share_of_entry(ball: f32) -> f32 {
+        let chord =
+            Chord { origin: Vec3::new(0.0, 0.0, -2.0), direction: Vec3::Z, ends: [1.0, 3.0] };
+        let field = Shape::<f32>::sphere([0.0; 3], ball.into());
+        let points = ChordPoints::new(&field, &[chord], 50.0, Stream::new(1, Purpose::RayPoints));
+        let mut each = [0.0; INTERVALS];
+        weights(50.0, &points.f, 0.0, &mut each);
+        each.iter().zip(&points.t).filter(|(_, t)| **t < 1.2).map(|(weight, _)| weight).sum()
+    }
+
+    #[test]
+    fn a_solid_that_reaches_the_sphere_ends_there() {
+        let [reaches, inside] = [1.5, 0.5].map(share_of_entry);
+        assert!(reaches > 0.999 && inside < 1e-3, "{reaches}, {inside}");
     }
 }

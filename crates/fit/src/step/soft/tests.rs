@@ -26,9 +26,10 @@ use crate::step::chunk::Batch;
 const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
 
-fn run_file() -> RunFile {
-    let options =
-        FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() };
+/// A run with an initial ball of this radius, in bounding radii.
+fn run_file(initial_radius: f64) -> RunFile {
+    let small = FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() };
+    let options = FitOptions { initial_radius, ..small };
     RunFile { background_kind: BackgroundKind::Volume, ..RunFile::of_test(options) }
 }
 
@@ -48,7 +49,7 @@ fn level() -> Level {
 }
 
 fn background_model() -> BackgroundModel {
-    run_file().background_model(&[])
+    run_file(0.5).background_model(&[])
 }
 
 fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
@@ -79,7 +80,9 @@ fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 
                 if rays.weights[i * INTERVALS + k] == 0.0 {
                     continue;
                 }
-                let opacity = (1.0 - phi(f[k + 1]) / phi(f[k])).max(0.0);
+                // A chord begins outside the solid.
+                let before = if k == 0 { 1.0 } else { phi(f[k]) };
+                let opacity = (1.0 - phi(f[k + 1]) / before).max(0.0);
                 let middle = [(x[k] + x[k + 1]) * 0.5];
                 let (mut value, mut gradient, mut rgb) = ([0.0], [Vec3::ZERO], [Vec3::ZERO]);
                 model.field.value_gradient(&middle, &mut value, &mut gradient);
@@ -101,7 +104,22 @@ fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 
 
 #[test]
 fn the_gradient_of_a_soft_surface_matches_differences() {
-    let (model, level, cameras) = (Model::initial(&run_file()), level(), [camera()]);
+    check_gradient(0.5);
+}
+
+#[test]
+fn the_gradient_of_a_soft_surface_that_reaches_the_sphere_matches_differences() {
+    check_gradient(1.0);
+}
+
+fn check_gradient(initial_radius: f64) {
+    let file = run_file(initial_radius);
+    let (mut model, level, cameras) = (Model::initial(&file), level(), [camera()]);
+    // The colours of the initial head are nearly the same everywhere.
+    let mut parameters = model.parameters();
+    let head = model.field.parameters().len()..;
+    parameters[head].iter_mut().for_each(|p| *p *= 3.0);
+    model.set_parameters(&parameters);
     let pixels: Vec<Pixel> = (0..SIZE as u16)
         .flat_map(|y| (0..SIZE as u16).map(move |x| Pixel { view: 0, x, y, count: 1 }))
         .collect();
@@ -134,7 +152,7 @@ fn the_gradient_of_a_soft_surface_matches_differences() {
         parts.iter().map(|(own, rays)| 0.5 * loss(model, rays, own, &level)).sum::<f64>()
     };
     let start = model.parameters();
-    assert_eq!(start.len(), Model::parameter_count(&run_file()));
+    assert_eq!(start.len(), Model::parameter_count(&file));
     let field = model.field.parameters().len();
     let shape = field + model.head.parameters().len();
     for (name, range) in
