@@ -93,9 +93,9 @@ pub struct FitOptions {
     /// Weight of the eikonal term (|∇f| − 1)²
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
-    /// Weight of the background force at the start: it removes surfaces in front of the background
-    #[arg(long, default_value_t = Self::default().background_weight)]
-    pub background_weight: f64,
+    /// Share of the budget, from the start on, with a soft surface: parts of it can appear and vanish
+    #[arg(long, default_value_t = Self::default().soft)]
+    pub soft: f64,
     /// Iterations between checkpoints
     #[arg(long, default_value_t = Self::default().checkpoint_every)]
     pub checkpoint_every: u64,
@@ -169,7 +169,7 @@ impl Default for FitOptions {
             clip: CLIP,
             warp: WarpOptions::FIT,
             eikonal: 0.1,
-            background_weight: 4.0,
+            soft: 0.5,
             checkpoint_every: 200,
             preview_every: 500,
         }
@@ -308,7 +308,7 @@ impl FitOptions {
             // At 1 or less, the running mean falls in every iteration, and the fit stops moving.
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
             Check::weight("eikonal", self.eikonal),
-            Check::weight("background_weight", self.background_weight),
+            Check::new("soft", self.soft, (0.0..1.0).contains(&self.soft), "at least 0, below 1"),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),
         ]

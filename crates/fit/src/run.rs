@@ -15,7 +15,6 @@ use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
-use crate::background::BackgroundModel;
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
 use crate::masks::MaskUse;
@@ -25,7 +24,7 @@ use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::{
-    background_group, band_window, direction_weight, learning_rate, level, sharpness, weights,
+    background_group, band_window, direction_weight, learning_rate, level, sharpness,
 };
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, gradient};
@@ -90,7 +89,6 @@ pub struct Fit {
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
     levels: Vec<Level>,
-    background: BackgroundModel,
     /// The background of each view, if the photographs have colours of their own.
     colors: Option<BackgroundPerCamera<f32>>,
     adam: Adam<f32>,
@@ -151,7 +149,6 @@ impl Fit {
             estimator,
             folder: folder.to_owned(),
             levels,
-            background,
             colors,
             adam,
             parameters,
@@ -250,7 +247,7 @@ impl Fit {
     /// One iteration. `rays_per_second` of the result is the number of rays, and `progress` is 0;
     /// the caller completes them.
     fn step(&mut self) -> anyhow::Result<Metrics> {
-        let level = level(self.progress(), self.levels.len(), self.file.background_kind);
+        let level = level(self.progress(), self.levels.len());
         let (mut gradient, stats, evaluations) = self.gradient(level)?;
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
@@ -267,7 +264,6 @@ impl Fit {
     fn gradient(&self, level: usize) -> anyhow::Result<(Vec<f32>, BatchStats, Evaluations)> {
         let options = &self.file.options;
         let (pixels, pixel_count) = self.draw(level);
-        let confidence = self.file.uniform_confidence();
         let counted = Counted::new(&self.model.field);
         let scene = scene(&self.model, &self.file, &self.levels[level].cameras);
         let seed = Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits();
@@ -279,13 +275,13 @@ impl Fit {
             level: &self.levels[level],
             pixels: &pixels,
             pixel_count,
-            background: &self.background,
+            trains_background: self.file.background_kind.is_trained(),
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
-            weights: weights(self.progress(), options, self.file.masks, confidence),
+            eikonal: options.eikonal as f32,
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),
-            sharpness: sharpness(self.progress(), self.file.background_kind),
+            sharpness: sharpness(self.progress(), options.soft),
             seed,
         };
         let (gradient, stats) = gradient(&batch)?;
@@ -316,11 +312,10 @@ impl Fit {
     /// Sets the weights of the octaves of both encodings and of the view direction for the current
     /// progress. They are part of the saved function, so a resumed fit must have the same.
     fn set_windows(&mut self) {
-        let progress = self.progress();
-        let background = self.file.background_kind;
-        let window = |bands| band_window(progress, bands, background);
-        self.model.field.set_band_weights(&window(self.file.options.bands));
-        let direction = direction_weight(progress, background);
+        let (progress, options) = (self.progress(), &self.file.options);
+        let window = |bands| band_window(progress, bands);
+        self.model.field.set_band_weights(&window(options.bands));
+        let direction = direction_weight(progress, options.soft);
         self.model.head.set_input_weights(&window(HEAD_BANDS), direction);
     }
 
@@ -329,7 +324,7 @@ impl Fit {
         // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
         let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
         let level_pixels = &self.levels[level];
-        let every = background_group(self.progress(), self.file.background_kind);
+        let every = background_group(self.progress());
         let draws = level_pixels.draws_for(batch, every);
         let seed = self.file.options.seed;
         let stream = Stream::new(seed, Purpose::PixelOrder).at(level as u64);

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use dataset::Dataset;
+use dataset::{Dataset, View};
 use field::Sphere;
 use render::{InvalidField, Scene};
 use serde::Serialize;
@@ -47,26 +47,17 @@ impl Evidence {
         uniform_background: bool,
     ) -> Result<Evidence, InvalidField> {
         let (train, all) = (dataset.train.len(), dataset.train.len() + dataset.test.len());
+        let psnr = |views: &[View], numbers| {
+            sampled_psnr(scene, sphere, views, numbers, !uniform_background)
+        };
         Ok(Evidence {
             training_views: train,
             uniform_background,
             background_confidence: background.confidence,
             exposure_spread: exposure_spread(&dataset.train, sphere, background).map(|e| e.stops),
             surface: surface_shares(scene, sphere, 0..train)?,
-            training_psnr: sampled_psnr(
-                scene,
-                sphere,
-                &dataset.train,
-                0..train,
-                !uniform_background,
-            )?,
-            held_out_psnr: sampled_psnr(
-                scene,
-                sphere,
-                &dataset.test,
-                train..all,
-                !uniform_background,
-            )?,
+            training_psnr: psnr(&dataset.train, 0..train)?,
+            held_out_psnr: psnr(&dataset.test, train..all)?,
         })
     }
 }

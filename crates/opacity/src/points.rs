@@ -8,10 +8,10 @@ use random::Stream;
 use super::compositing::transmittance;
 
 /// Intervals of equal length over the chord.
-const COARSE: usize = 24;
+const COARSE: usize = 16;
 
 /// Points where the coarse intervals have opacity.
-const FINE: usize = 16;
+const FINE: usize = 8;
 
 /// Points of a ray.
 pub const POINTS: usize = COARSE + 1 + FINE;
@@ -23,7 +23,7 @@ pub const INTERVALS: usize = POINTS - 1;
 /// surface inside of an interval should draw points to its neighbours too.
 const BLUR: f32 = 4.0;
 
-/// f at the first point of a chord, whatever the field is there.
+/// f at the first point of a chord, where the field is not evaluated.
 ///
 /// A ray enters the bounding sphere from outside the solid, and the solid ends at the sphere. So
 /// where f is negative, the sphere is a surface. Without it, rays would see through a solid that
@@ -56,8 +56,8 @@ impl Chord {
 pub struct ChordPoints {
     /// [`POINTS`] distances for each chord.
     pub t: Vec<f32>,
-    /// The values of f. At the first point of a chord it is `f32::MAX`: a ray enters the sphere from
-    /// outside the solid.
+    /// The values of f. At the first point of a chord it is `f32::MAX`: a ray enters the sphere
+    /// from outside the solid.
     pub f: Vec<f32>,
 }
 
@@ -65,32 +65,31 @@ impl ChordPoints {
     /// The points of all chords, for a sharpness per world unit. `stream` places them at random.
     pub fn new(field: &dyn Field<f32>, chords: &[Chord], sharpness: f32, stream: Stream) -> Self {
         let jitter = |i: usize, which: u64| stream.at(i as u64).at(which).unit() as f32;
-        let mut coarse = Vec::with_capacity(chords.len() * (COARSE + 1));
+        let mut coarse = Vec::with_capacity(chords.len() * COARSE);
         for (i, chord) in chords.iter().enumerate() {
             let [near, far] = chord.ends;
             let shift = jitter(i, 0) - 0.5;
-            coarse.extend((0..=COARSE).map(|k| {
-                let inner = k > 0 && k < COARSE;
-                let part = (k as f32 + if inner { shift } else { 0.0 }) / COARSE as f32;
+            coarse.extend((1..=COARSE).map(|k| {
+                let part = (k as f32 + if k < COARSE { shift } else { 0.0 }) / COARSE as f32;
                 near + (far - near) * part
             }));
         }
-        let mut coarse_f = values(field, chords, &coarse, COARSE + 1);
-        coarse_f.iter_mut().step_by(COARSE + 1).for_each(|first| *first = OUTSIDE);
+        let coarse_f = values(field, chords, &coarse, COARSE);
         let mut fine = Vec::with_capacity(chords.len() * FINE);
-        let both = coarse.chunks_exact(COARSE + 1).zip(coarse_f.chunks_exact(COARSE + 1));
+        let both = coarse.chunks_exact(COARSE).zip(coarse_f.chunks_exact(COARSE));
         for (i, (t, f)) in both.enumerate() {
-            add_fine(t, f, sharpness, jitter(i, 1), &mut fine);
+            let first = (chords[i].ends[0], OUTSIDE);
+            add_fine(first, t, f, sharpness, jitter(i, 1), &mut fine);
         }
         let fine_f = values(field, chords, &fine, FINE);
         let mut points = ChordPoints { t: Vec::new(), f: Vec::new() };
-        for i in 0..chords.len() {
+        for (i, chord) in chords.iter().enumerate() {
             let part = |of: usize| i * of..(i + 1) * of;
-            let own = coarse[part(COARSE + 1)].iter().zip(&coarse_f[part(COARSE + 1)]);
+            let own = coarse[part(COARSE)].iter().zip(&coarse_f[part(COARSE)]);
             let others = fine[part(FINE)].iter().zip(&fine_f[part(FINE)]);
-            let mut all = [(0.0, 0.0); POINTS];
-            all.iter_mut().zip(own.chain(others)).for_each(|(all, (t, f))| *all = (*t, *f));
-            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut all = [(chord.ends[0], OUTSIDE); POINTS];
+            all[1..].iter_mut().zip(own.chain(others)).for_each(|(all, (t, f))| *all = (*t, *f));
+            all[1..].sort_by(|a, b| a.0.total_cmp(&b.0));
             points.t.extend(all.iter().map(|point| point.0));
             points.f.extend(all.iter().map(|point| point.1));
         }
@@ -108,16 +107,27 @@ fn values(field: &dyn Field<f32>, chords: &[Chord], t: &[f32], count: usize) -> 
 }
 
 /// Adds the fine distances of one chord: a stratified sample of the opacity of its intervals.
-fn add_fine(t: &[f32], f: &[f32], sharpness: f32, jitter: f32, out: &mut Vec<f32>) {
+/// `first` has the distance and the value of f where the chord begins, `t` and `f` those of the
+/// ends of the intervals.
+fn add_fine(
+    first: (f32, f32),
+    t: &[f32],
+    f: &[f32],
+    sharpness: f32,
+    jitter: f32,
+    out: &mut Vec<f32>,
+) {
     let mut weights = [0.0; COARSE];
     let (mut before, mut total) = (1.0, 0.0);
-    for (k, weight) in weights.iter_mut().enumerate() {
-        let length = (t[k + 1] - t[k]).max(f32::MIN_POSITIVE);
+    let mut start = first;
+    for (weight, end) in weights.iter_mut().zip(t.iter().copied().zip(f.iter().copied())) {
+        let length = (end.0 - start.0).max(f32::MIN_POSITIVE);
         let blurred = sharpness.min(BLUR / length);
-        let pass = transmittance(blurred, [f[k], f[k + 1]]);
+        let pass = transmittance(blurred, [start.1, end.1]);
         *weight = before * (1.0 - pass) + FLOOR;
         before *= pass;
         total += *weight;
+        start = end;
     }
     let (mut k, mut sum) = (0, 0.0);
     for j in 0..FINE {
@@ -127,7 +137,8 @@ fn add_fine(t: &[f32], f: &[f32], sharpness: f32, jitter: f32, out: &mut Vec<f32
             k += 1;
         }
         let part = ((wanted - sum) / weights[k]).clamp(0.0, 1.0);
-        out.push(t[k] + (t[k + 1] - t[k]) * part);
+        let start = if k == 0 { first.0 } else { t[k - 1] };
+        out.push(start + (t[k] - start) * part);
     }
 }
 

@@ -6,10 +6,8 @@ use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
 use render::{Sample, Scene};
 
-use crate::background::BackgroundModel;
 use crate::loss::{Target, photometric, squared_error};
 use crate::pyramid::{Level, Pixel};
-use crate::schedule::Weights;
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
 pub(crate) struct Batch<'a> {
@@ -22,12 +20,12 @@ pub(crate) struct Batch<'a> {
     /// The expected number of pixels that the draws stand for. With the drawn number in its place,
     /// the mean would be a ratio of two random numbers, which is biased.
     pub(crate) pixel_count: f32,
-    /// The model for the probability that a pixel shows the background.
-    pub(crate) background: &'a BackgroundModel,
+    /// Whether the background is trained.
+    pub(crate) trains_background: bool,
     /// The radiance behind the object in each view, if the photographs are over black; else empty.
     pub(crate) behind: &'a [Vec3],
-    /// The weights of the terms.
-    pub(crate) weights: Weights,
+    /// The weight of the eikonal term.
+    pub(crate) eikonal: f32,
     /// The estimator of pixels that a silhouette may cross.
     pub(crate) estimator: &'a dyn Estimator<f32>,
     /// The numbers of samples in such a pixel.
@@ -118,12 +116,5 @@ impl<'a> Chunk<'a> {
         self.stats.photometric += f64::from(loss) * count;
         self.stats.squared_error += f64::from(squared_error(radiance, target.radiance)) * count;
         Vec3::from(adjoint) * (self.share * f32::from(p.count))
-    }
-
-    /// The probability that a pixel shows the background.
-    pub(super) fn background_probability(&self, p: Pixel) -> f32 {
-        let view = p.view as usize;
-        let photograph = &self.batch.level.photographs[view];
-        self.batch.background.probability(view, photograph, p.x.into(), p.y.into())
     }
 }

@@ -57,7 +57,7 @@ impl Chunk<'_> {
     /// The points, in world units, and the weight of each.
     fn eikonal_points(&self, surface: &[NearPoint]) -> (Vec<Vec3>, Vec<f32>) {
         let ball = self.batch.scene.bounding_ball();
-        let weight = self.batch.weights.eikonal * self.share * EIKONAL_EVERY as f32;
+        let weight = self.batch.eikonal * self.share * EIKONAL_EVERY as f32;
         let (mut points, mut weights) = (Vec::new(), Vec::new());
         let stream = Stream::new(self.seed, Purpose::EikonalHits);
         let start = stream.bits() as usize % EIKONAL_EVERY;
@@ -69,7 +69,7 @@ impl Chunk<'_> {
         let free = pixels.div_ceil(2 * EIKONAL_EVERY as u64);
         let stream = Stream::new(self.seed, Purpose::EikonalPoints);
         points.extend((0..free).map(|i| ball.center + in_ball(stream.at(i)) * ball.radius));
-        let of_free = self.batch.weights.eikonal * self.share * pixels as f32 / (2.0 * free as f32);
+        let of_free = self.batch.eikonal * self.share * pixels as f32 / (2.0 * free as f32);
         weights.resize(points.len(), of_free);
         (points, weights)
     }

@@ -8,7 +8,6 @@ use crate::model::Model;
 use crate::options::FitOptions;
 use crate::pyramid::{Level, pyramid};
 use crate::run_file::RunFile;
-use crate::schedule::Weights;
 use dataset::{BackgroundEstimate, View};
 use estimate::record::Pass;
 use estimate::{Estimator, Refined, SampleCounts};
@@ -96,9 +95,9 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             level,
             pixels: &pixels,
             pixel_count: level.count_of(draws, 4) as f32,
-            background: &background_model(),
+            trains_background: false,
             behind: &[],
-            weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
+            eikonal: 0.0,
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },
             pass: Pass::Limited(1e6),

@@ -1,7 +1,6 @@
-//! The gradient of one iteration: the photometric term, the eikonal term and the background force
-//! over a batch of pixels.
+//! The gradient of one iteration: the photometric term and the eikonal term over a batch of
+//! pixels.
 
-mod background_force;
 mod chunk;
 mod eikonal;
 mod photometric;
@@ -34,7 +33,7 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), Inva
     let field = batch.scene.field.parameter_count();
     let shader = batch.scene.shader.parameter_count();
     let background =
-        if batch.background.is_trained { batch.scene.background.parameter_count() } else { 0 };
+        if batch.trains_background { batch.scene.background.parameter_count() } else { 0 };
     let count = batch.pixels.len();
     let chunks = count.div_ceil(CHUNK).max(CHUNKS);
     let size = count.div_ceil(chunks);
@@ -69,7 +68,6 @@ fn add_terms(
     chunk.stats.rays += primary.samples.len() as u64;
     chunk.stats.pixels += pixels_of(chunk.pixels);
     let crossed = near_silhouettes(&chunk.batch.scene, &primary, SilhouetteMargin::LARGE);
-    chunk.add_background_force(&primary);
     chunk.add_eikonal(&chunk.hit_points(&primary));
     chunk.add_smooth_pixels(primary, &crossed, shader, background);
     let edge: Vec<Pixel> =

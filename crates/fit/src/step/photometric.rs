@@ -25,16 +25,10 @@ impl Chunk<'_> {
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
             delta[i] = self.add_loss(primary.samples[i].radiance.into(), *pixel);
         }
-        // Do not train the radiance head on a surface in front of a trusted background: it would
-        // take the colour of the background, and the surface would stay.
-        for hit in &primary.hits {
-            let probability = self.background_probability(self.pixels[hit.sample]);
-            delta[hit.sample] *= 1.0 - self.batch.weights.trust * probability;
-        }
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
-        if self.batch.background.is_trained {
+        if self.batch.trains_background {
             area.background_vjp(&self.batch.scene, &delta, background);
         }
     }
@@ -67,7 +61,7 @@ impl Chunk<'_> {
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
         record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
-        if self.batch.background.is_trained {
+        if self.batch.trains_background {
             record.area.iter().for_each(|area| area.background_vjp(scene, &delta, background));
         }
         Ok(())

@@ -148,7 +148,7 @@ impl Chunk<'_> {
             if *last > LEAST_TRANSMITTANCE { *delta * *last } else { Vec3::ZERO }
         });
         let adjoint: Vec<Vec3> = weighted.collect();
-        if self.batch.background.is_trained {
+        if self.batch.trains_background {
             scene.background.parameter_vjp(&rays.background, &adjoint, behind);
         }
         let near: Vec<NearPoint> = colored

@@ -20,7 +20,6 @@ use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
-use crate::schedule::Weights;
 use crate::step::chunk::Batch;
 
 const SIZE: u32 = 12;
@@ -128,9 +127,9 @@ fn check_gradient(initial_radius: f64) {
         level: &level,
         pixels: &pixels,
         pixel_count: pixels.len() as f32,
-        background: &background_model(),
+        trains_background: true,
         behind: &[],
-        weights: Weights { eikonal: 0.0, background: 0.0, trust: 0.0 },
+        eikonal: 0.0,
         estimator: &Refined,
         counts: SampleCounts { spp: 1, edge_samples: 1 },
         pass: Pass::Sum,
