@@ -107,7 +107,7 @@ mod tests {
         // 43 photographs of 504 × 378 pixels are 8.2 million.
         assert_eq!(of_phone(&FitOptions::default()), (8, budget));
         assert_eq!([of_phone(&of_iterations(1)), of_phone(&of_time(1))], [(8, budget); 2]);
-        // 20,000 iterations of 1024 draws: 15.4 million on the finest level; 21 million are too many.
+        // 20,000 iterations of 1024 draws: 15 million on the finest level; 21 million are too many.
         assert_eq!(of_phone(&of_iterations(20_000)), (6, budget));
         assert_eq!(of_phone(&FitOptions { batch: 4096, ..of_iterations(5000) }), (6, budget));
         // 75,000 draws a second on the finest level: 45 million in ten minutes.

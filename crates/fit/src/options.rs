@@ -93,7 +93,7 @@ pub struct FitOptions {
     /// Weight of the eikonal term (|∇f| − 1)²
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
-    /// Share of the budget, from the start on, with a soft surface: parts of it can appear and vanish
+    /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish
     #[arg(long, default_value_t = Self::default().soft)]
     pub soft: f64,
     /// Iterations between checkpoints
