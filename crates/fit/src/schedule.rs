@@ -4,9 +4,10 @@ use optim::Schedule;
 
 // Evidence, here and for the other constants of this crate: one constant changed at a time, 1000
 // iterations on the demo's scene and on the stool of the sweeps (24 views of 128 × 128 pixels), two
-// seeds each. "Distance" is the geometric mean of the four Chamfer distances, relative to that of
-// the values in the code; its standard error is about 0.05. So a value within 0.9 to 1.1 cannot be
-// told apart from the chosen one.
+// seeds each, before fits had a soft surface. "Distance" is the geometric mean of the four Chamfer
+// distances, relative to that of the values in the code; its standard error is about 0.05. So a
+// value within 0.9 to 1.1 cannot be told apart from the chosen one. docs/rooms.md compares the soft
+// part, its sharpness, the levels and the octaves.
 
 /// The progress at which each finer level of the pyramid starts, the finest last: the shape must be
 /// fine while the surface is soft.
