@@ -217,6 +217,10 @@ fn warnings(
              a fit takes them as equal"
         ));
     }
+    let cut_out = views.iter().filter(|v| v.coverage().is_some()).count();
+    if (1..all).contains(&cut_out) {
+        warnings.push(format!("only {cut_out} of {all} views have a mask of the object"));
+    }
     if report.train_views < 3 {
         warnings.push("fewer than three views to fit".to_owned());
     }

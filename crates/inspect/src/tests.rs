@@ -1,6 +1,6 @@
 //! The report on views with known figures, and the drawn outline against rays that meet the sphere.
 
-use dataset::{BackgroundEstimate, Dataset, View};
+use dataset::{BackgroundEstimate, Dataset, Mask, MaskKind, View};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3};
@@ -102,6 +102,9 @@ fn suspicious_views_give_warnings() {
     for words in ["inside the bounding sphere", "1 images are of another size"] {
         assert!(warnings.contains(words), "no {words:?} in {warnings}");
     }
+    near.train[0].mask = Some(Mask { kind: MaskKind::Object, values: vec![1.0; 3000] });
+    let warnings = report(&near).warnings.join("; ");
+    assert!(warnings.contains("only 1 of 4 views have a mask"), "{warnings}");
     near.train.truncate(2);
     assert!(report(&near).warnings.iter().any(|w| w.contains("fewer than three")));
 }

@@ -125,7 +125,7 @@ impl Fault {
     ///    are fewer than 12, and else inconsistent ones;
     /// 4. a PSNR of training views below 26 dB where their exposures differ;
     /// 5. a PSNR of training views below 23.5 dB;
-    /// 6. more than 30 % of the surface is unseen.
+    /// 6. more than 30 % of the surface is unseen, or no sampled pixel of a training view counts.
     pub fn of(evidence: &Evidence) -> Option<Fault> {
         let Some(surface) = &evidence.surface else { return Some(Fault::NoSurface) };
         if surface.seen_on_sphere > MOST_ON_SPHERE {
@@ -150,7 +150,8 @@ impl Fault {
         if is_below(LEAST_PSNR) {
             return Some(Fault::LowAccuracy);
         }
-        (surface.unseen > MOST_UNSEEN).then_some(Fault::Unseen)
+        let no_view_shows_it = evidence.training_psnr.is_none();
+        (surface.unseen > MOST_UNSEEN || no_view_shows_it).then_some(Fault::Unseen)
     }
 
     /// The fault and the option to try, in one sentence.

@@ -38,6 +38,7 @@ fn each_fault_follows_from_its_evidence() {
         (Evidence { exposure_spread: Some(0.3), ..cow.clone() }, Some(Fault::Exposure)),
         (cow, None),
         (Evidence { surface: shares(0.0, 0.5), ..good() }, Some(Fault::Unseen)),
+        (Evidence { training_psnr: None, held_out_psnr: None, ..good() }, Some(Fault::Unseen)),
         // The exposures differ, and the fit is good all the same.
         (Evidence { exposure_spread: Some(0.3), ..good() }, None),
         (Evidence { held_out_psnr: None, exposure_spread: None, ..good() }, None),

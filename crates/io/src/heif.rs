@@ -39,9 +39,11 @@ pub(crate) fn refuse(path: &Path, start: &[u8]) -> Result<(), InputError> {
     let Some(format) = format(start) else { return Ok(()) };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    // A converter must not overwrite its input.
+    let end = if extension(path) == "jpg" { "-converted" } else { "" };
     let expected = format!(
-        "{IMAGE}: convert it by heif-convert {name} {stem}.jpg, or on macOS by sips -s format jpeg \
-         {name} --out {stem}.jpg"
+        "{IMAGE}: convert it by heif-convert {name} {stem}{end}.jpg, or on macOS by \
+         sips -s format jpeg {name} --out {stem}{end}.jpg"
     );
     Err(InputError::new(path, "image", format, expected))
 }
