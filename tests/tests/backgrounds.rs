@@ -65,6 +65,16 @@ fn a_scene_shows_the_background_of_a_run() {
 }
 
 #[test]
+fn a_run_with_a_background_of_another_kind_is_refused() {
+    let folder = Folder::new();
+    let runs = KINDS.map(|kind| fit(&folder, kind, "1", kind));
+    let [volume, direction] = runs.map(|run| (format!("{run}/background.safetensors"), run));
+    fs::copy(direction.0, volume.0).unwrap();
+    let words = ["background.safetensors: background", "found direction, expected volume"];
+    refused(&["mesh", &volume.1, "-o", &folder.path("m.ply")], 2, &words);
+}
+
+#[test]
 fn wrong_backgrounds_of_scenes_are_refused() {
     let folder = Folder::new();
     let run = fit(&folder, "volume", "1", "run");

@@ -11,7 +11,7 @@ use field::{Real, Vector3};
 pub(crate) const LEVELS: [usize; 3] = [16, 32, 64];
 
 /// Features of an entry.
-const FEATURES: usize = 2;
+pub(crate) const FEATURES: usize = 2;
 
 /// Features of a point: those of all levels.
 pub(crate) const INPUTS: usize = LEVELS.len() * FEATURES;
@@ -24,8 +24,13 @@ const HALF_SIDE: f64 = 2.0;
 const CORNERS: usize = 8;
 
 /// The entries of a level of `cells` cells along a side: one for each corner.
-const fn entries(cells: usize) -> usize {
+pub(crate) const fn entries(cells: usize) -> usize {
     (cells + 1) * (cells + 1) * (cells + 1)
+}
+
+/// The number of the entry of a corner, by its place along the axes.
+pub(crate) const fn entry([x, y, z]: [usize; 3], cells: usize) -> usize {
+    (z * (cells + 1) + y) * (cells + 1) + x
 }
 
 /// The number of numbers in the tables of all levels.
@@ -66,9 +71,7 @@ impl<R: Real> Cell<R> {
         let at = std::array::from_fn(|axis| (place[axis] - R::of(base[axis] as f64)).min(R::one()));
         let corners = std::array::from_fn(|corner| {
             let index: [usize; 3] = std::array::from_fn(|axis| base[axis] + (corner >> axis & 1));
-            let [x, y, z] = index;
-            let entry = (z * (cells + 1) + y) * (cells + 1) + x;
-            (start + FEATURES * entry) as u32
+            (start + FEATURES * entry(index, cells)) as u32
         });
         Cell { corners, at }
     }

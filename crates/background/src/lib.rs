@@ -4,9 +4,12 @@ mod decoder;
 mod file;
 mod grid;
 mod path;
+mod quadrature;
+mod smooth;
 mod volume;
 
 pub use file::FileError;
+pub use quadrature::Quadrature;
 pub use volume::{Extent, Volume};
 
 #[cfg(test)]

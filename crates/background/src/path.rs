@@ -8,15 +8,20 @@ pub(crate) const POINTS: usize = 16;
 /// The distance, in bounding radii, of points that only their direction tells apart.
 const INFINITY: f64 = 1e6;
 
+/// The least half of a chord of the sphere, in bounding radii, for the slope of its end.
+const LEAST_ROOT: f64 = 1e-6;
+
 /// A ray in coordinates relative to the bounding sphere: its centre is 0, its radius 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Path<R: Real> {
     origin: R::Vec3,
     direction: R::Vec3,
-    /// The distance at which the ray leaves the sphere, or passes it.
+    /// The distance at which the parts of the ray begin.
     start: R,
     /// Its derivative by o·d.
     slope: R,
+    /// The place of the point in each part of the ray, as a fraction of the part.
+    place: R,
 }
 
 /// A part of a ray with a point in it.
@@ -34,20 +39,22 @@ fn far<R: Real>(part: R) -> R {
 }
 
 impl<R: Real> Path<R> {
-    /// The ray from `origin` along the unit vector `direction`.
-    pub(crate) fn new(origin: R::Vec3, direction: R::Vec3) -> Self {
+    /// The ray from `origin` along the unit vector `direction`, with its points at the fraction
+    /// `place` of their parts.
+    ///
+    /// A ray begins where it leaves the sphere. A ray that misses the sphere begins before it
+    /// passes: for rays close to each other on both sides of the outline, the beginnings are close,
+    /// and a table beside the sphere has points before and behind the sphere's middle.
+    pub(crate) fn new(origin: R::Vec3, direction: R::Vec3, place: R) -> Self {
         let (zero, one) = (R::zero(), R::one());
         let b = origin.dot(direction);
         let square = b * b - origin.dot(origin) + one;
-        let (start, slope) = if square > zero {
-            let root = square.sqrt();
-            (root - b, b / root - one)
-        } else {
-            (-b, -one)
-        };
+        let root = square.abs().sqrt().max(R::of(LEAST_ROOT));
+        let start = if square > zero { root - b } else { -root - b };
+        let slope = b / root - one;
         // A sphere behind the eye has no part.
         let (start, slope) = if start > zero { (start, slope) } else { (zero, zero) };
-        Path { origin, direction, start, slope }
+        Path { origin, direction, start, slope, place }
     }
 
     /// Step number `i` of the ray. The lengths grow with the distance.
@@ -55,12 +62,12 @@ impl<R: Real> Path<R> {
         let (n, k) = (R::of(POINTS as f64), R::of(i as f64));
         let length =
             if i + 1 == POINTS { R::infinity() } else { far((k + R::one()) / n) - far(k / n) };
-        Step { y: self.origin + self.direction * self.place(i), length }
+        Step { y: self.origin + self.direction * self.distance(i), length }
     }
 
     /// The distance of the point of a step.
-    fn place(&self, i: usize) -> R {
-        self.start + far((R::of(i as f64) + R::of(0.5)) / R::of(POINTS as f64))
+    fn distance(&self, i: usize) -> R {
+        self.start + far((R::of(i as f64) + self.place) / R::of(POINTS as f64))
     }
 
     /// A point so far along the ray that its contraction is the end of the ray.
@@ -75,7 +82,7 @@ impl<R: Real> Path<R> {
 
     /// The adjoint of the direction, from that of a step's point.
     pub(crate) fn vjp(&self, i: usize, y: R::Vec3) -> R::Vec3 {
-        y * self.place(i) + self.origin * (y.dot(self.direction) * self.slope)
+        y * self.distance(i) + self.origin * (y.dot(self.direction) * self.slope)
     }
 }
 

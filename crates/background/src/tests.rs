@@ -8,6 +8,8 @@ use random::{Purpose, Stream};
 use render::{Background, BackgroundRay};
 
 use crate::grid::table_length;
+use crate::path::Path;
+use crate::quadrature::{Places, Quadrature};
 use crate::{Extent, Volume};
 
 const SPHERE: Sphere<f64> = Sphere { center: DVec3::new(0.5, -1.0, 2.0), radius: 1.5 };
@@ -78,14 +80,18 @@ proptest! {
     fn the_derivative_by_the_parameters_matches_differences(seed in 0u64..1000) {
         for extent in [Extent::Volume, Extent::Direction] {
             let (volume, ray) = (volume(extent, 3), ray(seed));
-            let (_, gradient) = vjp(&volume, ray, DELTA);
+            let places = Stream::new(seed, Purpose::Other(2));
+            let mut gradient = vec![0.0; volume.parameters.len()];
+            volume.jittered(places).parameter_vjp(&[ray], &[DELTA], &mut gradient);
             let stream = Stream::new(seed, Purpose::Other(1));
             let tangent: Vec<f64> =
                 (0..gradient.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
             let along = |h: f64| {
                 let moved = volume.parameters.iter().zip(&tangent).map(|(p, t)| p + h * t);
                 let volume = Volume { parameters: moved.collect(), ..volume.clone() };
-                radiance(&volume, ray).dot(DELTA)
+                let mut rgb = [DVec3::ZERO];
+                volume.jittered(places).radiance(&[ray], &mut rgb);
+                rgb[0].dot(DELTA)
             };
             let h = 1e-6;
             let difference = (along(h) - along(-h)) / (2.0 * h);
@@ -95,6 +101,95 @@ proptest! {
                 "{extent:?}: {product} against {difference}"
             );
         }
+    }
+}
+
+#[test]
+fn random_places_are_uniform_in_their_parts() {
+    let volume = volume(Extent::Volume, 6);
+    let seen = |places: Places, ray| {
+        let mut rgb = [DVec3::ZERO];
+        Quadrature { volume: &volume, places }.radiance(&[ray], &mut rgb);
+        rgb[0]
+    };
+    let random = |i| Places::Random(Stream::new(i, Purpose::Other(3)));
+    for ray in (0..4).map(ray) {
+        let even = (0..64).map(|i| seen(Places::At((f64::from(i) + 0.5) / 64.0), ray));
+        let even = even.sum::<DVec3>() / 64.0;
+        let all: Vec<DVec3> = (0..4000).map(|i| seen(random(i), ray)).collect();
+        let mean = all.iter().sum::<DVec3>() / all.len() as f64;
+        let variance = all.iter().map(|rgb| (*rgb - mean).length_squared()).sum::<f64>() / 4e3;
+        assert!(variance > 1e-8, "the places differ");
+        assert!((mean - even).length() < 4.0 * (variance / 4e3).sqrt(), "{mean} and {even}");
+        assert_eq!(seen(random(1), ray), seen(random(1), ray));
+    }
+}
+
+#[test]
+fn rays_on_both_sides_of_the_outline_begin_close_to_each_other() {
+    let eye = 5.0;
+    // The height at which a ray down along z begins. Place 0 is the start of the first part.
+    let height = |aside: f64| {
+        let path = Path::<f64>::new(DVec3::new(aside, 0.0, eye), DVec3::NEG_Z, 0.0);
+        let first: DVec3 = path.step(0).y;
+        first.z
+    };
+    // Inside, the end of the chord, √(1 − 0.6²) behind the middle; outside, as far before it as a
+    // tangent from the nearest point is long.
+    for (aside, expected) in [(0.6, -0.8), (1.0, 0.0), (1.25, 0.75), (f64::sqrt(2.0), 1.0)] {
+        assert_relative_eq!(height(aside), expected, epsilon = 1e-5);
+    }
+    // A wide ray begins at the eye.
+    assert_relative_eq!(height(9.0), eye);
+}
+
+/// The total variation of the tables, corner by corner, by a route of its own.
+fn variation(parameters: &[f64]) -> f64 {
+    let height = |d: f64| if d.abs() < 0.05 { d * d / 0.1 } else { d.abs() - 0.025 };
+    let (mut sum, mut start) = (0.0, 0);
+    for side in [17, 33, 65] {
+        let feature = |x: usize, y: usize, z: usize, f| {
+            parameters[start + 2 * (x + side * (y + side * z)) + f]
+        };
+        for i in 0..2 * side * side * side {
+            let (f, x, y, z) = (i % 2, i / 2 % side, i / 2 / side % side, i / 2 / side / side);
+            let here = feature(x, y, z, f);
+            sum += if x + 1 < side { height(feature(x + 1, y, z, f) - here) } else { 0.0 };
+            sum += if y + 1 < side { height(feature(x, y + 1, z, f) - here) } else { 0.0 };
+            sum += if z + 1 < side { height(feature(x, y, z + 1, f) - here) } else { 0.0 };
+        }
+        start += 2 * side * side * side;
+    }
+    sum
+}
+
+#[test]
+fn smoothing_descends_the_total_variation() {
+    let before = volume(Extent::Volume, 8).parameters;
+    // Differences on both sides of the edge of the quadratic part.
+    let before: Vec<f64> = before.iter().map(|p| 0.05 * p).collect();
+    let (step, mut after) = (1e-3, before.clone());
+    Volume::smooth(&mut after, step);
+    let stream = Stream::new(8, Purpose::Other(4));
+    let tangent: Vec<f64> = (0..before.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
+    let along = |h: f64| {
+        let moved: Vec<f64> = before.iter().zip(&tangent).map(|(p, t)| p + h * t).collect();
+        variation(&moved)
+    };
+    let slope = (along(1e-6) - along(-1e-6)) / 2e-6;
+    let change: f64 = after.iter().zip(&before).zip(&tangent).map(|((a, b), t)| (a - b) * t).sum();
+    assert_relative_eq!(change, -step * slope, max_relative = 1e-4);
+    assert_eq!(after[table_length()..], before[table_length()..], "the network stays");
+}
+
+#[test]
+fn smoothing_by_any_step_is_stable() {
+    let mut parameters = volume(Extent::Volume, 9).parameters;
+    let mut last = variation(&parameters);
+    for _ in 0..3 {
+        Volume::smooth(&mut parameters, 1e9);
+        assert!(variation(&parameters) < last, "the variation falls");
+        last = variation(&parameters);
     }
 }
 

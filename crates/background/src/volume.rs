@@ -2,14 +2,13 @@
 
 use std::fmt;
 
-use field::{Real, Sphere, Vector3};
+use field::{Real, Sphere};
 use glam::DVec3;
 use random::{Purpose, Stream};
-use render::{Background, BackgroundRay};
 
-use crate::decoder::{DENSITY_BIAS, Decoded, DecodedAdjoint, LENGTH, initial_range};
-use crate::grid::{Cells, table_length};
-use crate::path::{POINTS, Path, contract, contract_vjp};
+use crate::decoder::{DENSITY_BIAS, LENGTH, initial_range};
+use crate::grid::table_length;
+use crate::quadrature::{Places, Quadrature};
 
 /// The part of space that a background shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,10 +31,13 @@ impl fmt::Display for Extent {
 /// The radiance of emitting and absorbing matter outside a bounding sphere.
 ///
 /// Density and radiance are a small network of features on grids in contracted space. A ray is a
-/// sum over 16 points from the place on where it leaves the sphere, or passes it. The last point is
-/// opaque. Nothing is before the sphere: matter there could paint each photograph on a screen of
-/// its own in front of its camera, and no solid would be needed. With 16 more points before the
-/// sphere, a fit of a cow in a room lost the cow's head and legs to such screens.
+/// sum over 16 points from the place on where it leaves the sphere. The last point is opaque.
+///
+/// A ray that misses the sphere at the distance d from its centre, in bounding radii, begins
+/// √(d² − 1) before it passes the centre. Nothing is before that: matter there could paint each
+/// photograph on a screen of its own in front of its camera, and no solid would be needed. With 16
+/// more points before the sphere, a fit of a cow in a room lost the cow's head and legs to such
+/// screens.
 ///
 /// Trainable features on grids of several resolutions: Müller, Evans, Schied and Keller, "Instant
 /// Neural Graphics Primitives with a Multiresolution Hash Encoding", SIGGRAPH 2022. A model of its
@@ -54,21 +56,6 @@ const FIRST_FEATURES: f64 = 0.01;
 /// The bias of the density at the start: a density of 0.31 per bounding radius, so that far points
 /// have a part in all rays.
 const FIRST_DENSITY: f64 = -1.0;
-
-/// The transmittance below which the rest of a ray is not evaluated.
-const OPAQUE: f64 = 1e-4;
-
-/// A point of a ray, with the numbers that its reverse mode needs.
-struct Seen<R: Real> {
-    step: usize,
-    y: R::Vec3,
-    length: R,
-    cells: Cells<R>,
-    decoded: Decoded<R>,
-    radiance: R::Vec3,
-    /// The transmittance before and behind the point.
-    transmittance: [R; 2],
-}
 
 impl<R: Real> Volume<R> {
     /// The number of parameters.
@@ -119,121 +106,12 @@ impl<R: Real> Volume<R> {
         self
     }
 
-    /// The ray relative to the sphere, and the numbers of its first steps.
-    fn path(&self, ray: &BackgroundRay<R>) -> (Path<R>, std::ops::Range<usize>) {
-        let Sphere { center, radius } = self.sphere;
-        let origin = (ray.origin - R::Vec3::of(center)) * R::of(radius).recip();
-        let first = if self.extent == Extent::Volume { 0 } else { POINTS - 1 };
-        (Path::new(origin, ray.direction), first..POINTS)
-    }
-
-    /// The points of a ray with a part in its radiance, in order.
-    fn points(
-        &self,
-        path: &Path<R>,
-        steps: std::ops::Range<usize>,
-        mut visit: impl FnMut(Seen<R>),
-    ) {
-        let (tables, decoder) = self.parameters.split_at(table_length());
-        let mut before = R::one();
-        for step in steps {
-            let (y, length) = self.point(path, step);
-            if length <= R::zero() || before < R::of(OPAQUE) {
-                continue;
-            }
-            let cells = Cells::of(contract::<R>(y));
-            let decoded = Decoded::of(cells.features(tables), decoder);
-            let (density, radiance) = (decoded.density(), decoded.radiance());
-            // The last point is opaque.
-            let behind =
-                if length.is_finite() { before * (-density * length).exp() } else { R::zero() };
-            let transmittance = [before, behind];
-            visit(Seen { step, y, length, cells, decoded, radiance, transmittance });
-            before = behind;
-        }
-    }
-
-    /// The point of a step, and the length of the step.
-    fn point(&self, path: &Path<R>, step: usize) -> (R::Vec3, R) {
-        match self.extent {
-            Extent::Volume => {
-                let step = path.step(step);
-                (step.y, step.length)
-            }
-            Extent::Direction => (path.infinity(), R::infinity()),
-        }
-    }
-
-    /// Goes back along all rays whose adjoint δ is not zero. Visits each of their points with the
-    /// number and the path of the ray, and the adjoints of the decoder.
-    fn backward(
-        &self,
-        rays: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        mut visit: impl FnMut(usize, &Path<R>, &Seen<R>, DecodedAdjoint<R>),
-    ) {
-        let decoder = &self.parameters[table_length()..];
-        let mut seen = Vec::with_capacity(POINTS);
-        for (i, (ray, delta)) in rays.iter().zip(adjoint).enumerate() {
-            if *delta == R::Vec3::zero() {
-                continue;
-            }
-            let (path, steps) = self.path(ray);
-            self.points(&path, steps, |point| seen.push(point));
-            // The radiance of the points behind.
-            let mut behind = R::Vec3::zero();
-            for point in seen.drain(..).rev() {
-                let [before, after] = point.transmittance;
-                // ∂L/∂(density · length)
-                let depth = delta.dot(point.radiance * after - behind);
-                behind += point.radiance * (before - after);
-                let finite = point.length.is_finite();
-                let density = if finite { depth * point.length } else { R::zero() };
-                let radiance = *delta * (before - after);
-                visit(i, &path, &point, point.decoded.vjp(density, radiance, decoder));
-            }
-        }
-    }
-}
-
-impl<R: Real> Background<R> for Volume<R> {
-    fn parameter_count(&self) -> usize {
-        self.parameters.len()
-    }
-
-    fn radiance(&self, rays: &[BackgroundRay<R>], rgb: &mut [R::Vec3]) {
-        for (ray, rgb) in rays.iter().zip(rgb) {
-            let (path, steps) = self.path(ray);
-            *rgb = R::Vec3::zero();
-            self.points(&path, steps, |point| {
-                let [before, after] = point.transmittance;
-                *rgb += point.radiance * (before - after);
-            });
-        }
-    }
-
-    fn direction_vjp(
-        &self,
-        rays: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        direction: &mut [R::Vec3],
-    ) {
-        let tables = &self.parameters[..table_length()];
-        direction.fill(R::Vec3::zero());
-        self.backward(rays, adjoint, |i, path, point, bars| {
-            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&bars.features, tables));
-            direction[i] += match self.extent {
-                Extent::Volume => path.vjp(point.step, y),
-                Extent::Direction => path.infinity_vjp(y),
-            };
-        });
-    }
-
-    fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
-        let (tables, decoder) = parameters.split_at_mut(table_length());
-        self.backward(rays, adjoint, |_, _, point, bars| {
-            point.decoded.parameter_vjp(&bars, decoder);
-            point.cells.table_vjp(&bars.features, tables);
-        });
+    /// The volume for training: each ray has its points at random places of their parts.
+    ///
+    /// A place is a function of the stream and of the ray's direction, so that a ray has the same
+    /// points in radiance and derivatives. Points in the middle of the parts would be the same in
+    /// each iteration, and matter between them could not be trained away.
+    pub fn jittered(&self, stream: Stream) -> Quadrature<'_, R> {
+        Quadrature { volume: self, places: Places::Random(stream) }
     }
 }

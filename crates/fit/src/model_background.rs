@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use background::{Extent, Volume};
+use background::{Extent, Quadrature, Volume};
 use dataset::Surroundings;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
@@ -75,17 +75,22 @@ pub enum ModelBackground {
     Trained(Volume<f32>),
 }
 
+/// The part of space that a trained background of this kind shows; `None` if it is not trained.
+fn extent_of(kind: BackgroundKind) -> Option<Extent> {
+    match kind {
+        BackgroundKind::Constant | BackgroundKind::PerView => None,
+        BackgroundKind::Direction => Some(Extent::Direction),
+        BackgroundKind::Volume => Some(Extent::Volume),
+    }
+}
+
 /// The file of a trained background in a run folder.
 const FILE: &str = "background.safetensors";
 
 impl ModelBackground {
     /// The background at the start of a fit.
     pub(crate) fn initial(file: &RunFile) -> Self {
-        let extent = match file.background_kind {
-            BackgroundKind::Constant | BackgroundKind::PerView => return Self::constant(file),
-            BackgroundKind::Direction => Extent::Direction,
-            BackgroundKind::Volume => Extent::Volume,
-        };
+        let Some(extent) = extent_of(file.background_kind) else { return Self::constant(file) };
         let seed = Stream::new(file.options.seed, Purpose::InitialBackground).bits();
         ModelBackground::Trained(Volume::new(extent, file.sphere(), seed))
     }
@@ -99,6 +104,17 @@ impl ModelBackground {
         match self {
             ModelBackground::Constant(uniform) => uniform,
             ModelBackground::Trained(volume) => volume,
+        }
+    }
+
+    /// The background with random places of the points on its rays, if it is trained; see
+    /// [`Volume::jittered`].
+    pub(crate) fn jittered(&self, seed: u64) -> Option<Quadrature<'_, f32>> {
+        match self {
+            ModelBackground::Constant(_) => None,
+            ModelBackground::Trained(volume) => {
+                Some(volume.jittered(Stream::new(seed, Purpose::BackgroundPoints)))
+            }
         }
     }
 
@@ -132,13 +148,17 @@ impl ModelBackground {
 
     /// Reads the background of a run folder, for points relative to the run's origin.
     pub(crate) fn load(run: &Path, file: &RunFile) -> Result<Self, InputError> {
-        if !file.background_kind.is_trained() {
+        let Some(expected) = extent_of(file.background_kind) else {
             return Ok(Self::constant(file));
-        }
+        };
         let path = run.join(FILE);
         let bytes = io::read(&path, "background", "the background of a run")?;
         let volume = Volume::from_safetensors(&bytes)
             .map_err(|e| InputError::new(&path, "background", e, "a background file"))?;
+        if volume.extent() != expected {
+            let expected = format!("{expected}, as in fit.toml");
+            return Err(InputError::new(&path, "background", volume.extent(), expected));
+        }
         Ok(ModelBackground::Trained(volume.about(file.origin())))
     }
 }

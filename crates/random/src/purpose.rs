@@ -58,13 +58,15 @@ pub enum Purpose {
     RayPoints,
     /// The colour behind the object of a view.
     BackgroundColor,
+    /// The places of the points on a background's rays.
+    BackgroundPoints,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 26] = [
+    pub const ALL: [Purpose; 27] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -91,6 +93,7 @@ impl Purpose {
         Purpose::InitialBackground,
         Purpose::RayPoints,
         Purpose::BackgroundColor,
+        Purpose::BackgroundPoints,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -122,6 +125,7 @@ impl Purpose {
             Purpose::InitialBackground => 24,
             Purpose::RayPoints => 25,
             Purpose::BackgroundColor => 26,
+            Purpose::BackgroundPoints => 27,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }
