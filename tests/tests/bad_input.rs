@@ -238,7 +238,7 @@ fn wrong_entries_of_a_runs_fit_toml_are_refused_by_name() {
         ("batch = 16", "batch = \"many\"", ["batch", "invalid type"]),
         ("batch = 16\n", "", ["batch", "found nothing"]),
         ("gamma = 3.0\n", "", ["gamma", "found nothing"]),
-        ("bounds = ", "bounds = [nan, 0.0, 0.0, 1.0] #", ["bounds", "radius above 0"]),
+        ("bounds = ", "bounds = [nan, 0.0, 0.0, 1.0] #", ["bounds", "a radius from"]),
         ("background = ", "background = [nan, 0.0, 0.0] #", ["background", "NaN"]),
         ("background_spread = ", "background_spread = -1 #", ["background_spread", "0 or more"]),
         ("background = ", "background = [0.0, 0.0, 0.0, 7.0] #", ["background", "4 numbers"]),

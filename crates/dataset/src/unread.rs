@@ -36,6 +36,9 @@ struct Photograph {
     mask: Option<(MaskKind, Film)>,
 }
 
+/// A pixel with less alpha is cut out.
+const HALF: f32 = 0.5;
+
 /// Bytes of memory for each pixel of a photograph whose distortion is removed: the result.
 const MEMORY_PER_UNDISTORTED_PIXEL: u64 = 12;
 
@@ -74,7 +77,7 @@ impl UnreadView {
     }
 
     /// Reads the image over black, and its mask: the alpha channel, or else the mask image. An
-    /// alpha channel that is opaque everywhere gives way to a mask image.
+    /// alpha channel that is at least half opaque everywhere gives way to a mask image.
     fn read_photograph(&self) -> Result<Photograph> {
         let UnreadView { path, camera, .. } = self;
         let (image, alpha) = read_image_of(path, (camera.width, camera.height))?;
@@ -89,7 +92,7 @@ impl UnreadView {
             Some(alpha) => over_black(image, alpha),
             None => image,
         };
-        let is_opaque = |alpha: &Vec<f32>| alpha.iter().all(|a| *a >= 1.0);
+        let is_opaque = |alpha: &Vec<f32>| alpha.iter().all(|a| *a >= HALF);
         let mask = match (alpha, &self.mask) {
             (Some(alpha), mask) if mask.is_none() || !is_opaque(&alpha) => {
                 Some((MaskKind::Alpha, Film::grey(image.width, image.height, alpha)))

@@ -64,7 +64,7 @@ pub struct FitOptions {
     /// Largest learning rate of Adam
     #[arg(long, default_value_t = Self::default().learning_rate)]
     pub learning_rate: f64,
-    /// Pixels per iteration
+    /// Pixels per iteration, at full size and once the surface is sharp
     #[arg(long, default_value_t = Self::default().batch)]
     pub batch: usize,
     /// Estimator of pixels that a silhouette may cross: see `dsdf gradient --estimator`
@@ -359,9 +359,17 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
 pub fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse::<f64>()).collect();
     match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
-        Some(b) if b.iter().all(|v| v.is_finite()) && b[3] > 0.0 => Ok(b),
-        _ => Err("expected x,y,z,radius with a radius above 0".to_owned()),
+        Some(bounds) if is_sphere(bounds) => Ok(bounds),
+        _ => Err(format!("expected x,y,z,radius with {SPHERE}")),
     }
+}
+
+/// The bounding spheres that single precision can hold, with the squares of their lengths.
+pub(crate) const SPHERE: &str = "coordinates up to 1e12 and a radius from 1e-12 to 1e12";
+
+/// Whether x, y, z and a radius are a [`SPHERE`].
+pub(crate) fn is_sphere([x, y, z, radius]: [f64; 4]) -> bool {
+    [x, y, z].iter().all(|c| c.abs() <= 1e12) && (1e-12..=1e12).contains(&radius)
 }
 
 /// The form of durations in `fit.toml`: a number of seconds.
@@ -447,7 +455,7 @@ mod tests {
     #[test]
     fn bounds_need_four_numbers() {
         assert_eq!(parse_bounds("1,2,-3,0.5"), Ok([1.0, 2.0, -3.0, 0.5]));
-        for text in ["", "1,2,3", "1,2,3,0", "1,2,3,nan", "a,b,c,d"] {
+        for text in ["", "1,2,3", "1,2,3,0", "1,2,3,nan", "1,2,3,1e300", "inf,2,3,1", "a,b,c,d"] {
             assert!(parse_bounds(text).is_err(), "{text}");
         }
     }

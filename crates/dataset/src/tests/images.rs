@@ -32,6 +32,9 @@ fn masks_come_from_alpha_a_key_or_the_masks_folder() {
     let grey = image::GrayImage::from_pixel(WIDTH, HEIGHT, image::Luma([128]));
     grey.save(folder.path().join("white.png")).unwrap();
     root["frames"][1]["mask_path"] = json!("white.png");
+    // The third has an alpha channel that cuts nothing out.
+    let white = image::RgbaImage::from_pixel(WIDTH, HEIGHT, image::Rgba([255, 255, 255, 254]));
+    white.save(folder.path().join("transforms_2.png")).unwrap();
     std::fs::create_dir(folder.path().join("masks")).unwrap();
     image::GrayImage::new(WIDTH, HEIGHT)
         .save(folder.path().join("masks/transforms_2.png"))
