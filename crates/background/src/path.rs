@@ -1,6 +1,7 @@
 //! The points of a ray behind the bounding sphere, in contracted coordinates.
 
 use field::{Real, Vector3};
+use render::RayAdjoint;
 
 /// Points of a ray.
 pub(crate) const POINTS: usize = 16;
@@ -20,6 +21,8 @@ pub(crate) struct Path<R: Real> {
     start: R,
     /// Its derivative by o·d.
     slope: R,
+    /// Its derivative by −|o|²/2.
+    slope_out: R,
     /// The place of the point in each part of the ray, as a fraction of the part.
     place: R,
 }
@@ -51,10 +54,13 @@ impl<R: Real> Path<R> {
         let square = b * b - origin.dot(origin) + one;
         let root = square.abs().sqrt().max(R::of(LEAST_ROOT));
         let start = if square > zero { root - b } else { -root - b };
-        let slope = b / root - one;
+        let (slope, slope_out) = (b / root - one, root.recip());
         // A sphere behind the eye has no part.
-        let (start, slope) = if start > zero { (start, slope) } else { (zero, zero) };
-        Path { origin, direction, start, slope, place }
+        if start > zero {
+            Path { origin, direction, start, slope, slope_out, place }
+        } else {
+            Path { origin, direction, start: zero, slope: zero, slope_out: zero, place }
+        }
     }
 
     /// Step number `i` of the ray. The lengths grow with the distance.
@@ -75,14 +81,19 @@ impl<R: Real> Path<R> {
         self.direction * R::of(INFINITY)
     }
 
-    /// The adjoint of the direction, from that of [`infinity`](Self::infinity).
-    pub(crate) fn infinity_vjp(&self, y: R::Vec3) -> R::Vec3 {
-        y * R::of(INFINITY)
+    /// The adjoint of the ray, from that of [`infinity`](Self::infinity).
+    pub(crate) fn infinity_vjp(&self, y: R::Vec3) -> RayAdjoint<R> {
+        RayAdjoint { origin: R::Vec3::zero(), direction: y * R::of(INFINITY) }
     }
 
-    /// The adjoint of the direction, from that of a step's point.
-    pub(crate) fn vjp(&self, i: usize, y: R::Vec3) -> R::Vec3 {
-        y * self.distance(i) + self.origin * (y.dot(self.direction) * self.slope)
+    /// The adjoint of the ray, from that of a step's point.
+    pub(crate) fn vjp(&self, i: usize, y: R::Vec3) -> RayAdjoint<R> {
+        let start = y.dot(self.direction);
+        RayAdjoint {
+            origin: y + self.direction * (start * self.slope)
+                - self.origin * (start * self.slope_out),
+            direction: y * self.distance(i) + self.origin * (start * self.slope),
+        }
     }
 }
 

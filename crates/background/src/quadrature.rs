@@ -2,7 +2,7 @@
 
 use field::{Real, Sphere, Vector3};
 use random::Stream;
-use render::{Background, BackgroundRay};
+use render::{Background, BackgroundRay, RayAdjoint};
 
 use crate::decoder::{Decoded, DecodedAdjoint};
 use crate::grid::{Cells, table_length};
@@ -145,20 +145,18 @@ impl<R: Real> Background<R> for Quadrature<'_, R> {
         }
     }
 
-    fn direction_vjp(
-        &self,
-        rays: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        direction: &mut [R::Vec3],
-    ) {
+    fn ray_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], bars: &mut [RayAdjoint<R>]) {
         let tables = &self.volume.parameters[..table_length()];
-        direction.fill(R::Vec3::zero());
-        self.backward(rays, adjoint, |i, path, point, bars| {
-            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&bars.features, tables));
-            direction[i] += match self.volume.extent {
+        let scale = R::of(self.volume.sphere.radius).recip();
+        bars.fill(RayAdjoint::zero());
+        self.backward(rays, adjoint, |i, path, point, decoded| {
+            let y = contract_vjp::<R>(point.y, point.cells.point_vjp(&decoded.features, tables));
+            let RayAdjoint { origin, direction } = match self.volume.extent {
                 Extent::Volume => path.vjp(point.step, y),
                 Extent::Direction => path.infinity_vjp(y),
             };
+            bars[i].origin += origin * scale;
+            bars[i].direction += direction;
         });
     }
 
@@ -187,13 +185,8 @@ impl<R: Real> Background<R> for Volume<R> {
         self.with_middles().radiance(rays, rgb);
     }
 
-    fn direction_vjp(
-        &self,
-        rays: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        direction: &mut [R::Vec3],
-    ) {
-        self.with_middles().direction_vjp(rays, adjoint, direction);
+    fn ray_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], bars: &mut [RayAdjoint<R>]) {
+        self.with_middles().ray_vjp(rays, adjoint, bars);
     }
 
     fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {

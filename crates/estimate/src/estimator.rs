@@ -106,6 +106,12 @@ pub trait Estimator<R: Real>: Send + Sync {
         Discontinuity::of_scene_except(scene, &[Discontinuity::Silhouettes])
     }
 
+    /// Whether the records have the derivatives by cameras: those of estimators that find points of
+    /// silhouettes do. A warp's do not.
+    fn differentiates_cameras(&self) -> bool {
+        false
+    }
+
     /// Whether other seeds give other samples. Without that, there are no independent replicates,
     /// and no standard error.
     fn depends_on_seed(&self) -> bool {

@@ -27,7 +27,32 @@ pub(crate) struct State {
     pub(crate) second: Vec<f32>,
     /// The number of Adam's steps.
     pub(crate) steps: u64,
+    /// The refinement of the cameras.
+    pub(crate) refinement: Refinement,
 }
+
+/// The state of the refinement of cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) enum Refinement {
+    /// It is not decided yet whether cameras are refined.
+    #[default]
+    Undecided,
+    /// The cameras stay as given.
+    Given,
+    /// The cameras are refined.
+    Refined {
+        /// The parameters of the calibration, then the first and the second moments of Adam.
+        numbers: Vec<f64>,
+        /// The number of Adam's steps.
+        steps: u64,
+    },
+}
+
+/// The name of [`Refinement::Refined`]'s numbers, and of the metadata entry of the refinement.
+const CAMERAS: &str = "cameras";
+
+/// The metadata entry of the number of steps of the cameras' optimiser.
+const CAMERA_STEPS: &str = "camera_steps";
 
 /// The most iterations: 2^53, the integers that double precision holds.
 const MOST_STEPS: u64 = 1 << 53;
@@ -44,13 +69,13 @@ impl State {
     pub(crate) fn save(&self, path: &Path) -> anyhow::Result<()> {
         let tensors =
             [("parameters", &self.parameters), ("first", &self.first), ("second", &self.second)];
-        let views: Result<Vec<_>, _> = tensors
+        let mut views: Vec<_> = tensors
             .iter()
             .map(|(name, data)| {
                 TensorView::new(Dtype::F32, vec![data.len()], bytemuck::cast_slice(data))
                     .map(|view| (*name, view))
             })
-            .collect();
+            .collect::<Result<_, _>>()?;
         let mut metadata = HashMap::from([
             ("iteration".to_owned(), self.iteration.to_string()),
             ("seconds".to_owned(), self.seconds.to_string()),
@@ -60,7 +85,18 @@ impl State {
         if let Some(psnr) = self.held_out_psnr {
             metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
         }
-        let bytes = safetensors::serialize(views?, Some(metadata))?;
+        let word = match &self.refinement {
+            Refinement::Undecided => "undecided",
+            Refinement::Given => "given",
+            Refinement::Refined { numbers, steps } => {
+                let (shape, data) = (vec![numbers.len()], bytemuck::cast_slice(numbers));
+                views.push((CAMERAS, TensorView::new(Dtype::F64, shape, data)?));
+                metadata.insert(CAMERA_STEPS.to_owned(), steps.to_string());
+                "refined"
+            }
+        };
+        metadata.insert(CAMERAS.to_owned(), word.to_owned());
+        let bytes = safetensors::serialize(views, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
     }
 
@@ -119,8 +155,36 @@ impl State {
             first: vector("first", f32::MIN, "finite numbers")?,
             second: vector("second", 0.0, "finite numbers, 0 or more")?,
             steps: count_of("steps")?,
+            refinement: read_refinement(path, text(CAMERAS), text(CAMERA_STEPS), &tensors)?,
         })
     }
+}
+
+/// The refinement of a checkpoint with these metadata entries.
+fn read_refinement(
+    path: &Path,
+    word: &str,
+    steps: &str,
+    tensors: &SafeTensors<'_>,
+) -> Result<Refinement, InputError> {
+    let error = |field, found: &str, expected| InputError::new(path, field, found, expected);
+    match word {
+        "undecided" => return Ok(Refinement::Undecided),
+        "given" => return Ok(Refinement::Given),
+        "refined" => (),
+        other => return Err(error(CAMERAS, other, "undecided, given or refined")),
+    }
+    let steps = steps.parse().ok().filter(|n| *n <= MOST_STEPS);
+    let steps = steps.ok_or_else(|| error(CAMERA_STEPS, word, "an integer from 0 to 2^53"))?;
+    let expected = "F64 of shape [3 n]";
+    let view = tensors.tensor(CAMERAS).map_err(|e| error(CAMERAS, &e.to_string(), expected))?;
+    let n = view.data().len() / size_of::<f64>();
+    if view.dtype() != Dtype::F64 || n == 0 || !n.is_multiple_of(3) {
+        let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+        return Err(error(CAMERAS, &found, expected));
+    }
+    let numbers = bytemuck::allocation::pod_collect_to_vec(view.data());
+    Ok(Refinement::Refined { numbers, steps })
 }
 
 #[cfg(test)]
@@ -140,6 +204,7 @@ mod tests {
             first: vec![0.1; 3],
             second: vec![0.2; 3],
             steps: 16,
+            refinement: Refinement::Refined { numbers: vec![0.5, -0.25, 1e-300], steps: 7 },
         };
         state.save(&path).unwrap();
         assert_eq!(State::load(&path, 3).unwrap(), state);
@@ -164,6 +229,7 @@ mod tests {
             first: vec![-1.0; 2],
             second: vec![0.0, -1.0],
             steps: 1,
+            refinement: Refinement::Undecided,
         };
         state.save(&path).unwrap();
         let error = State::load(&path, 2).unwrap_err();
@@ -185,6 +251,7 @@ mod tests {
             first: vec![0.0],
             second: vec![0.0],
             steps: 8888,
+            refinement: Refinement::Given,
         };
         state.save(&path).unwrap();
         let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();

@@ -3,6 +3,8 @@
 use field::Evaluations;
 use serde::Serialize;
 
+use crate::cameras::CameraTrial;
+
 /// The metrics of one iteration: one line of `metrics.jsonl`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metrics {
@@ -31,4 +33,7 @@ pub struct Metrics {
     pub level: usize,
     /// The L2 norm of the gradient of the field and the radiance head, before clipping.
     pub gradient_norm: f64,
+    /// The result of a trial with refined cameras before this iteration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trial: Option<CameraTrial>,
 }

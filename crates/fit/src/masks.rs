@@ -4,6 +4,7 @@ use std::path::Path;
 
 use dataset::{Dataset, Mask, MaskKind, View};
 use io::InputError;
+use photometry::MaskUse;
 use serde::{Deserialize, Serialize};
 
 /// The choice of a use for masks.
@@ -18,19 +19,6 @@ pub enum MaskChoice {
     Use,
     /// Use no masks; `eval` compares with them
     Ignore,
-}
-
-/// The use of the masks of a data set in a fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MaskUse {
-    /// No use.
-    None,
-    /// The coverage of the object: it is composited over a colour that changes from iteration to
-    /// iteration, and the model is rendered in front of the same colour.
-    Coverage,
-    /// Pixels are left out.
-    LeaveOut,
 }
 
 /// The least share of the views whose masks must have pixels of the object and of the background.
@@ -80,24 +68,22 @@ impl MaskChoice {
     }
 }
 
-impl MaskUse {
-    /// Refuses a data set without the masks for this use. `source` is the `fit.toml` of the run.
-    ///
-    /// # Errors
-    /// If a training view lacks its mask, or none leaves pixels out.
-    pub fn check(self, dataset: &Dataset, source: &Path) -> Result<(), InputError> {
-        let (views, covered) = (&dataset.train, covered(&dataset.train));
-        let (holds, expected) = match self {
-            MaskUse::None => return Ok(()),
-            MaskUse::Coverage => (covered == views.len(), "a mask for each view, as in this run"),
-            MaskUse::LeaveOut => {
-                (has_kind(views, MaskKind::Used), "masks of pixels to leave out, as in this run")
-            }
-        };
-        let found =
-            format!("a data set with masks of the object for {covered} of {} views", views.len());
-        if holds { Ok(()) } else { Err(InputError::new(source, "masks", found, expected)) }
-    }
+/// Refuses a data set without the masks for this use. `source` is the `fit.toml` of the run.
+///
+/// # Errors
+/// If a training view lacks its mask, or none leaves pixels out.
+pub fn check_masks(wanted: MaskUse, dataset: &Dataset, source: &Path) -> Result<(), InputError> {
+    let (views, covered) = (&dataset.train, covered(&dataset.train));
+    let (holds, expected) = match wanted {
+        MaskUse::None => return Ok(()),
+        MaskUse::Coverage => (covered == views.len(), "a mask for each view, as in this run"),
+        MaskUse::LeaveOut => {
+            (has_kind(views, MaskKind::Used), "masks of pixels to leave out, as in this run")
+        }
+    };
+    let found =
+        format!("a data set with masks of the object for {covered} of {} views", views.len());
+    if holds { Ok(()) } else { Err(InputError::new(source, "masks", found, expected)) }
 }
 
 /// The number of views with the coverage of the object.
@@ -183,11 +169,14 @@ mod tests {
             assert_eq!(found, auto, "{masks:?}");
             assert_eq!(resolve(MaskChoice::Use, true).ok(), forced, "{masks:?}");
             assert_eq!(resolve(MaskChoice::Ignore, false).unwrap(), MaskUse::None);
-            assert!(auto.into_iter().all(|used| used.check(&data, Path::new("fit.toml")).is_ok()));
+            assert!(
+                auto.into_iter()
+                    .all(|used| check_masks(used, &data, Path::new("fit.toml")).is_ok())
+            );
         }
         for (used, views) in [(MaskUse::Coverage, [object, None]), (MaskUse::LeaveOut, [object; 2])]
         {
-            let error = used.check(&dataset(&views), Path::new("fit.toml")).unwrap_err();
+            let error = check_masks(used, &dataset(&views), Path::new("fit.toml")).unwrap_err();
             assert!(error.to_string().ends_with("as in this run"), "{error}");
         }
         let error =

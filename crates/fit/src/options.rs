@@ -12,6 +12,7 @@ use io::{InputError, check_memory};
 use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
+use crate::cameras::RefineCameras;
 use crate::masks::MaskChoice;
 use crate::model::encoding;
 use crate::model_background::BackgroundChoice;
@@ -42,6 +43,9 @@ pub struct FitOptions {
     /// Model for the background
     #[arg(long, value_enum, default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
+    /// Refinement of the cameras in the second half of the budget
+    #[arg(long, value_enum, default_value_t = Self::default().refine_cameras)]
+    pub refine_cameras: RefineCameras,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -152,6 +156,7 @@ impl Default for FitOptions {
             downscale: None,
             masks: MaskChoice::Auto,
             background: BackgroundChoice::Auto,
+            refine_cameras: RefineCameras::Auto,
             bounds: None,
             width: 64,
             layers: 3,

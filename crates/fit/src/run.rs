@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use background::Volume;
+use calibrate::Calibration;
 use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -16,19 +17,26 @@ use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
+use crate::cameras::corrected;
 use crate::checkpoint::State;
 use crate::iteration::Metrics;
-use crate::masks::MaskUse;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
 use crate::preview::write_preview;
-use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 use crate::solid::Solid;
-use crate::step::{Batch, BatchStats, gradient};
+use crate::step::{Batch, BatchStats, Gradient, gradient};
+use photometry::MaskUse;
+use photometry::{Level, Pixel, pyramid};
+
+mod refinement;
+
+/// The rate at which cameras are refined, in pixels, in units of the fit's learning rate: a tenth of
+/// the rate of a trial. Good poses get worse if they are refined fast.
+const CAMERA_RATE: f64 = 0.01;
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
 const LEVELS: usize = 4;
@@ -98,6 +106,10 @@ pub struct Fit {
     levels: Vec<Level>,
     /// The background of each view, if the photographs have colours of their own.
     colors: Option<BackgroundPerCamera<f32>>,
+    /// The corrections of the cameras, once these are refined.
+    calibration: Option<Calibration>,
+    /// Whether it is decided if cameras are refined.
+    refinement_decided: bool,
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// Wall time of all sessions, in seconds.
@@ -157,6 +169,8 @@ impl Fit {
             folder: folder.to_owned(),
             levels,
             colors,
+            calibration: None,
+            refinement_decided: false,
             adam,
             parameters,
             seconds: 0.0,
@@ -179,7 +193,7 @@ impl Fit {
         self.seconds = state.seconds;
         self.usual_norm = state.usual_norm;
         self.held_out_psnr = state.held_out_psnr;
-        Ok(())
+        self.restore_refinement(state.refinement)
     }
 
     /// Writes the checkpoint and the model files.
@@ -197,8 +211,10 @@ impl Fit {
             first: first.to_vec(),
             second: second.to_vec(),
             steps,
+            refinement: self.refinement(),
         };
         state.save(&checkpoint_path(&self.folder))?;
+        self.save_cameras()?;
         self.model.save(&self.folder, self.file.origin())
     }
 
@@ -255,7 +271,9 @@ impl Fit {
     /// the caller completes them.
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = level(self.progress(), self.levels.len());
-        let (mut gradient, stats, evaluations) = self.gradient(level)?;
+        let trial = self.start_refinement()?;
+        let (Gradient { parameters: mut gradient, cameras, stats }, evaluations) =
+            self.gradient(level)?;
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
         let norm = self.clip(&mut gradient[..shape]);
@@ -266,18 +284,36 @@ impl Fit {
             Volume::smooth(&mut self.parameters[shape..], step as f32);
         }
         self.model.set_parameters(&self.parameters);
+        let rate = CAMERA_RATE * learning_rate(self.progress());
+        if let Some(calibration) = &mut self.calibration {
+            calibration.step(&self.levels[level].cameras, &cameras, rate)?;
+        }
         self.iteration += 1;
         self.set_windows();
-        Ok(self.metrics(&stats, evaluations, level, norm))
+        Ok(Metrics { trial, ..self.metrics(&stats, evaluations, level, norm) })
     }
 
     /// The gradient of this iteration's batch, and the number of its field evaluations.
-    fn gradient(&self, level: usize) -> anyhow::Result<(Vec<f32>, BatchStats, Evaluations)> {
+    fn gradient(&self, level: usize) -> anyhow::Result<(Gradient, Evaluations)> {
+        let (pixels, count) = self.draw(level);
+        let stream = Stream::new(self.file.options.seed, Purpose::Iteration);
+        let seed = stream.at(self.iteration).bits();
+        self.gradient_of(level, (&pixels, count), self.calibration.as_ref(), seed)
+    }
+
+    /// The gradient of a batch, with cameras that are corrected by `calibration`. `pixels` come with
+    /// the number of pixels that they stand for.
+    fn gradient_of(
+        &self,
+        level: usize,
+        (pixels, pixel_count): (&[Pixel], f32),
+        calibration: Option<&Calibration>,
+        seed: u64,
+    ) -> anyhow::Result<(Gradient, Evaluations)> {
         let options = &self.file.options;
-        let (pixels, pixel_count) = self.draw(level);
         let counted = Counted::new(&self.model.field);
-        let scene = scene(&self.model, &self.file, &self.levels[level].cameras);
-        let seed = Stream::new(options.seed, Purpose::Iteration).at(self.iteration).bits();
+        let cameras = corrected(calibration, &self.levels[level].cameras);
+        let scene = scene(&self.model, &self.file, &cameras);
         let behind = (self.file.masks == MaskUse::Coverage).then(|| self.random_colors(seed));
         let colors = behind.as_ref().or(self.colors.as_ref());
         let trained = self.model.background.jittered(seed);
@@ -286,9 +322,10 @@ impl Fit {
         let batch = Batch {
             scene: Scene { field: &counted, background, ..scene },
             level: &self.levels[level],
-            pixels: &pixels,
+            pixels,
             pixel_count,
             trains_background: self.file.background_kind.is_trained(),
+            refines_cameras: calibration.is_some(),
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             eikonal: options.eikonal as f32,
             estimator: &*self.estimator,
@@ -297,8 +334,7 @@ impl Fit {
             sharpness: sharpness(self.progress(), options.soft),
             seed,
         };
-        let (gradient, stats) = gradient(&batch)?;
-        Ok((gradient, stats, counted.evaluations()))
+        Ok((gradient(&batch)?, counted.evaluations()))
     }
 
     /// A random colour for each view, uniform in display space.
@@ -370,6 +406,7 @@ impl Fit {
             edge_fraction: stats.edge_pixels as f64 / n,
             level,
             gradient_norm: norm.into(),
+            trial: None,
         }
     }
 
@@ -386,7 +423,11 @@ impl Fit {
     pub fn preview(&mut self) -> anyhow::Result<()> {
         let held_out = self.dataset.test.first();
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
-        let cameras = [view.camera];
+        let cameras = [match (&self.calibration, held_out) {
+            (Some(calibration), Some(view)) => calibration.apply_lens(&view.camera),
+            (Some(calibration), None) => calibration.apply(0, &view.camera),
+            (None, _) => view.camera,
+        }];
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
         let solid = Solid::new(&self.model, &self.file);
         let colors = self.file.background_of(std::slice::from_ref(view));

@@ -3,6 +3,8 @@
 
 use field::{Field, Real, Vector3};
 
+use crate::cameras::CameraAdjoints;
+
 /// A point x with coefficients α and c: its part of a parameter gradient is ∂_θ [α f(x) + c·∇f(x)].
 #[derive(Clone, Copy, Debug)]
 pub struct PointAdjoint<R: Real> {
@@ -28,11 +30,13 @@ impl<R: Real> PointAdjoint<R> {
 pub struct Adjoints<R: Real> {
     /// The points.
     pub points: Vec<PointAdjoint<R>>,
+    /// The adjoints of the cameras, if they are wanted.
+    pub cameras: Option<CameraAdjoints>,
 }
 
 impl<R: Real> Default for Adjoints<R> {
     fn default() -> Self {
-        Adjoints { points: Vec::new() }
+        Adjoints { points: Vec::new(), cameras: None }
     }
 }
 

@@ -1,9 +1,10 @@
 //! Samples of the areas of pixels.
 
 use field::{Real, Vector3};
-use render::{Primary, Scene, retain_flagged};
+use render::{Primary, RayAdjoint, Scene, retain_flagged};
 
 use crate::adjoints::{Adjoints, PointAdjoint};
+use crate::cameras::CameraAdjoints;
 use crate::film_warp::FilmWarpWithDivergence;
 use crate::pass::Pass;
 use crate::surface::{SurfaceCoefficients, surface_vjp};
@@ -82,6 +83,9 @@ impl<R: Real> Area<R> {
             self.add_background_du(scene, &delta, &mut adjoints.film);
         }
         let scale = self.scale(scene, &delta, pass, &mut adjoints);
+        if let Some(cameras) = &mut out.cameras {
+            self.add_cameras(scene, &delta, &surface, &scale, cameras);
+        }
         for (i, (hit, surface)) in self.primary.hits.iter().zip(surface).enumerate() {
             let scale = scale[hit.sample];
             out.push(PointAdjoint {
@@ -136,15 +140,45 @@ impl<R: Real> Area<R> {
                 adjoint.push(if hit { -delta[i] } else { delta[i] });
             }
         }
-        let mut direction = vec![R::Vec3::zero(); rays.len()];
-        scene.background.direction_vjp(&rays, &adjoint, &mut direction);
-        for (i, direction) in own.into_iter().zip(direction) {
+        let mut bars = vec![RayAdjoint::zero(); rays.len()];
+        scene.background.ray_vjp(&rays, &adjoint, &mut bars);
+        for (i, bar) in own.into_iter().zip(bars) {
             let sample = self.primary.samples[i].sample;
             let (_, du) = scene.cameras[sample.camera].direction_du(sample.u);
             for (film, du) in film[i].iter_mut().zip(du) {
-                *film += direction.dot(R::Vec3::of(du));
+                *film += bar.direction.dot(R::Vec3::of(du));
             }
         }
+    }
+
+    /// Adds the adjoints of the cameras: of hits by their surface, of misses by the background.
+    fn add_cameras(
+        &self,
+        scene: &Scene<'_, R>,
+        delta: &[R::Vec3],
+        surface: &[SurfaceCoefficients<R>],
+        scale: &[R],
+        cameras: &mut CameraAdjoints,
+    ) {
+        for (hit, surface) in self.primary.hits.iter().zip(surface) {
+            let (scale, RayAdjoint { origin, direction }) = (scale[hit.sample], surface.ray);
+            let bar = RayAdjoint { origin: origin * scale, direction: direction * scale };
+            cameras.add_ray(scene, &self.primary.samples[hit.sample].sample, bar);
+        }
+        if scene.background.uniform().is_some() {
+            return;
+        }
+        let (mut own, mut rays, mut adjoint) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, hit) in self.primary.hit_mask().into_iter().enumerate() {
+            if !hit && delta[i] != R::Vec3::zero() {
+                own.push(self.primary.samples[i].sample);
+                rays.push(scene.background_ray(&self.primary.samples[i].sample));
+                adjoint.push(delta[i]);
+            }
+        }
+        let mut bars = vec![RayAdjoint::zero(); rays.len()];
+        scene.background.ray_vjp(&rays, &adjoint, &mut bars);
+        own.iter().zip(bars).for_each(|(sample, bar)| cameras.add_ray(scene, sample, bar));
     }
 
     /// Adds the gradient by the background's parameters of the part of these samples in the pixel

@@ -3,6 +3,7 @@
 mod adjoints;
 mod area;
 mod border;
+mod cameras;
 mod film_line;
 mod film_warp;
 mod ordered_sum;
@@ -15,6 +16,7 @@ mod surface;
 pub use adjoints::{Adjoints, PointAdjoint};
 pub use area::{Area, AreaWarp, Share, WarpedSample};
 pub use border::{Border, BorderSample};
+pub use cameras::CameraAdjoints;
 pub use film_line::{FilmLine, SegmentEnd};
 pub use film_warp::{
     FilmWarp, FilmWarpWithDivergence, chart, warp_samples, warp_samples_with_divergence,

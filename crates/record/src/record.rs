@@ -41,11 +41,19 @@ impl<R: Real> Record<R> {
         }
     }
 
-    /// VJP of (θ; shader parameters) ↦ pixel values.
+    /// Whether the record has the derivatives by cameras: an estimator that carries silhouettes by a
+    /// warp has those by θ alone.
+    pub fn has_cameras(&self) -> bool {
+        self.border.is_none() && self.area.iter().all(|area| area.warp.is_none())
+    }
+
+    /// VJP of (θ; shader parameters; cameras) ↦ pixel values.
     ///
     /// `delta` has one adjoint per pixel. The coefficients at points, from which
     /// [`Adjoints::backward`] makes the gradient by θ, are added to `out`; the adjoint of the
     /// shader's parameters is added to `shader`. The points do not depend on `delta`.
+    /// If [`Adjoints::cameras`] are wanted, the adjoints of the cameras are added to them; see
+    /// [`has_cameras`](Self::has_cameras).
     pub fn vjp(
         &self,
         scene: &Scene<'_, R>,
@@ -60,6 +68,6 @@ impl<R: Real> Record<R> {
         if let Some(border) = &self.border {
             border.vjp(delta, pass, out);
         }
-        self.silhouettes.vjp(delta, out);
+        self.silhouettes.vjp(scene, delta, out);
     }
 }

@@ -1,6 +1,7 @@
 //! Points of silhouettes.
 
 use field::{Real, Vector3};
+use render::Scene;
 
 use crate::adjoints::{Adjoints, PointAdjoint};
 
@@ -35,11 +36,22 @@ impl<R: Real> Silhouettes<R> {
         self.points.push(SilhouettePoint { pixel, x, rgb });
     }
 
-    /// VJP of θ ↦ the silhouette terms of the pixel values.
-    pub(crate) fn vjp(&self, delta: &[R::Vec3], out: &mut Adjoints<R>) {
-        for SilhouettePoint { pixel, x, rgb } in self.points.iter().copied() {
-            let alpha = -delta[pixel as usize].dot(rgb);
-            out.push(PointAdjoint { pixel, x, alpha, c: R::Vec3::zero() });
+    /// VJP of (θ; cameras) ↦ the silhouette terms of the pixel values.
+    ///
+    /// ∇f is evaluated at every point if the adjoints of the cameras are wanted.
+    pub(crate) fn vjp(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], out: &mut Adjoints<R>) {
+        let alpha = |point: &SilhouettePoint<R>| -delta[point.pixel as usize].dot(point.rgb);
+        if let Some(cameras) = &mut out.cameras {
+            let x: Vec<R::Vec3> = self.points.iter().map(|point| point.x).collect();
+            let (mut f, mut g) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+            scene.field.value_gradient(&x, &mut f, &mut g);
+            for (point, g) in self.points.iter().zip(g) {
+                cameras.add_silhouette(scene, point.pixel, point.x, g, alpha(point));
+            }
+        }
+        for point in &self.points {
+            let SilhouettePoint { pixel, x, .. } = *point;
+            out.push(PointAdjoint { pixel, x, alpha: alpha(point), c: R::Vec3::zero() });
         }
     }
 }

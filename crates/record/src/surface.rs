@@ -2,7 +2,7 @@
 //! points.
 
 use field::{Real, SurfaceAdjoint, Vector3};
-use render::{Primary, Scene};
+use render::{Primary, RayAdjoint, Scene};
 use trace::{HitAdjoint, hit_film_derivative, hit_vjp};
 
 /// The coefficients of one hit, for one adjoint δ of its radiance.
@@ -14,6 +14,8 @@ pub struct SurfaceCoefficients<R: Real> {
     pub c: R::Vec3,
     /// δ·∂L/∂u: the film gradient of the radiance, in the direction of the adjoint, per pixel.
     pub film: [R; 2],
+    /// The adjoint of the ray.
+    pub ray: RayAdjoint<R>,
 }
 
 /// VJP of (θ; shader parameters) ↦ radiance at the hits of a batch.
@@ -32,7 +34,8 @@ pub fn surface_vjp<R: Real>(
     if bars.is_zero() {
         // The radiance does not depend on the hit points.
         let zero = R::zero();
-        return vec![SurfaceCoefficients { alpha: zero, c: R::Vec3::zero(), film: [zero; 2] }; n];
+        let (c, ray) = (R::Vec3::zero(), RayAdjoint::zero());
+        return vec![SurfaceCoefficients { alpha: zero, c, film: [zero; 2], ray }; n];
     }
     let m = add_normal_adjoint(scene, primary, &mut bars);
     (0..n)
@@ -47,7 +50,10 @@ pub fn surface_vjp<R: Real>(
                 let x_du = hit_film_derivative::<R>(g, d, hit.t, du);
                 x_bar.dot(x_du) + bars.direction[i].dot(du)
             });
-            SurfaceCoefficients { alpha, c, film }
+            // The point moves by (I − d ∇fᵀ/(∇f·d)) (∂o + t ∂d): it stays on the surface.
+            let origin = x_bar + g * alpha;
+            let direction = origin * hit.t + bars.direction[i];
+            SurfaceCoefficients { alpha, c, film, ray: RayAdjoint { origin, direction } }
         })
         .collect()
 }

@@ -13,6 +13,22 @@ pub struct BackgroundRay<R: Real> {
     pub direction: R::Vec3,
 }
 
+/// The adjoint of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayAdjoint<R: Real> {
+    /// That of the origin, per world unit.
+    pub origin: R::Vec3,
+    /// That of the unit direction. Its part along the direction has no meaning.
+    pub direction: R::Vec3,
+}
+
+impl<R: Real> RayAdjoint<R> {
+    /// The adjoint of a ray without influence.
+    pub fn zero() -> Self {
+        RayAdjoint { origin: R::Vec3::zero(), direction: R::Vec3::zero() }
+    }
+}
+
 /// The radiance B(o, d; φ) along rays that hit nothing, over batches.
 ///
 /// It is a function of the ray, of the number of its camera and of parameters φ of its own. It does
@@ -22,7 +38,8 @@ pub trait Background<R: Real>: Send + Sync {
     /// The number of parameters.
     fn parameter_count(&self) -> usize;
 
-    /// The radiance, if it is the same along all rays. Estimators then skip its derivatives by d.
+    /// The radiance, if it is the same along all rays. Estimators then skip its derivatives by o
+    /// and d.
     fn uniform(&self) -> Option<R::Vec3> {
         None
     }
@@ -30,15 +47,10 @@ pub trait Background<R: Real>: Send + Sync {
     /// Computes the radiance of every ray. `rgb` has one element per ray.
     fn radiance(&self, rays: &[BackgroundRay<R>], rgb: &mut [R::Vec3]);
 
-    /// VJP of d ↦ radiance.
+    /// VJP of (o, d) ↦ radiance.
     ///
-    /// `adjoint` has one element per ray. The adjoints of the directions overwrite `direction`.
-    fn direction_vjp(
-        &self,
-        rays: &[BackgroundRay<R>],
-        adjoint: &[R::Vec3],
-        direction: &mut [R::Vec3],
-    );
+    /// `adjoint` has one element per ray. The adjoints of the rays overwrite `bars`.
+    fn ray_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], bars: &mut [RayAdjoint<R>]);
 
     /// VJP of φ ↦ radiance.
     ///
@@ -63,8 +75,8 @@ impl<R: Real> Background<R> for UniformBackground<R> {
         rgb.fill(self.0);
     }
 
-    fn direction_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], direction: &mut [R::Vec3]) {
-        direction.fill(R::Vec3::zero());
+    fn ray_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], bars: &mut [RayAdjoint<R>]) {
+        bars.fill(RayAdjoint::zero());
     }
 
     fn parameter_vjp(&self, _: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
@@ -89,8 +101,8 @@ impl<R: Real> Background<R> for BackgroundPerCamera<R> {
         rays.iter().zip(rgb).for_each(|(ray, rgb)| *rgb = self.0[ray.camera]);
     }
 
-    fn direction_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], direction: &mut [R::Vec3]) {
-        direction.fill(R::Vec3::zero());
+    fn ray_vjp(&self, _: &[BackgroundRay<R>], _: &[R::Vec3], bars: &mut [RayAdjoint<R>]) {
+        bars.fill(RayAdjoint::zero());
     }
 
     fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
@@ -134,9 +146,10 @@ mod tests {
             let difference = weighted(&moved) - weighted(start);
             assert!((found - 10.0 - difference).abs() < 1e-12, "{i}: {found} {difference}");
         }
-        let mut direction = vec![DVec3::NAN; rays.len()];
-        background.direction_vjp(&rays, &adjoint, &mut direction);
-        assert!(direction.iter().all(|d| *d == DVec3::ZERO), "{direction:?}");
+        let nan = RayAdjoint { origin: DVec3::NAN, direction: DVec3::NAN };
+        let mut bars = vec![nan; rays.len()];
+        background.ray_vjp(&rays, &adjoint, &mut bars);
+        assert!(bars.iter().all(|bar| *bar == RayAdjoint::zero()), "{bars:?}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! Pinhole cameras.
+//! Cameras.
 
 use glam::{DMat4, DVec2, DVec3};
 
-/// A pinhole camera.
+/// A pinhole camera, with a radial distortion that a fit may find.
 ///
 /// Film coordinates are continuous, in pixels: x right, y down.
 /// Pixel (i, j) covers [i, i+1) × [j, j+1).
@@ -25,7 +25,39 @@ pub struct Camera {
     pub up: DVec3,
     /// The unit vector along the optical axis, away from the camera, in world space.
     pub forward: DVec3,
+    /// The radial distortion k₁, k₂: with p = (u − principal)/focal, the ray goes through
+    /// p (1 + k₁|p|² + k₂|p|⁴) at the distance 1 along the optical axis. 0 for a pinhole.
+    pub radial: DVec2,
 }
+
+/// The adjoint of a camera: the derivatives of one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraAdjoint {
+    /// By the eye, per world unit.
+    pub eye: DVec3,
+    /// By a rotation about the eye: a vector along the axis in world space, per radian.
+    pub rotation: DVec3,
+    /// By the focal lengths, per pixel.
+    pub focal: DVec2,
+    /// By the principal point, per pixel.
+    pub principal: DVec2,
+    /// By the radial distortion k₁, k₂.
+    pub radial: DVec2,
+}
+
+impl std::ops::AddAssign for CameraAdjoint {
+    fn add_assign(&mut self, other: Self) {
+        self.eye += other.eye;
+        self.rotation += other.rotation;
+        self.focal += other.focal;
+        self.principal += other.principal;
+        self.radial += other.radial;
+    }
+}
+
+/// Steps of Newton's method for the projection through a distorted lens. The distortions that a fit
+/// finds are small: three steps suffice.
+const LENS_STEPS: usize = 8;
 
 impl Camera {
     /// The largest coordinate of a camera's position, in world units: squares of distances should
@@ -60,7 +92,8 @@ impl Camera {
         let forward = -z.normalize();
         let right = x.reject_from_normalized(forward).normalize();
         let up = right.cross(forward);
-        Some(Camera { width, height, focal, principal, eye, right, up, forward })
+        let radial = DVec2::ZERO;
+        Some(Camera { width, height, focal, principal, eye, right, up, forward, radial })
     }
 
     /// A camera at `eye` that looks at `target`; `None` if the two coincide or `up` is parallel to
@@ -79,7 +112,8 @@ impl Camera {
         let forward = (target - eye).try_normalize()?;
         let right = forward.cross(up).try_normalize().filter(|r| r.is_finite())?;
         let up = right.cross(forward);
-        Some(Camera { width, height, focal, principal, eye, right, up, forward })
+        let radial = DVec2::ZERO;
+        Some(Camera { width, height, focal, principal, eye, right, up, forward, radial })
     }
 
     /// The camera-to-world matrix (x right, y up, looking along −z).
@@ -113,10 +147,17 @@ impl Camera {
         }
     }
 
+    /// The factor 1 + k₁ρ + k₂ρ² of the distortion at ρ = |p|², and its derivative by ρ.
+    fn lens(&self, square: f64) -> (f64, f64) {
+        let DVec2 { x: k1, y: k2 } = self.radial;
+        (1.0 + square * (k1 + square * k2), k1 + 2.0 * square * k2)
+    }
+
     /// The direction through film position `u`, scaled so that its component along the view is 1.
     fn unnormalised(&self, u: DVec2) -> DVec3 {
         let p = (u - self.principal) / self.focal;
-        self.forward + self.right * p.x - self.up * p.y
+        let q = p * self.lens(p.length_squared()).0;
+        self.forward + self.right * q.x - self.up * q.y
     }
 
     /// The unit direction through film position `u`, in world space.
@@ -126,11 +167,40 @@ impl Camera {
 
     /// The unit direction through film position `u`, and its derivatives by u_x and u_y, per pixel.
     pub fn direction_du(&self, u: DVec2) -> (DVec3, [DVec3; 2]) {
-        let w = self.unnormalised(u);
+        let p = (u - self.principal) / self.focal;
+        let (factor, slope) = self.lens(p.length_squared());
+        let q = p * factor;
+        let w = self.forward + self.right * q.x - self.up * q.y;
         let length = w.length();
         let d = w / length;
-        let along = [self.right / self.focal.x, -self.up / self.focal.y];
+        let along = [0, 1].map(|e| {
+            let q_du = (DVec2::AXES[e] * factor + p * (2.0 * slope * p[e])) / self.focal[e];
+            self.right * q_du.x - self.up * q_du.y
+        });
         (d, along.map(|a| a.reject_from_normalized(d) / length))
+    }
+
+    /// VJP of camera ↦ (eye, unit direction through film position `u`), for the adjoints of both.
+    ///
+    /// A rotation ω turns the direction by ω × d, so its adjoint is d × d̄.
+    pub fn ray_vjp(&self, u: DVec2, eye: DVec3, direction: DVec3) -> CameraAdjoint {
+        let p = (u - self.principal) / self.focal;
+        let square = p.length_squared();
+        let (factor, slope) = self.lens(square);
+        let q = p * factor;
+        let w = self.forward + self.right * q.x - self.up * q.y;
+        let d = w.normalize();
+        let w_bar = direction.reject_from_normalized(d) / w.length();
+        let q_bar = DVec2::new(self.right.dot(w_bar), -self.up.dot(w_bar));
+        let along = q_bar.dot(p);
+        let p_bar = q_bar * factor + p * (2.0 * slope * along);
+        CameraAdjoint {
+            eye,
+            rotation: d.cross(direction),
+            focal: -p_bar * p / self.focal,
+            principal: -p_bar / self.focal,
+            radial: DVec2::new(along * square, along * square * square),
+        }
     }
 
     /// The film position of a world point; `None` unless the point is in front of the camera.
@@ -138,8 +208,24 @@ impl Camera {
         let r = x - self.eye;
         let depth = r.dot(self.forward);
         (depth > 0.0).then(|| {
-            self.principal + DVec2::new(r.dot(self.right), -r.dot(self.up)) * self.focal / depth
+            let q = DVec2::new(r.dot(self.right), -r.dot(self.up)) / depth;
+            self.principal + self.undistorted(q) * self.focal
         })
+    }
+
+    /// The p whose distorted position is `q`; see [`Camera::radial`].
+    fn undistorted(&self, q: DVec2) -> DVec2 {
+        let length = q.length();
+        if self.radial == DVec2::ZERO || length == 0.0 {
+            return q;
+        }
+        let mut radius = length;
+        for _ in 0..LENS_STEPS {
+            let square = radius * radius;
+            let (factor, slope) = self.lens(square);
+            radius -= (radius * factor - length) / (factor + 2.0 * square * slope);
+        }
+        q * (radius / length)
     }
 
     /// The longer side of a pixel at unit distance along the optical axis, in world units.
@@ -162,6 +248,10 @@ mod tests {
             .unwrap()
     }
 
+    fn distorted() -> Camera {
+        Camera { radial: DVec2::new(-0.3, 0.2), ..camera() }
+    }
+
     proptest! {
         #[test]
         fn projection_inverts_direction(x in 0.0..32.0f64, y in 0.0..30.0f64, t in 0.5..9.0f64) {
@@ -174,11 +264,42 @@ mod tests {
 
         #[test]
         fn direction_derivatives_match_differences(x in 0.0..32.0f64, y in 0.0..30.0f64) {
-            let (c, u, h) = (camera(), DVec2::new(x, y), 1e-5);
+            let (c, u, h) = (distorted(), DVec2::new(x, y), 1e-5);
             let (_, du) = c.direction_du(u);
             for (e, du) in [DVec2::X, DVec2::Y].into_iter().zip(du) {
                 let difference = (c.direction(u + h * e) - c.direction(u - h * e)) / (2.0 * h);
                 assert_relative_eq!(du, difference, epsilon = 1e-8);
+            }
+            assert_relative_eq!(c.project(c.eye + 3.0 * c.direction(u)).unwrap(), u, epsilon = 1e-9);
+        }
+
+        #[test]
+        fn the_adjoint_of_a_ray_matches_differences(x in 0.0..32.0f64, y in 0.0..30.0f64) {
+            let (c, u, h) = (distorted(), DVec2::new(x, y), 1e-5);
+            let (eye, direction) = (DVec3::new(0.5, -2.0, 1.0), DVec3::new(1.5, 0.25, -0.75));
+            let seen = |c: Camera| eye.dot(c.eye) + direction.dot(c.direction(u));
+            let found = c.ray_vjp(u, eye, direction);
+            let check = |found: f64, moved: &dyn Fn(f64) -> Camera| {
+                let difference = (seen(moved(h)) - seen(moved(-h))) / (2.0 * h);
+                assert_relative_eq!(found, difference, epsilon = 1e-8);
+            };
+            for axis in 0..3 {
+                let unit = DVec3::AXES[axis];
+                check(found.eye[axis], &|h| Camera { eye: c.eye + unit * h, ..c });
+                check(found.rotation[axis], &|h| {
+                    let turn = glam::DQuat::from_axis_angle(unit, h);
+                    let [right, up, forward] = [c.right, c.up, c.forward].map(|v| turn * v);
+                    Camera { right, up, forward, ..c }
+                });
+            }
+            for axis in 0..2 {
+                let unit = DVec2::AXES[axis];
+                check(found.focal[axis], &|h| Camera { focal: c.focal + unit * h, ..c });
+                check(found.principal[axis], &|h| Camera {
+                    principal: c.principal + unit * h,
+                    ..c
+                });
+                check(found.radial[axis], &|h| Camera { radial: c.radial + unit * h, ..c });
             }
         }
     }

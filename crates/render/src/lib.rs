@@ -10,8 +10,10 @@ mod scene;
 mod shader;
 mod slope;
 
-pub use background::{Background, BackgroundPerCamera, BackgroundRay, UniformBackground};
-pub use camera::Camera;
+pub use background::{
+    Background, BackgroundPerCamera, BackgroundRay, RayAdjoint, UniformBackground,
+};
+pub use camera::{Camera, CameraAdjoint};
 pub use image::{Render, render};
 pub use invalid::InvalidField;
 pub use primary::{Hit, Primary, Surface, TracedRay, TracedSample, normals, retain_flagged};

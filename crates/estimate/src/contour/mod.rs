@@ -159,6 +159,10 @@ impl<R: Real> Estimator<R> for Contour {
         Ok(record)
     }
 
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
     fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
         let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
         Discontinuity::of_scene_except(scene, &modelled)

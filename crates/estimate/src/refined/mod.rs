@@ -91,6 +91,10 @@ impl<R: Real> Estimator<R> for Refined {
         Ok(record)
     }
 
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
     fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
         let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
         Discontinuity::of_scene_except(scene, &modelled)

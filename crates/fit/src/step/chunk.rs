@@ -1,13 +1,13 @@
 //! A chunk of the batch of an iteration, with its coefficients and sums.
 
-use estimate::record::{Adjoints, Pass};
+use estimate::record::{Adjoints, CameraAdjoints, Pass};
 use estimate::{Estimator, SampleCounts};
 use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
 use render::{Sample, Scene};
 
-use crate::loss::{Target, photometric, squared_error};
-use crate::pyramid::{Level, Pixel};
+use photometry::{Level, Pixel};
+use photometry::{Target, photometric, squared_error};
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
 pub(crate) struct Batch<'a> {
@@ -22,6 +22,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) pixel_count: f32,
     /// Whether the background is trained.
     pub(crate) trains_background: bool,
+    /// Whether the adjoints of the cameras are wanted.
+    pub(crate) refines_cameras: bool,
     /// The radiance behind the object in each view, if the photographs are over black; else empty.
     pub(crate) behind: &'a [Vec3],
     /// The weight of the eikonal term.
@@ -89,7 +91,12 @@ pub(super) struct Chunk<'a> {
 
 impl<'a> Chunk<'a> {
     pub(super) fn new(batch: &'a Batch<'a>, pixels: &'a [Pixel], seed: u64) -> Self {
-        let (share, adjoints) = (1.0 / batch.pixel_count, Adjoints::default());
+        let share = 1.0 / batch.pixel_count;
+        let cameras = batch.refines_cameras.then(|| {
+            let of_pixel = pixels.iter().map(|p| p.view as usize).collect();
+            CameraAdjoints::new(of_pixel, batch.scene.cameras.len())
+        });
+        let adjoints = Adjoints { cameras, ..Adjoints::default() };
         Chunk { batch, pixels, seed, share, adjoints, stats: BatchStats::default() }
     }
 

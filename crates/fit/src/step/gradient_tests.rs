@@ -1,12 +1,8 @@
 //! The stochastic gradient of a fit against finite differences of its loss.
 
 use super::*;
-use crate::background::BackgroundModel;
-use crate::loss::{Target, photometric};
-use crate::masks::MaskUse;
 use crate::model::Model;
 use crate::options::FitOptions;
-use crate::pyramid::{Level, pyramid};
 use crate::run_file::RunFile;
 use dataset::{BackgroundEstimate, View};
 use estimate::record::Pass;
@@ -14,6 +10,10 @@ use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
+use photometry::BackgroundModel;
+use photometry::MaskUse;
+use photometry::{Level, pyramid};
+use photometry::{Target, photometric};
 use render::{Camera, Scene, UniformBackground, render};
 use std::path::PathBuf;
 
@@ -96,6 +96,7 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             pixels: &pixels,
             pixel_count: level.count_of(draws, 4) as f32,
             trains_background: false,
+            refines_cameras: false,
             behind: &[],
             eikonal: 0.0,
             estimator,
@@ -104,7 +105,7 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             sharpness: None,
             seed,
         };
-        let (sum, _) = gradient(&batch).unwrap();
+        let sum = gradient(&batch).unwrap().parameters;
         mean.iter_mut()
             .zip(sum)
             .for_each(|(m, g)| *m += f64::from(g) * share / f64::from(seeds as u32));

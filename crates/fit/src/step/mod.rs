@@ -9,11 +9,11 @@ mod soft;
 use estimate::record::ordered_sum;
 use estimate::{SilhouetteMargin, near_silhouettes};
 use random::{Purpose, Stream};
-use render::InvalidField;
+use render::{CameraAdjoint, InvalidField};
 
-use crate::pyramid::Pixel;
 pub(crate) use chunk::{Batch, BatchStats};
 use chunk::{Chunk, pixels_of};
+use photometry::Pixel;
 
 /// The largest number of pixels of a chunk. Chunks of 256 pixels were a tenth slower on two
 /// threads: they fill the field's blocks of points less.
@@ -22,14 +22,24 @@ const CHUNK: usize = 512;
 /// The least number of chunks of an iteration: two threads share it equally.
 const CHUNKS: usize = 2;
 
-/// The gradient of the mean loss of the batch: by the parameters of the field, then by those of the
-/// radiance head, then by those of a trained background.
+/// The gradient of the mean loss of a batch.
+pub(crate) struct Gradient {
+    /// By the parameters of the field, then by those of the radiance head, then by those of a
+    /// trained background.
+    pub(crate) parameters: Vec<f32>,
+    /// By the cameras, if they are refined; else empty.
+    pub(crate) cameras: Vec<CameraAdjoint>,
+    /// The sums over the batch.
+    pub(crate) stats: BatchStats,
+}
+
+/// The gradient of the mean loss of the batch.
 ///
 /// The bits do not depend on the number of threads.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.
-pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), InvalidField> {
+pub(crate) fn gradient(batch: &Batch<'_>) -> Result<Gradient, InvalidField> {
     let field = batch.scene.field.parameter_count();
     let shader = batch.scene.shader.parameter_count();
     let background =
@@ -37,7 +47,7 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), Inva
     let count = batch.pixels.len();
     let chunks = count.div_ceil(CHUNK).max(CHUNKS);
     let size = count.div_ceil(chunks);
-    let (sum, parts) =
+    let (parameters, parts) =
         ordered_sum(chunks, field + shader + background, |number, sum: &mut [f32]| {
             let pixels =
                 &batch.pixels[(number * size).min(count)..((number + 1) * size).min(count)];
@@ -46,12 +56,19 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<(Vec<f32>, BatchStats), Inva
             let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
             let mut chunk = Chunk::new(batch, pixels, seed);
             add_terms(&mut chunk, shader_sum, background_sum)?;
+            let cameras = chunk.adjoints.cameras.take();
             chunk.adjoints.backward(batch.scene.field, field_sum);
-            Ok(chunk.stats)
+            Ok((chunk.stats, cameras))
         })?;
     let mut stats = BatchStats::default();
-    parts.iter().for_each(|part| stats.add(part));
-    Ok((sum, stats))
+    let count = if batch.refines_cameras { batch.scene.cameras.len() } else { 0 };
+    let mut cameras = vec![CameraAdjoint::default(); count];
+    for (part, of_part) in parts {
+        stats.add(&part);
+        let sums = of_part.into_iter().flat_map(|cameras| cameras.sums);
+        cameras.iter_mut().zip(sums).for_each(|(sum, part)| *sum += part);
+    }
+    Ok(Gradient { parameters, cameras, stats })
 }
 
 /// Adds all terms of a chunk: coefficients of f and ∇f to the chunk, the adjoint of the shader's

@@ -1,14 +1,14 @@
 //! The photometric term: pixels without silhouettes through their hit points, the others by the
 //! estimator.
 
-use estimate::record::{Area, Share};
+use estimate::record::{Adjoints, Area, CameraAdjoints, Record, Share};
 use estimate::{SilhouetteMask, Terms};
 use glam::Vec3;
 use random::{Purpose, Stream};
 use render::{InvalidField, Primary};
 
 use super::chunk::{Chunk, pixels_of};
-use crate::pyramid::Pixel;
+use photometry::Pixel;
 
 impl Chunk<'_> {
     /// Adds the pixels that no silhouette crosses, through their hit points. `crossed` flags the
@@ -30,6 +30,26 @@ impl Chunk<'_> {
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
         if self.batch.trains_background {
             area.background_vjp(&self.batch.scene, &delta, background);
+        }
+    }
+
+    /// The pixels of the record are a part of the chunk's.
+    fn record_vjp(
+        &mut self,
+        record: &Record<f32>,
+        pixels: &[Pixel],
+        delta: &[Vec3],
+        shader: &mut [f32],
+    ) {
+        let cameras = self.adjoints.cameras.as_ref().map(|cameras| {
+            let of_pixel = pixels.iter().map(|p| p.view as usize).collect();
+            CameraAdjoints::new(of_pixel, cameras.sums.len())
+        });
+        let mut own = Adjoints { cameras, ..Adjoints::default() };
+        record.vjp(&self.batch.scene, delta, self.batch.pass, shader, &mut own);
+        self.adjoints.points.append(&mut own.points);
+        if let (Some(all), Some(own)) = (&mut self.adjoints.cameras, own.cameras) {
+            all.sums.iter_mut().zip(own.sums).for_each(|(sum, own)| *sum += own);
         }
     }
 
@@ -60,7 +80,7 @@ impl Chunk<'_> {
             .zip(&record.radiance)
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
-        record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
+        self.record_vjp(&record, pixels, &delta, shader);
         if self.batch.trains_background {
             record.area.iter().for_each(|area| area.background_vjp(scene, &delta, background));
         }

@@ -8,7 +8,7 @@ use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::SLOPE_POINTS;
 use glam::DVec3;
 use gradient::{Direction, Sampling, differentiate};
-use render::{Background, BackgroundRay, Scene, UniformBackground};
+use render::{Background, BackgroundRay, RayAdjoint, Scene, UniformBackground};
 use scene::SceneFile;
 use serde_json::{Value, json};
 
@@ -78,9 +78,15 @@ impl Background<f64> for Waves {
             .for_each(|(rgb, ray)| *rgb = DVec3::splat(Self::at(ray.direction).0));
     }
     fn parameter_vjp(&self, _: &[BackgroundRay<f64>], _: &[DVec3], _: &mut [f64]) {}
-    fn direction_vjp(&self, rays: &[BackgroundRay<f64>], adjoint: &[DVec3], bars: &mut [DVec3]) {
+    fn ray_vjp(
+        &self,
+        rays: &[BackgroundRay<f64>],
+        adjoint: &[DVec3],
+        bars: &mut [RayAdjoint<f64>],
+    ) {
         for ((ray, adjoint), bar) in rays.iter().zip(adjoint).zip(bars) {
-            *bar = Self::at(ray.direction).1 * adjoint.element_sum();
+            let direction = Self::at(ray.direction).1 * adjoint.element_sum();
+            *bar = RayAdjoint { origin: DVec3::ZERO, direction };
         }
     }
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 mod agreement;
+mod cameras;
 mod extremes;
 mod families;
 mod far;

@@ -17,6 +17,10 @@ use render::{InvalidField, Scene, pixel_samples};
 pub struct Crofton;
 
 impl<R: Real> Estimator<R> for Crofton {
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
     fn record(
         &self,
         scene: &Scene<'_, R>,

@@ -75,7 +75,10 @@ impl Fit {
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
         summary::print(&dataset, &file, &source, global);
         let segment = Segment { resume: self.resume, stop_after: self.stop_after };
-        let (mut report, fitting) = fit(dataset, file, &self.output, segment, global)?;
+        let (mut report, mut fitting) = fit(dataset, file, &self.output, segment, global)?;
+        if let Some(cameras) = fitting.cameras() {
+            cameras.apply(&mut fitting.dataset, fitting.file.origin(), &self.output)?;
+        }
         if fitting.progress() >= 1.0 {
             report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);
         }
@@ -172,6 +175,9 @@ fn iterate(
     fitting.run(&stop, &mut |metrics| {
         done.set(metrics.iteration);
         metrics_file.write(metrics)?;
+        if let Some(trial) = &metrics.trial {
+            global.say(&trial.text());
+        }
         progress::show(&bar, metrics);
         last = Some(metrics.clone());
         Ok(())

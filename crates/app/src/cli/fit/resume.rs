@@ -6,7 +6,7 @@ use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{FROM_RUN, Global};
 use dataset::{Dataset, LoadOptions};
-use fit::RunFile;
+use fit::{RunFile, check_masks};
 use io::InputError;
 
 /// The options that a resumed run may change.
@@ -30,7 +30,7 @@ impl Fit {
         self.refuse_other_dataset(&file, &toml)?;
         let options = LoadOptions { downscale: file.downscale() };
         let dataset = dataset::load(&file.dataset, &options)?;
-        file.masks.check(&dataset, &toml)?;
+        check_masks(file.masks, &dataset, &toml)?;
         let dataset = file.prepare(dataset);
         Ok((dataset, file, FROM_RUN.to_owned()))
     }

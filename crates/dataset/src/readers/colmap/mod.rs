@@ -151,7 +151,8 @@ fn intrinsics(file: &Path, record: &CameraRecord) -> Result<(Camera, Lens)> {
     };
     let (eye, right, up, forward) = (DVec3::ZERO, DVec3::X, DVec3::Y, -DVec3::Z);
     let (focal, principal) = (DVec2::from(focal), DVec2::from(principal));
-    Ok((Camera { width, height, focal, principal, eye, right, up, forward }, lens))
+    let radial = DVec2::ZERO;
+    Ok((Camera { width, height, focal, principal, eye, right, up, forward, radial }, lens))
 }
 
 /// Focal lengths, principal point and lens, by the camera model.

@@ -12,15 +12,15 @@ use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, Scene};
 
 use super::*;
-use crate::background::BackgroundModel;
-use crate::loss::{Target, photometric};
-use crate::masks::MaskUse;
 use crate::model::Model;
 use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
-use crate::pyramid::{Level, Pixel, pyramid};
 use crate::run_file::RunFile;
 use crate::step::chunk::Batch;
+use photometry::BackgroundModel;
+use photometry::MaskUse;
+use photometry::{Level, Pixel, pyramid};
+use photometry::{Target, photometric};
 
 const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
@@ -127,6 +127,7 @@ fn check_gradient(initial_radius: f64) {
         level: &level,
         pixels: &pixels,
         pixel_count: pixels.len() as f32,
+        refines_cameras: false,
         trains_background: true,
         behind: &[],
         eikonal: 0.0,
@@ -136,7 +137,7 @@ fn check_gradient(initial_radius: f64) {
         sharpness: Some(SHARPNESS),
         seed: 4,
     };
-    let (gradient, _) = crate::step::gradient(&batch).unwrap();
+    let gradient = crate::step::gradient(&batch).unwrap().parameters;
     // `gradient` has two chunks, each with points of its own. Their points are found again here.
     let parts: Vec<(&[Pixel], SoftRays)> = pixels
         .chunks(pixels.len() / 2)

@@ -6,7 +6,8 @@ use field::Sphere;
 use crate::pyramid::Photograph;
 
 /// A pixel with more than this probability counts as certain background. At 0.9 and 0.999: distance
-/// 1.00 and 1.04 (see the evidence in `schedule.rs`).
+/// 1.00 and 1.04 (see the evidence in
+/// `schedule.rs` of the crate `fit`).
 const CERTAIN: f32 = 0.99;
 
 /// The margin around a pixel that must also be certain background, as the fraction 1/MARGIN of the
@@ -19,13 +20,13 @@ const KNOWN: f32 = 0.5;
 
 /// The model that tells background pixels from pixels of the object.
 #[derive(Clone, Debug)]
-pub(crate) struct BackgroundModel {
+pub struct BackgroundModel {
     /// The bounding sphere of the object, in world units.
-    pub(crate) bounds: Sphere<f64>,
+    pub bounds: Sphere<f64>,
     /// The estimated colour of the background: one for all views, or one for each.
-    pub(crate) estimates: Vec<BackgroundEstimate>,
+    pub estimates: Vec<BackgroundEstimate>,
     /// Whether the background is trained: pixels whose rays miss the bounding sphere then count.
-    pub(crate) is_trained: bool,
+    pub is_trained: bool,
 }
 
 impl BackgroundModel {
@@ -35,7 +36,7 @@ impl BackgroundModel {
     }
 
     /// The probability, 0 to 1, that pixel (x, y) of a view shows the background.
-    pub(crate) fn probability(&self, view: usize, photograph: &Photograph, x: u32, y: u32) -> f32 {
+    pub fn probability(&self, view: usize, photograph: &Photograph, x: u32, y: u32) -> f32 {
         match &photograph.coverage {
             Some(coverage) => 1.0 - coverage.at(x, y)[0],
             None => self.estimate(view).probability(photograph.image.at(x, y)),
@@ -44,7 +45,7 @@ impl BackgroundModel {
 
     /// For each pixel, row-major, whether it and all pixels in the margin around it are certain
     /// background.
-    pub(crate) fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
+    pub fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
         let (width, height) = (photograph.image.width, photograph.image.height);
         let known = self.estimate(view).confidence > KNOWN || photograph.coverage.is_some();
         let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

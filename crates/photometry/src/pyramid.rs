@@ -8,7 +8,7 @@ use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
 use crate::background::BackgroundModel;
-use crate::masks::MaskUse;
+use crate::mask_use::MaskUse;
 
 /// The share of a pixel from which all of it counts as used: 1, less the rounding of means.
 const ALL: f32 = 0.999;
@@ -17,11 +17,11 @@ const ALL: f32 = 0.999;
 const SMALLEST_SIDE: u32 = 24;
 
 /// One level of the pyramid: all views at one size.
-pub(crate) struct Level {
+pub struct Level {
     /// The camera of every view, at this size.
-    pub(crate) cameras: Vec<Camera>,
+    pub cameras: Vec<Camera>,
     /// The photograph of every view, at this size.
-    pub(crate) photographs: Vec<Photograph>,
+    pub photographs: Vec<Photograph>,
     /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
     foreground: Vec<Pixel>,
     /// The pixels of all views that are certain background: in front of a uniform background, those
@@ -30,11 +30,11 @@ pub(crate) struct Level {
 }
 
 /// The photograph of a view at one size.
-pub(crate) struct Photograph {
+pub struct Photograph {
     /// Its image.
-    pub(crate) image: Film,
+    pub image: Film,
     /// The coverage of each pixel by the object, if the fit uses it. The image is over black then.
-    pub(crate) coverage: Option<Film>,
+    pub coverage: Option<Film>,
     /// The share of each pixel that is used, if the fit leaves some out.
     used: Option<Film>,
 }
@@ -60,13 +60,13 @@ impl Photograph {
     }
 
     /// The width and the height.
-    pub(crate) fn size(&self) -> [u32; 2] {
+    pub fn size(&self) -> [u32; 2] {
         [self.image.width, self.image.height]
     }
 
     /// The radiance of pixel (x, y) in front of `behind`. A photograph without coverage shows its
     /// own background.
-    pub(crate) fn over(&self, behind: Vec3, x: u32, y: u32) -> [f32; 3] {
+    pub fn over(&self, behind: Vec3, x: u32, y: u32) -> [f32; 3] {
         let radiance = self.image.at(x, y);
         let Some(coverage) = &self.coverage else { return radiance };
         (Vec3::from(radiance) + behind * (1.0 - coverage.at(x, y)[0])).to_array()
@@ -80,15 +80,15 @@ impl Photograph {
 
 /// A drawn pixel of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Pixel {
+pub struct Pixel {
     /// The index of the view.
-    pub(crate) view: u32,
+    pub view: u32,
     /// The column.
-    pub(crate) x: u16,
+    pub x: u16,
     /// The row.
-    pub(crate) y: u16,
+    pub y: u16,
     /// The number of pixels that this draw stands for.
-    pub(crate) count: u16,
+    pub count: u16,
 }
 
 impl Level {
@@ -135,7 +135,7 @@ impl Level {
     }
 
     /// The centres of all pixels that are drawn.
-    pub(crate) fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
+    pub fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
         let center = |p: &Pixel| Sample {
             camera: p.view as usize,
             u: DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
@@ -144,7 +144,7 @@ impl Level {
     }
 
     /// The number of pixels that are drawn.
-    pub(crate) fn pixel_count(&self) -> usize {
+    pub fn pixel_count(&self) -> usize {
         self.foreground.len() + self.background.len()
     }
 
@@ -155,13 +155,13 @@ impl Level {
     }
 
     /// The number of draws that stand for about `pixels` pixels.
-    pub(crate) fn draws_for(&self, pixels: u64, every: usize) -> u64 {
+    pub fn draws_for(&self, pixels: u64, every: usize) -> u64 {
         (pixels as f64 * self.draws(every) as f64 / self.pixel_count() as f64).round().max(1.0)
             as u64
     }
 
     /// The number of pixels that `draws` draws stand for on average.
-    pub(crate) fn count_of(&self, draws: u64, every: usize) -> f64 {
+    pub fn count_of(&self, draws: u64, every: usize) -> f64 {
         draws as f64 * self.pixel_count() as f64 / self.draws(every) as f64
     }
 
@@ -170,7 +170,7 @@ impl Level {
     /// A permutation has every foreground pixel, and one random pixel of each group of `every`
     /// certain background pixels, which stands for its group. The expectation of the mean over
     /// draws, weighted by `count`, is the mean over all pixels.
-    pub(crate) fn draw(&self, draw: u64, every: usize, stream: Stream) -> Pixel {
+    pub fn draw(&self, draw: u64, every: usize, stream: Stream) -> Pixel {
         let n = self.draws(every) as u64;
         let seed = stream.at(draw / n).bits();
         let i = permute(draw % n, n, seed) as usize;
@@ -211,7 +211,7 @@ fn permute(i: u64, n: u64, seed: u64) -> u64 {
 ///
 /// It ends before a level with a side below [`SMALLEST_SIDE`], or without a pixel whose ray meets
 /// the bounding sphere.
-pub(crate) fn pyramid(
+pub fn pyramid(
     views: &[View],
     masks: MaskUse,
     model: &BackgroundModel,

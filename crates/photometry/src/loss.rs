@@ -9,14 +9,14 @@ const SOFTNESS: f32 = 0.05;
 
 /// The least difference of radiance over which the slope of the transfer function is taken. At
 /// black its slope is twenty times that at white, so noise in dark pixels would dominate the loss.
-/// At 0.03 and 0.3: distance 1.10 and 1.09 (see the evidence in `schedule.rs`).
+/// At 0.03 and 0.3: distance 1.10 and 1.09 (see the evidence in `schedule.rs` of the crate `fit`).
 const LEAST_CONTRAST: f32 = 0.1;
 
 /// The target of a pixel: its photographed radiance, and the scale of its residual.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Target {
+pub struct Target {
     /// The photographed radiance, linear RGB.
-    pub(crate) radiance: [f32; 3],
+    pub radiance: [f32; 3],
     /// Display units per unit of radiance, for each channel.
     slope: [f32; 3],
 }
@@ -32,7 +32,7 @@ impl Target {
     /// The slope does not depend on the samples. The slope of the transfer function at a noisy
     /// estimate is steep if the estimate happens to be dark; that moved silhouettes in front of
     /// dark backgrounds outwards, by half a pixel with four samples.
-    pub(crate) fn of(
+    pub fn of(
         [width, height]: [u32; 2],
         seen: impl Fn(u32, u32) -> [f32; 3],
         x: u32,
@@ -61,7 +61,7 @@ impl Target {
 ///
 /// Charbonnier, Blanc-Féraud, Aubert and Barlaud, "Two deterministic half-quadratic regularization
 /// algorithms for computed imaging", ICIP 1994.
-pub(crate) fn photometric(radiance: [f32; 3], target: &Target) -> (f32, [f32; 3]) {
+pub fn photometric(radiance: [f32; 3], target: &Target) -> (f32, [f32; 3]) {
     let mut loss = 0.0;
     let adjoint = std::array::from_fn(|c| {
         let residual = target.slope[c] * (radiance[c] - target.radiance[c]);
@@ -74,7 +74,7 @@ pub(crate) fn photometric(radiance: [f32; 3], target: &Target) -> (f32, [f32; 3]
 
 /// The mean squared error of a pixel over its channels, in display units clipped to [0, 1]. Its
 /// mean over pixels gives the PSNR.
-pub(crate) fn squared_error(radiance: [f32; 3], target: [f32; 3]) -> f32 {
+pub fn squared_error(radiance: [f32; 3], target: [f32; 3]) -> f32 {
     let display = |v: f32| srgb_encode(v).clamp(0.0, 1.0);
     (0..3).map(|c| (display(radiance[c]) - display(target[c])).powi(2)).sum::<f32>() / 3.0
 }

@@ -1,0 +1,78 @@
+//! The alignment of held-out cameras to a model whose cameras were refined.
+
+use estimate::{Refined, SampleCounts};
+use photometry::{MaskUse, Pixel, pyramid};
+use random::{Purpose, Stream};
+use render::{Camera, Scene};
+
+use calibrate::{Calibration, Freedom};
+use dataset::View;
+
+use crate::cameras::corrected;
+use crate::model::Model;
+use crate::run::SLOPE_POINTS;
+use crate::run_file::RunFile;
+use crate::step::{Batch, gradient};
+
+/// Steps of an alignment.
+const STEPS: u64 = 200;
+
+/// The rate of the first step, in pixels; it falls to zero.
+const RATE: f64 = 0.1;
+
+/// Pixels of each view in a step.
+const PIXELS: u64 = 256;
+
+/// Aligns the poses of views to the model of a run, and returns their cameras.
+///
+/// A model of refined cameras stands where these put it. Held-out cameras have their errors still,
+/// so their photographs would be compared with images from elsewhere. `progress` gets the fraction
+/// that is done.
+///
+/// # Errors
+/// If the field or a gradient is not finite.
+pub fn align(
+    model: &Model,
+    file: &RunFile,
+    views: &[View],
+    progress: &(dyn Fn(f64) + Sync),
+) -> anyhow::Result<Vec<Camera>> {
+    let given: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+    let colors = file.background_of(views);
+    let background = file.background_model(views);
+    let level = &pyramid(views, MaskUse::None, &background, 1)[0];
+    if level.pixel_count() == 0 {
+        return Ok(given);
+    }
+    let mut calibration = Calibration::new(given, file.sphere(), Freedom::POSES).without_gauge();
+    let stream = Stream::new(file.options.seed, Purpose::CameraTrial);
+    let draws = PIXELS * views.len() as u64;
+    for step in 0..STEPS {
+        let draw = |i| level.draw(i, 1, stream.at(3));
+        let pixels: Vec<Pixel> = (step * draws..(step + 1) * draws).map(draw).collect();
+        let cameras = corrected(Some(&calibration), &level.cameras);
+        let own = model.background.as_background();
+        let behind = colors.as_ref().map_or(own, |colors| colors);
+        let scene = Scene::new(&model.field, &model.head, &cameras, &file.sphere(), behind);
+        let batch = Batch {
+            scene: scene.with_slope_of_field(SLOPE_POINTS),
+            level,
+            pixels: &pixels,
+            pixel_count: draws as f32,
+            trains_background: false,
+            refines_cameras: true,
+            behind: &[],
+            eikonal: 0.0,
+            estimator: &Refined,
+            counts: SampleCounts { spp: 4, edge_samples: 1 },
+            pass: file.options.pass(),
+            sharpness: None,
+            seed: stream.at(4).at(step).bits(),
+        };
+        let adjoints = gradient(&batch)?.cameras;
+        let rate = RATE * (1.0 - step as f64 / STEPS as f64);
+        calibration.step(&level.cameras, &adjoints, rate)?;
+        progress((step + 1) as f64 / STEPS as f64);
+    }
+    Ok(calibration.cameras())
+}

@@ -1,0 +1,171 @@
+//! The start of the refinement of cameras: at once, or after a trial on a copy.
+
+use calibrate::Calibration;
+use io::InputError;
+use photometry::{Pixel, Target, photometric};
+use random::{Purpose, Stream};
+use render::{InvalidField, Sample};
+
+use super::{Fit, scene};
+use crate::cameras::{CameraTrial, RefineCameras, calibration, corrected};
+use crate::checkpoint::Refinement;
+use crate::run_cameras::RunCameras;
+use crate::step::Gradient;
+
+/// The share of the budget between the end of the soft part and the refinement of cameras: the
+/// surface has become sharp by then.
+const AFTER_SOFT: f64 = 0.05;
+
+/// The largest number of steps of a trial.
+const TRIAL_STEPS: u64 = 200;
+
+/// The least number of steps of a trial. Shorter ones find nothing.
+const LEAST_STEPS: u64 = 20;
+
+/// Iterations of the fit so far for each step of a trial: a trial takes less than 2 % of the budget.
+const ITERATIONS_PER_STEP: u64 = 32;
+
+/// The rate of the first step of a trial, in pixels; it falls to zero.
+const TRIAL_RATE: f64 = 0.1;
+
+/// Pixels of each view on which the result of a trial is measured.
+const TRIAL_PIXELS: u64 = 128;
+
+impl Fit {
+    /// Starts the refinement of the cameras once it is time. Returns the result of a trial, if one
+    /// was run now.
+    pub(super) fn start_refinement(&mut self) -> anyhow::Result<Option<CameraTrial>> {
+        let options = &self.file.options;
+        let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
+        let is_time = self.progress() >= options.soft + (1.0 - options.soft) * 2.0 * AFTER_SOFT;
+        if !is_time || self.refinement_decided || !self.estimator.differentiates_cameras() {
+            return Ok(None);
+        }
+        self.refinement_decided = true;
+        let start = calibration(&self.dataset.train, self.file.sphere(), freedom);
+        if options.refine_cameras != RefineCameras::Auto {
+            self.calibration = Some(start);
+            return Ok(None);
+        }
+        let steps = (self.iteration / ITERATIONS_PER_STEP).min(TRIAL_STEPS);
+        if steps < LEAST_STEPS || self.dataset.train.len() < 2 {
+            return Ok(None);
+        }
+        let (refined, trial) = self.trial(start, steps)?;
+        self.calibration = trial.is_kept.then_some(refined);
+        Ok(Some(trial))
+    }
+
+    /// The state of the refinement, for a checkpoint.
+    pub(super) fn refinement(&self) -> Refinement {
+        match &self.calibration {
+            Some(calibration) => {
+                let (parameters, first, second, steps) = calibration.state();
+                Refinement::Refined { numbers: [parameters, first, second].concat(), steps }
+            }
+            None if self.refinement_decided => Refinement::Given,
+            None => Refinement::Undecided,
+        }
+    }
+
+    /// Restores the state of a checkpoint.
+    pub(super) fn restore_refinement(&mut self, state: Refinement) -> anyhow::Result<()> {
+        self.refinement_decided = state != Refinement::Undecided;
+        if let Refinement::Refined { numbers, steps } = state {
+            let path = super::checkpoint_path(&self.folder);
+            let wrong = |found: &dyn std::fmt::Display, expected: &str| {
+                InputError::new(&path, "cameras", found, expected)
+            };
+            let Some(freedom) = self.file.options.refine_cameras.freedom() else {
+                return Err(wrong(&"refined", "given, by refine_cameras of fit.toml").into());
+            };
+            let mut calibration = calibration(&self.dataset.train, self.file.sphere(), freedom);
+            let n = numbers.len() / 3;
+            let [parameters, first, second] = [0, 1, 2].map(|i| &numbers[i * n..(i + 1) * n]);
+            calibration
+                .restore(parameters, first, second, steps)
+                .map_err(|e| wrong(&e, "the refinement of this run's cameras"))?;
+            self.calibration = Some(calibration);
+        }
+        Ok(())
+    }
+
+    /// Writes `cameras.json`, if cameras are refined.
+    pub(super) fn save_cameras(&self) -> anyhow::Result<()> {
+        self.cameras().map_or(Ok(()), |cameras| cameras.save(&self.folder))
+    }
+
+    /// The cameras as they are refined so far; `None` if they are those of the data set.
+    pub fn cameras(&self) -> Option<RunCameras> {
+        let of = |c| RunCameras::new(&self.dataset.train, c, self.file.origin());
+        self.calibration.as_ref().map(of)
+    }
+
+    /// Refines cameras for some steps, with the model as it is.
+    fn trial(
+        &self,
+        mut refined: Calibration,
+        steps: u64,
+    ) -> anyhow::Result<(Calibration, CameraTrial)> {
+        let stream = Stream::new(self.file.options.seed, Purpose::CameraTrial);
+        let draws = self.file.options.batch as u64;
+        for step in 0..steps {
+            let pixels = self.trial_pixels(step * draws..(step + 1) * draws, stream.at(0));
+            let count = pixels.iter().map(|p| f32::from(p.count)).sum();
+            let seed = stream.at(1).at(step).bits();
+            let (Gradient { cameras, .. }, _) =
+                self.gradient_of(0, (&pixels, count), Some(&refined), seed)?;
+            let rate = TRIAL_RATE * (1.0 - step as f64 / steps as f64);
+            refined.step(&self.levels[0].cameras, &cameras, rate)?;
+        }
+        let views = self.dataset.train.len() as u64;
+        let pixels = self.trial_pixels(0..TRIAL_PIXELS * views, stream.at(2));
+        let given = self.residuals(&pixels, None)?;
+        let now = self.residuals(&pixels, Some(&refined))?;
+        let pairs = given.iter().zip(&now).filter_map(|(a, b)| Some((((*a)?), (*b)?)));
+        let (given, now): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        let trial = CameraTrial::of(&given, &now, &refined);
+        Ok((refined, trial))
+    }
+
+    fn trial_pixels(&self, draws: std::ops::Range<u64>, stream: Stream) -> Vec<Pixel> {
+        let every = crate::schedule::background_group(1.0);
+        draws.map(|i| self.levels[0].draw(i, every, stream)).collect()
+    }
+
+    /// The mean residual of each view over these pixels of the photographs; `None` for a view
+    /// without one.
+    fn residuals(
+        &self,
+        pixels: &[Pixel],
+        calibration: Option<&Calibration>,
+    ) -> Result<Vec<Option<f64>>, InvalidField> {
+        let level = &self.levels[0];
+        let cameras = corrected(calibration, &level.cameras);
+        let scene = scene(&self.model, &self.file, &cameras);
+        let colors = self.colors.as_ref().map(|colors| colors as &dyn render::Background<f32>);
+        let scene = render::Scene { background: colors.unwrap_or(scene.background), ..scene };
+        let center = |p: &Pixel| Sample {
+            camera: p.view as usize,
+            u: glam::DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
+        };
+        let samples: Vec<Sample> = pixels.iter().map(center).collect();
+        let mut sums = vec![(0.0, 0.0); cameras.len()];
+        for (pixels, samples) in pixels.chunks(CHUNK).zip(samples.chunks(CHUNK)) {
+            let primary = scene.primary(samples)?;
+            for (p, traced) in pixels.iter().zip(&primary.samples) {
+                let photograph = &level.photographs[p.view as usize];
+                let seen = |x, y| photograph.over(glam::Vec3::ZERO, x, y);
+                let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
+                let (loss, _) = photometric(traced.radiance.into(), &target);
+                let (sum, count) = &mut sums[p.view as usize];
+                *sum += f64::from(loss) * f64::from(p.count);
+                *count += f64::from(p.count);
+            }
+        }
+        Ok(sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum / count)).collect())
+    }
+}
+
+/// Rays that are traced together.
+const CHUNK: usize = 1024;

@@ -1,0 +1,153 @@
+//! The file `cameras.json` of a run folder: the cameras as a fit refined them.
+
+use std::path::Path;
+
+use calibrate::{Calibration, Correction};
+use dataset::{Dataset, View};
+use glam::{DMat4, DVec2, DVec3};
+use io::{InputError, atomic_write};
+use render::Camera;
+use serde::{Deserialize, Serialize};
+
+use crate::run_file::RunFile;
+
+/// The content of `cameras.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunCameras {
+    /// The training views.
+    pub views: Vec<RunCamera>,
+}
+
+/// The camera of a view as a fit refined it, and its correction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunCamera {
+    /// The name of the view.
+    pub name: String,
+    /// The camera-to-world matrix, row-major, in the units of the data set: x right, y up, looking
+    /// along −z.
+    pub pose: [[f64; 4]; 4],
+    /// The focal lengths, in pixels.
+    pub focal: [f64; 2],
+    /// The principal point, in pixels.
+    pub principal: [f64; 2],
+    /// The radial distortion k₁, k₂; see [`Camera::radial`].
+    pub radial: [f64; 2],
+    /// The angle of the correction, in degrees.
+    pub degrees: f64,
+    /// The shift of the eye by the correction, in the units of the data set.
+    pub shift: [f64; 3],
+    /// The motion of the bounding sphere's centre in the image by the correction, in pixels.
+    pub pixels: f64,
+}
+
+/// The name of the file.
+const FILE: &str = "cameras.json";
+
+impl RunCameras {
+    /// The corrected cameras of these views, which are relative to `origin`.
+    pub(crate) fn new(views: &[View], calibration: &Calibration, origin: DVec3) -> Self {
+        let cameras = calibration.cameras().into_iter().zip(calibration.corrections());
+        let of_view = |(view, (camera, correction)): (&View, (Camera, Correction))| {
+            let Correction { degrees, shift, pixels } = correction;
+            RunCamera {
+                name: view.name.clone(),
+                pose: camera.about(-origin).pose().transpose().to_cols_array_2d(),
+                focal: camera.focal.to_array(),
+                principal: camera.principal.to_array(),
+                radial: camera.radial.to_array(),
+                degrees,
+                shift,
+                pixels,
+            }
+        };
+        RunCameras { views: views.iter().zip(cameras).map(of_view).collect() }
+    }
+
+    pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(self)?;
+        atomic_write(&run.join(FILE), |out| Ok(out.write_all(text.as_bytes())?))
+    }
+
+    /// A data set as a run sees it, by [`RunFile::prepare`], with the cameras that the run refined;
+    /// and whether it did.
+    ///
+    /// # Errors
+    /// If `cameras.json` is there and cannot be used.
+    pub fn prepare(
+        run: &Path,
+        file: &RunFile,
+        dataset: Dataset,
+    ) -> Result<(Dataset, bool), InputError> {
+        let mut dataset = file.prepare(dataset);
+        let Some(cameras) = RunCameras::load(run)? else { return Ok((dataset, false)) };
+        cameras.apply(&mut dataset, file.origin(), run)?;
+        Ok((dataset, true))
+    }
+
+    /// The refined cameras of a run; `None` if they are those of the data set.
+    ///
+    /// # Errors
+    /// If the file is there and cannot be read, or has a wrong entry.
+    pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
+        let path = run.join(FILE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = io::read_text(&path, "cameras", "the cameras of a run")?;
+        let wrong = |found: &dyn std::fmt::Display| {
+            InputError::new(&path, "cameras", found, "the cameras that a fit wrote")
+        };
+        let cameras: Self = serde_json::from_str(&text).map_err(|e| wrong(&e))?;
+        Ok(Some(cameras))
+    }
+
+    /// Gives the views of a data set their refined cameras: training views by their names, held-out
+    /// views the lens of a training view that was given the same intrinsics. The data set is
+    /// relative to `origin`. `run` is the folder of the run, for the message of an error.
+    ///
+    /// # Errors
+    /// If the file lacks a view, or an entry is no camera.
+    pub fn apply(
+        &self,
+        dataset: &mut Dataset,
+        origin: DVec3,
+        run: &Path,
+    ) -> Result<(), InputError> {
+        let wrong = |name: &str, found: &str| {
+            let field = format!("cameras: {name}");
+            InputError::new(run.join(FILE), field, found, "a camera of each view to fit")
+        };
+        let given: Vec<Camera> = dataset.train.iter().map(|view| view.camera).collect();
+        for view in &mut dataset.train {
+            let own = self.views.iter().find(|own| own.name == view.name);
+            let own = own.ok_or_else(|| wrong(&view.name, "nothing"))?;
+            let camera = own.camera(&view.camera).ok_or_else(|| wrong(&view.name, "no camera"))?;
+            view.camera = camera.about(origin);
+        }
+        for view in &mut dataset.test {
+            let lens = |c: &Camera| (c.width, c.height, c.focal, c.principal);
+            let first = given.iter().position(|given| lens(given) == lens(&view.camera));
+            if let Some(first) = first {
+                let Camera { focal, principal, radial, .. } = dataset.train[first].camera;
+                view.camera = Camera { focal, principal, radial, ..view.camera };
+            }
+        }
+        Ok(())
+    }
+}
+
+impl RunCamera {
+    /// The camera, in the units of the data set; `None` if the numbers are none.
+    fn camera(&self, given: &Camera) -> Option<Camera> {
+        let [focal, principal, radial] = [self.focal, self.principal, self.radial].map(DVec2::from);
+        let is_lens = focal.is_finite() && focal.min_element() > 0.0;
+        if !(is_lens && principal.is_finite() && radial.is_finite()) {
+            return None;
+        }
+        let pose = DMat4::from_cols_array_2d(&self.pose).transpose();
+        let camera = Camera::from_pose(given.width, given.height, focal, principal, pose)?;
+        Some(Camera { radial, ..camera })
+    }
+}

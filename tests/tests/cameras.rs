@@ -1,0 +1,92 @@
+//! Fits of photographs with inexact cameras.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::fs;
+
+use glam::{DMat3, DMat4, DQuat, DVec3};
+use random::{Purpose, Stream};
+use serde_json::{Value, json};
+
+use tests::input::{Folder, refused};
+use tests::{dsdf_json, dsdf_ok, root};
+
+/// A data set of the demo's scene: 12 views of 48 × 48 pixels.
+fn demo(folder: &Folder) -> String {
+    let data = folder.path("data");
+    let scene = root().join("crates/app/src/cli/demo_scene.json");
+    let scene = scene.to_str().unwrap();
+    dsdf_ok(&["synth", scene, "-o", &data, "--views", "12", "--size", "48x48", "--spp", "16"]);
+    data
+}
+
+fn read(path: &str) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn pose(value: &Value) -> DMat4 {
+    let rows: Vec<f64> = value
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|row| row.as_array().unwrap().clone())
+        .map(|v| v.as_f64().unwrap())
+        .collect();
+    DMat4::from_cols_slice(&rows).transpose()
+}
+
+fn poses(frames: &Value, key: &str) -> Vec<DMat4> {
+    frames.as_array().unwrap().iter().map(|frame| pose(&frame[key])).collect()
+}
+
+/// Turns all training cameras by about `degrees` about random axes. Returns the true poses.
+fn disturb(data: &str, degrees: f64) -> Vec<DMat4> {
+    let path = format!("{data}/transforms_train.json");
+    let mut root = read(&path);
+    let given = poses(&root["frames"], "transform_matrix");
+    let stream = Stream::new(1, Purpose::Other(0));
+    for (i, given) in given.iter().enumerate() {
+        let axis = DVec3::from(stream.at(i as u64).in_ball()).normalize();
+        let turn = DMat4::from_quat(DQuat::from_axis_angle(axis, degrees.to_radians()));
+        let turned = DMat4 { w_axis: given.w_axis, ..turn * *given };
+        root["frames"][i]["transform_matrix"] = json!(turned.transpose().to_cols_array_2d());
+    }
+    fs::write(path, root.to_string()).unwrap();
+    given
+}
+
+/// The mean angle, in degrees, by which the rotations between all pairs of views differ. A common
+/// rotation of all views does not count.
+fn difference(a: &[DMat4], b: &[DMat4]) -> f64 {
+    let turn = |m: &DMat4| DQuat::from_mat3(&DMat3::from_mat4(*m));
+    let (mut sum, mut count) = (0.0, 0.0);
+    for i in 0..a.len() {
+        for j in 0..i {
+            let between = |all: &[DMat4]| turn(&all[i]).inverse() * turn(&all[j]);
+            sum += between(a).angle_between(between(b)).to_degrees();
+            count += 1.0;
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn a_fit_refines_disturbed_poses() {
+    let folder = Folder::new();
+    let data = demo(&folder);
+    let truth = disturb(&data, 1.0);
+    let given =
+        poses(&read(&format!("{data}/transforms_train.json"))["frames"], "transform_matrix");
+    let run = folder.path("run");
+    let options = ["--iterations", "1200", "--batch", "256", "--refine-cameras"];
+    let fit = [&["fit", &data, "-o", &run], &options[..]].concat();
+    dsdf_json(&[&fit[..], &["poses"]].concat());
+    let cameras = read(&format!("{run}/cameras.json"));
+    let refined = poses(&cameras["views"], "pose");
+    let [before, after] = [difference(&given, &truth), difference(&refined, &truth)];
+    println!("{before} degrees before, {after} after");
+    assert!(after < 0.6 * before, "{before} degrees before, {after} after");
+    for (i, view) in cameras["views"].as_array().unwrap().iter().enumerate() {
+        assert!(view["degrees"].as_f64().unwrap() > 0.0 && view["pixels"].as_f64().unwrap() > 0.0);
+        assert_eq!(view["radial"], json!([0.0, 0.0]), "view {i}: the lens is not refined");
+    }
+}
