@@ -161,6 +161,7 @@ fn one_view() -> Option<Dataset> {
         test: Vec::new(),
         bounds: None,
         points: Vec::new(),
+        notes: Vec::new(),
     })
 }
 
