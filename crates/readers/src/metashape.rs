@@ -24,6 +24,9 @@ use render::Camera;
 /// The start of a file in which its first element is looked for, in bytes.
 const START: usize = 4096;
 
+/// Bytes of memory for each byte of a file: the shortest element has four bytes.
+const MEMORY_PER_BYTE: u64 = 40;
+
 /// Whether a file is a camera file of Metashape, by its start.
 pub(crate) fn is_camera_file(path: &Path) -> bool {
     let is_xml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml"));
@@ -40,6 +43,8 @@ pub(crate) fn is_camera_file(path: &Path) -> bool {
 /// Reads the chunk with the most aligned cameras.
 pub(crate) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
     let text = io::read_text(file, "file", "an XML file")?;
+    let length = text.len() as u64;
+    io::check_memory(file, "file", format!("{length} bytes"), length * MEMORY_PER_BYTE)?;
     let document = Document::parse(&text)
         .map_err(|e| InputError::new(file, "file", e, "XML of Metashape (menu Export Cameras)"))?;
     let chunks = children(document.root_element(), "chunk");

@@ -32,7 +32,7 @@ fn photograph_through(camera: &Camera, projection: Projection) -> Film {
         let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
         let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let q = (u - camera.principal) / camera.focal;
-        let mut a = q;
+        let mut a = q * 0.8;
         for _ in 0..50 {
             let h = 1e-6;
             let at = |a: DVec2| projection(direction(a));
@@ -56,11 +56,11 @@ fn pinhole(d: DVec3) -> DVec2 {
     DVec2::new(d.x / d.z, d.y / d.z)
 }
 
-/// k1 = −0.1, k2 = 0.05, k3 = −0.01, p1 = 0.003, p2 = −0.002, as OpenCV's `projectPoints`.
+/// k1 = −0.1, k2 = 0.05, k3 = −0.005, p1 = 0.003, p2 = −0.002, as OpenCV's `projectPoints`.
 fn brown(d: DVec3) -> DVec2 {
     let DVec2 { x, y } = pinhole(d);
     let r2 = x * x + y * y;
-    let radial = 1.0 - 0.1 * r2 + 0.05 * r2.powi(2) - 0.01 * r2.powi(3);
+    let radial = 1.0 - 0.1 * r2 + 0.05 * r2.powi(2) - 0.005 * r2.powi(3);
     DVec2::new(
         x * radial + 2.0 * 0.003 * x * y - 0.002 * (r2 + 2.0 * x * x),
         y * radial + 0.003 * (r2 + 2.0 * y * y) - 2.0 * 0.002 * x * y,
@@ -73,11 +73,11 @@ fn brown_with_r8(d: DVec3) -> DVec2 {
     brown(d) + tangents * 0.02 * tangents.length_squared().powi(4)
 }
 
-/// k1, k2, k3 = −0.1, 0.05, −0.01 over k4, k5, k6 = 0.03, 0.01, 0.001.
+/// k1, k2, k3 = −0.1, 0.05, −0.005 over k4, k5, k6 = 0.03, 0.01, 0.001.
 fn rational(d: DVec3) -> DVec2 {
     let p = pinhole(d);
     let r2 = p.length_squared();
-    let above = 1.0 - 0.1 * r2 + 0.05 * r2.powi(2) - 0.01 * r2.powi(3);
+    let above = 1.0 - 0.1 * r2 + 0.05 * r2.powi(2) - 0.005 * r2.powi(3);
     p * above / (1.0 + 0.03 * r2 + 0.01 * r2.powi(2) + 0.001 * r2.powi(3))
 }
 
@@ -163,7 +163,7 @@ fn colmap_lenses_are_undistorted() {
         ("RADIAL_FISHEYE", radial_fisheye, true, vec![f, c.x, c.y, 0.05, -0.02]),
         ("OPENCV_FISHEYE", fisheye, false, [&two[..], &k].concat()),
         ("FULL_OPENCV", rational, false, {
-            let radial = [-0.1, 0.05, 0.0, 0.0, -0.01, 0.03, 0.01, 0.001];
+            let radial = [-0.1, 0.05, 0.0, 0.0, -0.005, 0.03, 0.01, 0.001];
             [&two[..], &radial].concat()
         }),
         ("THIN_PRISM_FISHEYE", thin_prism, false, {
@@ -195,7 +195,7 @@ fn colmap_lenses_are_undistorted() {
 #[test]
 fn nerfstudio_lenses_are_undistorted_and_fisheyes_reach_55_degrees() {
     let fisheye_keys = || json!({"k1": 0.05, "k2": -0.02, "k3": 0.004, "k4": -0.0002});
-    let brown_keys = || json!({"k1": -0.1, "k2": 0.05, "k3": -0.01, "p1": 0.003, "p2": -0.002});
+    let brown_keys = || json!({"k1": -0.1, "k2": 0.05, "k3": -0.005, "p1": 0.003, "p2": -0.002});
     let with = |keys: Value, more: Value| {
         let mut keys = keys;
         more.as_object().unwrap().iter().for_each(|(key, value)| keys[key] = value.clone());
@@ -206,15 +206,15 @@ fn nerfstudio_lenses_are_undistorted_and_fisheyes_reach_55_degrees() {
         (brown_with_r8, with(brown_keys(), json!({"k4": 0.02, "camera_model": "PERSPECTIVE"}))),
         (
             rational,
-            json!({"k1": -0.1, "k2": 0.05, "k3": -0.01, "k4": 0.03, "k5": 0.01, "k6": 0.001}),
+            json!({"k1": -0.1, "k2": 0.05, "k3": -0.005, "k4": 0.03, "k5": 0.01, "k6": 0.001}),
         ),
         (fisheye, with(fisheye_keys(), json!({"camera_model": "OPENCV_FISHEYE"}))),
         (fisheye, with(fisheye_keys(), json!({"is_fisheye": true}))),
     ];
     for (number, (projection, keys)) in cases.into_iter().enumerate() {
-        // A fisheye film that ends 86 degrees from the axis.
+        // A fisheye film that ends 77 degrees from the axis.
         let is_fisheye = number > 2;
-        let focal = DVec2::splat(if is_fisheye { 40.0 } else { 70.0 });
+        let focal = DVec2::splat(if is_fisheye { 46.0 } else { 70.0 });
         let all: Vec<Camera> = wide_cameras().iter().map(|c| Camera { focal, ..*c }).collect();
         let folder = tempfile::tempdir().unwrap();
         write_through(folder.path(), &all, projection);
@@ -251,7 +251,7 @@ fn metashape_lenses_are_undistorted() {
         (
             "frame",
             brown_with_r8 as Projection,
-            "<k1>-0.1</k1><k2>0.05</k2><k3>-0.01</k3><k4>0.02</k4><p1>-0.002</p1><p2>0.003</p2>",
+            "<k1>-0.1</k1><k2>0.05</k2><k3>-0.005</k3><k4>0.02</k4><p1>-0.002</p1><p2>0.003</p2>",
         ),
         ("fisheye", fisheye, "<k1>0.05</k1><k2>-0.02</k2><k3>0.004</k3><k4>-0.0002</k4>"),
     ] {
