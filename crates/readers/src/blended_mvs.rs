@@ -1,4 +1,4 @@
-//! BlendedMVS and MVSNet data sets: `cams/*_cam.txt` with `blended_images/` or `images/` (Yao et
+//! BlendedMVS and MVSNet data sets: `cams/*.txt` with `blended_images/` or `images/` (Yao et
 //! al., "BlendedMVS: A Large-Scale Dataset for Generalized Multi-View Stereo Networks", CVPR 2020;
 //! "MVSNet: Depth Inference for Unstructured Multi-View Stereo", ECCV 2018).
 //!
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::images::{image_folder, image_named};
+use crate::images::image_named;
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -18,38 +18,35 @@ use crate::{Recognised, Result, Views};
 use io::{InputError, image_size};
 use render::Camera;
 
-/// The end of a camera file's name.
-const END: &str = "_cam.txt";
-
-/// The camera files of a data set, in the order of their names; `None` if there are none.
+/// The camera files of a data set, in the order of their names; `None` if there are none. Another
+/// file there, `pair.txt`, has the neighbours of each view.
 pub(crate) fn cameras(folder: &Path) -> Option<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder.join("cams")).ok()?;
-    let is_camera = |path: &PathBuf| path.to_string_lossy().ends_with(END);
+    let is_camera = |path: &PathBuf| {
+        path.extension().is_some_and(|e| e == "txt") && !path.ends_with("pair.txt")
+    };
     let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(is_camera).collect();
     files.sort();
     (!files.is_empty()).then_some(files)
 }
 
-/// Reads the camera files; an image has the name of its camera.
+/// Reads the camera files; an image has the name of its camera, without `_cam`.
 pub(crate) fn read(folder: &Path, cameras: &[PathBuf]) -> Result<Recognised> {
     let blended = folder.join("blended_images");
-    let images = match blended.is_dir() {
-        true => blended,
-        false => image_folder(&[folder], |_| true).map_or(blended, |images| images.path),
-    };
+    let images = if blended.is_dir() { blended } else { folder.join("images") };
     let mut views = Views::default();
     for file in cameras {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let name = name.strip_suffix(END).unwrap_or(&name).to_owned();
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        let name = name.strip_suffix("_cam").unwrap_or(&name).to_owned();
         let pose_and_k = CameraFile::read(file)?;
         let path = image_named(&images, &name).unwrap_or_else(|| images.join(&name));
         views.add(path, |path| {
             let (camera, lens) = pose_and_k.camera(file, image_size(&path)?)?;
-            Ok(UnreadView::of_image(name, path, camera, lens))
+            Ok(UnreadView::of_image(name, path, camera, lens).with_object_mask(folder))
         })?;
     }
-    let format = "BlendedMVS cams: world-to-camera, OpenCV axes, origin at the image's top left \
-        corner";
+    let format =
+        "BlendedMVS cams: world-to-camera, OpenCV axes, origin at the image's top left corner";
     Ok(Recognised::new(format, views))
 }
 

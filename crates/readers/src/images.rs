@@ -72,6 +72,19 @@ pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
     std::iter::once(as_named).chain(with_extension).find(|p| p.is_file())
 }
 
+/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`.
+pub(crate) fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
+    let name = name.trim_start_matches("./");
+    let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
+    let names = [name, without_extension(name), file, without_extension(file)];
+    names.into_iter().find_map(|n| image_named(&folder.join("masks"), n))
+}
+
+/// The part of a name before its last point, or all of it.
+fn without_extension(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
 /// The index of the camera of each image, in a set of `count` cameras whose file does not name the
 /// images.
 ///

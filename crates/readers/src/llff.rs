@@ -47,7 +47,9 @@ pub(crate) fn read(folder: &Path) -> Result<Recognised> {
         let camera = camera(&file, *i, &rows[*i])?;
         let view = UnreadView::of_image(name, path.clone(), camera, Lens::default());
         let size_source = "poses_bounds.npy".to_owned();
-        views.found.push(UnreadView { size_source, ..view }.of_reduced_image()?);
+        views
+            .found
+            .push(UnreadView { size_source, ..view }.with_object_mask(folder).of_reduced_image()?);
     }
     let missing = (0..rows.len()).filter(|i| !numbers.contains(i));
     views.missing = missing.map(|i| place.path.join(format!("image {i}"))).collect();

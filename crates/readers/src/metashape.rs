@@ -202,6 +202,7 @@ impl<'a, 'i> Chunk<'a, 'i> {
                     self.error(&place, &pose_fault(pose), "a rotation and a translation")
                 })?;
                 let view = UnreadView::of_image(label.to_owned(), path, camera, lens);
+                let view = view.with_object_mask(folder);
                 let view = UnreadView { size_source: format!("sensor {id}"), ..view };
                 if is_reduced { view.of_reduced_image() } else { Ok(view) }
             })?;

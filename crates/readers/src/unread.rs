@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
+use crate::images::sibling_mask;
 use crate::lens::Lens;
 use crate::{Mask, MaskKind, View};
 use film::{Film, srgb_encode};
@@ -58,6 +59,12 @@ impl UnreadView {
         UnreadView { name, path, mask: None, camera, lens, size_source, full_size: None }
     }
 
+    /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
+    pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
+        let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
+        UnreadView { mask, ..self }
+    }
+
     /// Width and height of the photograph in pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.camera.width, self.camera.height]
@@ -91,6 +98,7 @@ impl UnreadView {
             camera.focal *= scale;
             camera.principal *= scale;
             self.lens.skew *= scale.x;
+            self.mask = self.mask.map(|(kind, mask)| (kind, copy_of_mask(&mask, &self.path)));
         }
         Ok(self)
     }
@@ -169,6 +177,20 @@ impl UnreadView {
             camera: ideal,
         })
     }
+}
+
+/// The mask in the reduced copies of the masks, `masks_4` for an image in `images_4`; the mask itself
+/// if there is none.
+fn copy_of_mask(mask: &Path, image: &Path) -> PathBuf {
+    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let copy = || {
+        let folder = name(image.parent()?)?;
+        let (_, factor) = folder.rsplit_once('_')?;
+        let masks = mask.parent()?;
+        let masks = masks.with_file_name(format!("{}_{factor}", name(masks)?));
+        Some(masks.join(mask.file_name()?)).filter(|copy| copy.is_file())
+    };
+    copy().unwrap_or_else(|| mask.to_owned())
 }
 
 impl Photograph {

@@ -6,7 +6,7 @@ use io::InputError;
 
 /// The camera files that can be read, for messages.
 const EXPECTED: &str = "transforms_train.json, transforms.json, cameras_sphere.npz, cameras.npz, \
-     *_par.txt, a COLMAP model (cameras.bin or .txt), poses_bounds.npy, cams/*_cam.txt or a \
+     *_par.txt, a COLMAP model (cameras.bin or .txt), poses_bounds.npy, cams/*.txt or a \
      camera file of Metashape (.xml)";
 
 /// New poses, for programs whose files no converter reads.

@@ -113,6 +113,17 @@ fn reduced_copies_are_read_where_the_full_images_are_missing() {
     let small: Vec<Camera> = all.iter().map(|c| resized(c, [12, 10])).collect();
     let found = assert_agrees_with_nerf(folder.path(), &small);
     assert!(found.notes[0].contains("images_4 are smaller"), "{:?}", found.notes);
+    let mask = |name: &str, size: [u32; 2]| {
+        std::fs::create_dir_all(folder.path().join(name)).unwrap();
+        let white = image::GrayImage::from_pixel(size[0], size[1], image::Luma([255]));
+        white.save(folder.path().join(name).join("003.png")).unwrap();
+    };
+    mask("masks", [WIDTH, HEIGHT]);
+    refused(folder.path(), &["masks/003.png", "48 x 40", "12 x 10"]);
+    mask("masks_4", [12, 10]);
+    let found = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!(in_order(&found)[3].coverage().unwrap().len(), 120);
+    std::fs::remove_dir_all(folder.path().join("masks")).unwrap();
     // images_2 is before images_4; programs round odd sides down.
     write_photographs(&folder.path().join("images_2"), &all, [24, 19]);
     let small: Vec<Camera> = all.iter().map(|c| resized(c, [24, 19])).collect();

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec2};
 use serde_json::Value;
 
-use crate::images::{image_named, reduced_copies};
+use crate::images::{image_named, reduced_copies, sibling_mask};
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
 use crate::{MaskKind, Recognised, Result, Views, ply};
@@ -300,17 +300,4 @@ fn image_path(folder: &Path, name: &str) -> (PathBuf, bool) {
     let mut copies = reduced_copies(parent).filter(|_| !parent.exists());
     let reduced = copies.find_map(|copy| image_named(&copy, &file));
     reduced.map_or((full.clone(), false), |path| (path, true))
-}
-
-/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`.
-fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
-    let name = name.trim_start_matches("./");
-    let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
-    let names = [name, without_extension(name), file, without_extension(file)];
-    names.into_iter().find_map(|n| image_named(&folder.join("masks"), n))
-}
-
-/// The part of a name before its last point, or all of it.
-fn without_extension(name: &str) -> &str {
-    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
