@@ -42,8 +42,8 @@ pub struct Unread {
 
 /// Reads the cameras of a data set and recognises its format ([`readers::recognise`]).
 ///
-/// `path` is the folder, or a `.json` or `.xml` camera file in it. Views are in the order of the camera file,
-/// those of COLMAP in the order of their names.
+/// `path` is the folder, or a `.json` or `.xml` camera file in it. Views are in the order of the
+/// camera file, those of COLMAP in the order of their names. Views without an image are left out.
 ///
 /// # Errors
 /// If no format is recognised, or if a file is missing or wrong: an [`InputError`] with the file

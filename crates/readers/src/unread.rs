@@ -179,8 +179,8 @@ impl UnreadView {
     }
 }
 
-/// The mask in the reduced copies of the masks, `masks_4` for an image in `images_4`; the mask itself
-/// if there is none.
+/// The mask in the reduced copies of the masks, `masks_4` for an image in `images_4`; if there is
+/// none, the mask itself.
 fn copy_of_mask(mask: &Path, image: &Path) -> PathBuf {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     let copy = || {

@@ -119,7 +119,7 @@ const FORMS: [Form; 14] = [
     },
     Form {
         name: "a scan of ScanNet (pose/ and intrinsic/)",
-        remedy: "transforms.json with a frame for each file in pose/",
+        remedy: "transforms.json made from pose/, or poses by COLMAP (see docs/captures.md)",
         is_in: |folder, names| {
             folder.join("pose").is_dir()
                 && (has(names, "intrinsic") || has(names, "color") || has(names, "rgb"))
