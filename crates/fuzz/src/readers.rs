@@ -75,7 +75,7 @@ pub const READERS: [Reader; 18] = [
     reader!("middlebury", datasets::middlebury(), Call::Library(read_dataset)),
     reader!("colmap", datasets::colmap(), Call::Library(read_dataset)),
     reader!("llff", forms::llff(), Call::Library(read_dataset)),
-    reader!("blended-mvs", forms::blended_mvs(), Call::Library(read_dataset)),
+    reader!("blended_mvs", forms::blended_mvs(), Call::Library(read_dataset)),
     reader!("metashape", forms::metashape(), Call::Library(read_dataset)),
     reader!("run", runs::run_folders(), Call::Library(read_run)),
     reader!("sweep", sweeps::sweep_files(), Call::Library(read_sweep)),
