@@ -4,8 +4,8 @@
 
 use super::*;
 
-/// The least PSNR of an undistorted photograph against the pinhole image, in decibels. All have more
-/// than 75.
+/// The least PSNR of an undistorted photograph against the pinhole image, in decibels. All have
+/// more than 75.
 const LEAST_PSNR: f64 = 70.0;
 
 /// Film of the photographs, in pixels.
