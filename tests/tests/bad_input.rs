@@ -138,8 +138,10 @@ fn wrong_data_sets_are_refused() {
     bad["frames"] = json!([]);
     check(&bad, &["frames"]);
     let mut bad = good.clone();
+    // One of three images may be missing.
+    bad["frames"][1]["file_path"] = json!("none");
     bad["frames"][2]["file_path"] = json!("none");
-    check(&bad, &["none"]);
+    check(&bad, &["2 of 3 missing", "none"]);
     let mut bad = good.clone();
     bad["w"] = json!(9);
     check(&bad, &["size", "8 x 8", "9 x 8"]);

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use io::{InputError, check_memory};
 use rayon::prelude::*;
 
-use crate::readers::{Recognised, recognise};
+use readers::{Recognised, UnreadView, recognise};
+
 use crate::split::every_eighth;
-use crate::unread::UnreadView;
 use crate::{Dataset, View};
 
 /// Options of [`load`].
@@ -40,11 +40,10 @@ pub struct Unread {
     recognised: Recognised,
 }
 
-/// Reads the cameras of a data set and recognises its format: NeRF/Blender, NeuS/IDR, Middlebury or
-/// COLMAP.
+/// Reads the cameras of a data set and recognises its format ([`readers::recognise`]).
 ///
-/// `path` is the folder, or a `.json` camera file in it. Views are in the order of the camera file,
-/// those of COLMAP in the order of their names.
+/// `path` is the folder, or a `.json` or `.xml` camera file in it. Views are in the order of the
+/// camera file, those of COLMAP in the order of their names. Views without an image are left out.
 ///
 /// # Errors
 /// If no format is recognised, or if a file is missing or wrong: an [`InputError`] with the file
@@ -71,8 +70,7 @@ impl Unread {
     /// The widths and heights of the whole photographs in pixels: of the views to fit, and of those
     /// held out.
     pub fn sizes(&self) -> [Vec<[u32; 2]>; 2] {
-        let size = |view: &UnreadView| [view.camera.width, view.camera.height];
-        [&self.train, &self.test].map(|views| views.iter().map(size).collect())
+        [&self.train, &self.test].map(|views| views.iter().map(UnreadView::size).collect())
     }
 
     /// Reads the images. Lens distortion and skew are removed from the photographs, so every view
@@ -98,6 +96,7 @@ impl Unread {
             test: read_all(test, n)?,
             bounds: recognised.bounds,
             points: recognised.points,
+            notes: recognised.notes,
         })
     }
 }
@@ -107,8 +106,9 @@ const MEMORY_PER_PIXEL: u64 = 16;
 
 /// Refuses images that need more memory than there is.
 fn refuse_too_many(path: &Path, views: [&[UnreadView]; 2], n: u32) -> Result<(), InputError> {
-    let pixels = views.iter().copied().flatten().fold(0, |sum: u64, UnreadView { camera, .. }| {
-        sum + u64::from(camera.width.div_ceil(n)) * u64::from(camera.height.div_ceil(n))
+    let pixels = views.iter().copied().flatten().fold(0, |sum: u64, view| {
+        let [width, height] = view.size().map(|side| u64::from(side.div_ceil(n)));
+        sum + width * height
     });
     check_memory(path, "images", format!("{pixels} pixels"), pixels * MEMORY_PER_PIXEL)
 }

@@ -143,6 +143,7 @@ mod tests {
             test: Vec::new(),
             bounds: None,
             points: Vec::new(),
+            notes: Vec::new(),
         }
     }
 

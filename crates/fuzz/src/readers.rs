@@ -16,7 +16,7 @@ use scene::SceneFile;
 use sweep_report::{Sweep, compare};
 
 use crate::case::{Case, damaged};
-use crate::formats::{arrays, datasets, images, meshes, models, runs, scenes, sweeps};
+use crate::formats::{arrays, datasets, forms, images, meshes, models, runs, scenes, sweeps};
 use crate::program::judge_command;
 use crate::self_test;
 use crate::verdict::{Verdict, judge};
@@ -63,7 +63,7 @@ macro_rules! reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 15] = [
+pub const READERS: [Reader; 18] = [
     reader!("array", arrays::array_files(), Call::Library(read_array)),
     reader!("image", images::image_files(), Call::Library(read_images)),
     reader!("mesh", meshes::mesh_files(), Call::Library(read_meshes)),
@@ -74,6 +74,9 @@ pub const READERS: [Reader; 15] = [
     reader!("neus", datasets::neus(), Call::Library(read_dataset)),
     reader!("middlebury", datasets::middlebury(), Call::Library(read_dataset)),
     reader!("colmap", datasets::colmap(), Call::Library(read_dataset)),
+    reader!("llff", forms::llff(), Call::Library(read_dataset)),
+    reader!("blended_mvs", forms::blended_mvs(), Call::Library(read_dataset)),
+    reader!("metashape", forms::metashape(), Call::Library(read_dataset)),
     reader!("run", runs::run_folders(), Call::Library(read_run)),
     reader!("sweep", sweeps::sweep_files(), Call::Library(read_sweep)),
     reader!("results", sweeps::result_files(), Call::Library(read_results)),
@@ -161,6 +164,7 @@ fn one_view() -> Option<Dataset> {
         test: Vec::new(),
         bounds: None,
         points: Vec::new(),
+        notes: Vec::new(),
     })
 }
 

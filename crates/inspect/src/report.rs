@@ -53,7 +53,8 @@ pub struct Report {
     pub background_confidence: f32,
     /// The spread of the exposures of the training views; `None` if they do not show it.
     pub exposure: Option<Exposure>,
-    /// One sentence for each suspicious property.
+    /// The notes of the data set ([`Dataset::notes`]), and one sentence for each suspicious
+    /// property.
     pub warnings: Vec<String>,
 }
 
@@ -110,7 +111,8 @@ pub fn inspect(
         exposure: exposure_spread(&dataset.train, bounds, background),
         warnings: Vec::new(),
     };
-    report.warnings = warnings(&report, &views, bounds, &off_axis);
+    report.warnings.clone_from(&dataset.notes);
+    report.warnings.extend(warnings(&report, &views, bounds, &off_axis));
     report
 }
 

@@ -35,6 +35,7 @@ fn dataset() -> Dataset {
         test,
         bounds: None,
         points: Vec::new(),
+        notes: Vec::new(),
     }
 }
 

@@ -73,7 +73,7 @@ fn distortion_is_removed_from_the_photographs() {
 }
 
 #[test]
-fn missing_truncated_and_unreadable_images_are_refused() {
+fn truncated_and_unreadable_images_are_refused_and_a_missing_one_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
     write_nerf(folder.path(), "transforms.json", &cameras(3));
     let path = folder.path().join("transforms_1.png");
@@ -83,7 +83,10 @@ fn missing_truncated_and_unreadable_images_are_refused() {
     std::fs::write(&path, "words").unwrap();
     refused(folder.path(), &["transforms_1.png", "no image"]);
     std::fs::remove_file(&path).unwrap();
-    refused(folder.path(), &["transforms_1", "no such file"]);
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!(dataset.notes, ["1 of 3 images is missing and left out: transforms_1"]);
+    std::fs::remove_file(folder.path().join("transforms_2.png")).unwrap();
+    refused(folder.path(), &["images", "2 of 3 missing", "transforms_1", "no such file"]);
 }
 
 #[test]

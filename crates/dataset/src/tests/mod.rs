@@ -1,8 +1,12 @@
 //! Small data sets in every format, written and read back, and wrong ones that must be refused.
 
+mod colmap;
+mod forms;
 mod images;
+mod lenses;
 mod middlebury;
 mod nerf;
+mod nerfstudio;
 mod neus;
 mod real;
 mod surroundings;

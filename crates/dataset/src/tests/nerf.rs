@@ -69,7 +69,6 @@ fn an_error_names_the_place_in_the_file() {
         ("/frames", json!([]), vec!["frames", "found []"]),
         ("/frames", json!(3), vec!["frames", "found 3"]),
         ("/frames/1/file_path", json!(7), vec!["frames/1/file_path", "found 7"]),
-        ("/frames/1/file_path", json!("gone"), vec!["gone", "no such file", "frames/1"]),
         (
             "/frames/2/transform_matrix",
             json!([[1, 2], [3, 4]]),
@@ -98,9 +97,13 @@ fn an_error_names_the_place_in_the_file() {
         ("/w", json!(-48), vec!["w:", "found -48"]),
         ("/w", json!("wide"), vec!["w:", "found \"wide\"", "a finite number"]),
         ("/fl_x", json!(0), vec!["fl_x", "focal lengths 0"]),
-        ("/is_fisheye", json!(true), vec!["is_fisheye"]),
         ("/camera_model", json!("EQUIRECTANGULAR"), vec!["camera_model", "EQUIRECTANGULAR"]),
-        ("/k3", json!(0.1), vec!["k3", "found 0.1"]),
+        ("/k3", json!("0.1"), vec!["k3", "found \"0.1\""]),
+        ("/applied_transform", json!([[1, 2], [3, 4]]), vec!["applied_transform", "3 x 4"]),
+        ("/applied_scale", json!(0), vec!["applied_scale", "a number above 0"]),
+        ("/ply_file_path", json!(5), vec!["ply_file_path", "found 5"]),
+        ("/train_filenames", json!(["none.png"]), vec!["train_filenames/0", "none.png"]),
+        ("/val_filenames", json!([4]), vec!["val_filenames", "array of file names"]),
         ("/k1", json!(-40), vec!["distortion"]),
     ];
     for (pointer, value, words) in cases {

@@ -120,3 +120,26 @@ fn a_folder_of_heic_photographs_is_refused_with_a_converter() {
     std::fs::write(images.join("a.HEIC"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     refused(folder.path(), &["a.HEIC", "HEIC", "heif-convert"]);
 }
+
+#[test]
+fn idr_archives_are_read_and_images_may_be_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = cameras(9);
+    write_neus(folder.path(), &all);
+    let at = |name: &str| folder.path().join(name);
+    std::fs::rename(at("cameras_sphere.npz"), at("cameras.npz")).unwrap();
+    let found = forms::assert_agrees_with_nerf(folder.path(), &all);
+    assert!(found.format.contains("cameras.npz") && found.bounds.is_some());
+    // The masks tell which images are missing; without them, the numbers in the names.
+    std::fs::remove_file(at("image/000.png")).unwrap();
+    std::fs::remove_file(at("image/005.png")).unwrap();
+    let found = load(folder.path(), &LoadOptions::default()).unwrap();
+    let note = "2 of 9 images are missing and left out: image/000, image/005";
+    assert_eq!(found.notes, [note]);
+    let rest = all[1..5].iter().chain(&all[6..]);
+    for (view, camera) in in_order(&found).into_iter().zip(rest) {
+        assert_same_camera(&view.camera, camera, 1e-9);
+    }
+    std::fs::remove_dir_all(at("mask")).unwrap();
+    refused(folder.path(), &["cameras.npz", "9 arrays", "7, one for each image"]);
+}

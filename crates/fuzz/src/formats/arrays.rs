@@ -39,6 +39,12 @@ impl Array {
         Array::new("<f8", false, &[4, 4], data)
     }
 
+    /// An array of double precision with rows of equal length.
+    pub(crate) fn table(rows: &[Vec<f64>]) -> Self {
+        let data = rows.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        Array::new("<f8", false, &[rows.len(), rows.first().map_or(0, Vec::len)], data)
+    }
+
     /// The bytes before the data.
     fn start(&self) -> Vec<u8> {
         let mut header = self.header.python();

@@ -1,4 +1,4 @@
-//! Data sets: NeRF, NeuS, Middlebury and COLMAP, each with tiny photographs.
+//! Data sets: NeRF, nerfstudio, NeuS, IDR, Middlebury and COLMAP, each with tiny photographs.
 
 use std::fmt::Write;
 
@@ -8,35 +8,36 @@ use serde_json::{Value, json};
 use crate::case::Case;
 use crate::formats::arrays::{Array, archives};
 use crate::formats::images::{photograph, png_bytes};
+use crate::formats::{forms, meshes};
 use crate::layout::Layout;
 use crate::lines::Lines;
 use crate::spoil::{sometimes_spoiled, spoiled};
 use crate::tree::Tree;
 
 /// Width and height of a photograph, in pixels.
-const SIZE: u32 = 8;
+pub(super) const SIZE: u32 = 8;
 
 /// The focal length, in pixels.
-const FOCAL: f64 = 16.0;
+pub(super) const FOCAL: f64 = 16.0;
 
 /// The distance of every camera from the origin.
 const DISTANCE: f64 = 3.0;
 
 /// Right, down and forward of camera `i`, which circles the y axis and looks at it.
-fn axes(i: usize) -> [[f64; 3]; 3] {
+pub(super) fn axes(i: usize) -> [[f64; 3]; 3] {
     let (sin, cos) = (i as f64 * 0.9).sin_cos();
     [[cos, 0.0, -sin], [0.0, -1.0, 0.0], [-sin, 0.0, -cos]]
 }
 
-fn eye(i: usize) -> [f64; 3] {
+pub(super) fn eye(i: usize) -> [f64; 3] {
     axes(i)[2].map(|v| -DISTANCE * v)
 }
 
 /// The translation of the world-to-camera pose: the origin is on every camera's axis.
-const TRANSLATION: [f64; 3] = [0.0, 0.0, DISTANCE];
+pub(super) const TRANSLATION: [f64; 3] = [0.0, 0.0, DISTANCE];
 
 /// Adds the photographs `NAME.png` of a folder; one in ten sets has a harmed one.
-fn with_photographs(
+pub(super) fn with_photographs(
     cases: impl Strategy<Value = (Case, Vec<String>)> + 'static,
 ) -> BoxedStrategy<Case> {
     let harmed = prop_oneof![9 => Just(None), 1 => (0..9usize, png_bytes()).prop_map(Some)];
@@ -55,11 +56,16 @@ fn with_photographs(
         .boxed()
 }
 
+/// The name of image `i` of a NeRF data set.
+fn image_name(i: usize) -> String {
+    format!("images/{i:03}.png")
+}
+
 fn transforms(frames: usize, intrinsics: usize, extras: usize) -> Tree {
     let frame = |i: usize| {
         let ([right, down, forward], at) = (axes(i), eye(i));
         let row = |r: usize| json!([right[r], -down[r], -forward[r], at[r]]);
-        json!({"file_path": format!("images/{i:03}.png"),
+        json!({"file_path": image_name(i),
                "transform_matrix": [row(0), row(1), row(2), [0, 0, 0, 1]]})
     };
     let mut root = json!({"frames": (0..frames).map(frame).collect::<Vec<_>>()});
@@ -87,6 +93,24 @@ fn transforms(frames: usize, intrinsics: usize, extras: usize) -> Tree {
         }
         1 => root["frames"][0]["mask_path"] = json!("images/000.png"),
         2 => put("aabb_scale", json!(16)),
+        3 => {
+            put("camera_model", json!("OPENCV_FISHEYE"));
+            for (key, value) in [("k1", 0.1), ("k2", -0.01), ("k3", 0.001), ("k4", 0.0)] {
+                put(key, json!(value));
+            }
+        }
+        4 => {
+            for key in ["k1", "k2", "k3", "k4", "k5", "k6"] {
+                put(key, json!(0.01));
+            }
+            put("applied_transform", json!([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 5]]));
+            put("applied_scale", json!(0.5));
+        }
+        5 => {
+            put("ply_file_path", json!("points.ply"));
+            put("train_filenames", json!(["images/000.png"]));
+            put("val_filenames", json!((1..frames).map(image_name).collect::<Vec<_>>()));
+        }
         _ => {}
     }
     root.into()
@@ -94,13 +118,14 @@ fn transforms(frames: usize, intrinsics: usize, extras: usize) -> Tree {
 
 /// A folder of a NeRF data set.
 pub(crate) fn nerf() -> BoxedStrategy<Case> {
-    let roots = (1..5usize, 0..3usize, 0..6usize);
+    let roots = (1..5usize, 0..3usize, 0..8usize);
     let roots = roots.prop_flat_map(|(frames, intrinsics, extras)| {
-        (spoiled(Just(transforms(frames, intrinsics, extras))), Just(frames), any::<bool>())
+        let root = spoiled(Just(transforms(frames, intrinsics, extras)));
+        (root, Just(frames), any::<bool>(), meshes::point_clouds())
     });
-    with_photographs(roots.prop_map(|(root, frames, split)| {
-        let names = (0..frames).map(|i| format!("images/{i:03}.png")).collect();
-        let case = Case::default();
+    with_photographs(roots.prop_map(|(root, frames, split, points)| {
+        let names = (0..frames).map(image_name).collect();
+        let case = Case::default().file("points.ply", points);
         let case = if split {
             case.file("transforms_train.json", root.json())
                 .file("transforms_test.json", transforms(1, 0, 9).json())
@@ -130,15 +155,19 @@ pub(crate) fn neus() -> BoxedStrategy<Case> {
         });
         archives(matrices.map(|(name, rows)| (name, Array::matrix(rows))).collect())
     };
-    let folders = (1..4usize).prop_flat_map(move |views| (Just(views), archive(views)));
-    with_photographs(folders.prop_map(|(views, bytes)| {
-        let names = (0..views).map(|i| format!("image/{i:03}.png")).collect();
-        (Case::default().file("cameras_sphere.npz", bytes), names)
+    let folders =
+        (1..4usize).prop_flat_map(move |views| (Just(views), archive(views), 0..6usize, 0..2usize));
+    with_photographs(folders.prop_map(|(views, bytes, missing, name)| {
+        // One image may be missing.
+        let images = (0..views).filter(|i| views == 1 || *i != missing);
+        let names = images.map(|i| format!("image/{i:03}.png")).collect();
+        let name = ["cameras_sphere.npz", "cameras.npz"][name];
+        (Case::default().file(name, bytes), names)
     }))
 }
 
 /// Numbers with a blank between.
-fn words(numbers: &[f64]) -> String {
+pub(super) fn words(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
@@ -163,12 +192,17 @@ pub(crate) fn middlebury() -> BoxedStrategy<Case> {
 }
 
 /// Camera models of COLMAP with their numbers in binary files and their parameters.
-const MODELS: [(&str, u64, &[f64]); 5] = [
+const MODELS: [(&str, u64, &[f64]); 10] = [
     ("SIMPLE_PINHOLE", 0, &[FOCAL, 4.0, 4.0]),
     ("PINHOLE", 1, &[FOCAL, FOCAL, 4.0, 4.0]),
     ("SIMPLE_RADIAL", 2, &[FOCAL, 4.0, 4.0, 0.1]),
     ("RADIAL", 3, &[FOCAL, 4.0, 4.0, 0.1, 0.01]),
     ("OPENCV", 4, &[FOCAL, FOCAL, 4.0, 4.0, 0.1, 0.01, 0.001, 0.0]),
+    ("OPENCV_FISHEYE", 5, &[FOCAL, FOCAL, 4.0, 4.0, 0.1, 0.01, 0.001, 0.0]),
+    ("FULL_OPENCV", 6, &[FOCAL, FOCAL, 4.0, 4.0, 0.1, 0.01, 0.001, 0.0, 0.01, 0.1, 0.01, 0.0]),
+    ("SIMPLE_RADIAL_FISHEYE", 8, &[FOCAL, 4.0, 4.0, 0.1]),
+    ("RADIAL_FISHEYE", 9, &[FOCAL, 4.0, 4.0, 0.1, 0.01]),
+    ("THIN_PRISM_FISHEYE", 10, &[4.0, 4.0, 4.0, 4.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.0]),
 ];
 
 /// The quaternion (w, x, y, z) of camera `i`: half a turn about x after a turn about y.
@@ -241,10 +275,18 @@ fn one_of_three<T: crate::spoil::Spoil>(files: [T; 3]) -> BoxedStrategy<[T; 3]> 
         .boxed()
 }
 
+/// The places of a model and of its images.
+const PLACES: [(&str, &str); 4] = [
+    ("sparse/0", "images"),
+    ("sparse", "input"),
+    ("colmap/sparse/0", "images"),
+    ("sparse/0", "images_2"),
+];
+
 /// A folder of a COLMAP model, as text or in binary form, with its images.
 pub(crate) fn colmap() -> BoxedStrategy<Case> {
-    let counts = (0..MODELS.len(), 1..5usize, 0..6usize, any::<bool>());
-    let models = counts.prop_flat_map(|(model, views, points, binary)| {
+    let counts = (0..MODELS.len(), 1..5usize, 0..6usize, any::<bool>(), 0..PLACES.len());
+    let models = counts.prop_flat_map(|(model, views, points, binary, place)| {
         let files: BoxedStrategy<[Vec<u8>; 3]> = if binary {
             let files = one_of_three(binary_model(model, views, points));
             files.prop_map(|files| files.map(|layout| layout.to_bytes())).boxed()
@@ -252,21 +294,27 @@ pub(crate) fn colmap() -> BoxedStrategy<Case> {
             let files = one_of_three(text_model(model, views, points));
             files.prop_map(|files| files.map(|lines| lines.to_bytes())).boxed()
         };
-        (Just((views, binary)), files)
+        (Just((views, binary, place)), files)
     });
-    with_photographs(models.prop_map(|((views, binary), [cameras, images, points])| {
+    with_photographs(models.prop_map(|((views, binary, place), [cameras, images, points])| {
         let extension = if binary { "bin" } else { "txt" };
+        let (model, folder) = PLACES[place];
+        // A smaller model, in text.
+        let [small_cameras, small_images, _] = text_model(0, 1, 0);
         let case = Case::default()
-            .file(format!("sparse/0/cameras.{extension}"), cameras)
-            .file(format!("sparse/0/images.{extension}"), images)
-            .file(format!("sparse/0/points3D.{extension}"), points);
-        (case, (0..views).map(|i| format!("images/{i:03}.png")).collect())
+            .file(format!("{model}/cameras.{extension}"), cameras)
+            .file(format!("{model}/images.{extension}"), images)
+            .file(format!("{model}/points3D.{extension}"), points)
+            .file("sparse/7/cameras.txt", small_cameras.to_bytes())
+            .file("sparse/7/images.txt", small_images.to_bytes());
+        (case, (0..views).map(|i| format!("{folder}/{i:03}.png")).collect())
     }))
 }
 
 /// A data set of any format, in the folder `data`.
 pub(crate) fn any_dataset() -> BoxedStrategy<Case> {
-    prop_oneof![nerf(), neus(), middlebury(), colmap()]
+    let more = prop_oneof![forms::llff(), forms::blended_mvs(), forms::metashape()];
+    prop_oneof![nerf(), neus(), middlebury(), colmap(), more]
         .prop_map(|case| Case::default().case("data", case))
         .boxed()
 }

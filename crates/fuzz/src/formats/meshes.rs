@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::case::Case;
 use crate::layout::Layout;
 use crate::lines::Lines;
-use crate::spoil::{Spoil, spoiled};
+use crate::spoil::{Spoil, sometimes_spoiled, spoiled};
 
 /// A PLY file: a header of lines, and a body of lines or of binary fields.
 #[derive(Clone, Debug)]
@@ -118,4 +118,9 @@ pub(crate) fn mesh_files() -> BoxedStrategy<Case> {
     let ply = |ply: Ply| Case::default().file("mesh.ply", ply.to_bytes());
     let obj = |lines: Lines| Case::default().file("mesh.obj", lines.to_bytes());
     prop_oneof![3 => spoiled(plys()).prop_map(ply), 1 => spoiled(objs).prop_map(obj)].boxed()
+}
+
+/// The bytes of a PLY file.
+pub(crate) fn point_clouds() -> BoxedStrategy<Vec<u8>> {
+    sometimes_spoiled(plys()).prop_map(|ply| ply.to_bytes()).boxed()
 }

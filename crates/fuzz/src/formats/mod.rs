@@ -2,6 +2,7 @@
 
 pub(crate) mod arrays;
 pub(crate) mod datasets;
+pub(crate) mod forms;
 pub(crate) mod images;
 pub(crate) mod meshes;
 pub(crate) mod models;

@@ -11,7 +11,7 @@ use fit::FitOptions;
 /// Arguments of `dsdf fit`.
 #[derive(Args, Debug)]
 pub(crate) struct Fit {
-    /// Data set folder: NeRF/Blender, NeuS/IDR, Middlebury or COLMAP
+    /// Data set: a folder, or the .json or .xml camera file in it (forms: see the README)
     #[arg(required_unless_present_any = ["resume", "check"])]
     pub(super) dataset: Option<PathBuf>,
     /// Run folder to write

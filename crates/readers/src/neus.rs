@@ -1,7 +1,7 @@
-//! NeuS/IDR data sets: `cameras_sphere.npz` with `image/` and `mask/` (Yariv et al., "Multiview
-//! Neural Surface Reconstruction by Disentangling Geometry and Appearance", NeurIPS 2020; Wang et
-//! al., "NeuS: Learning Neural Implicit Surfaces by Volume Rendering for Multi-view
-//! Reconstruction", NeurIPS 2021).
+//! NeuS/IDR data sets: `cameras_sphere.npz`, or IDR's `cameras.npz`, with `image/` and `mask/`
+//! (Yariv et al., "Multiview Neural Surface Reconstruction by Disentangling Geometry and
+//! Appearance", NeurIPS 2020; Wang et al., "NeuS: Learning Neural Implicit Surfaces by Volume
+//! Rendering for Multi-view Reconstruction", NeurIPS 2021).
 //!
 //! `world_mat_i` is the projection matrix of image i, OpenCV axes, pixel centres at integers.
 //! `scale_mat_i` maps the unit sphere to the bounding sphere in world units.
@@ -15,11 +15,11 @@ use glam::{DMat3, DMat4, DVec3};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::{Recognised, Result};
-use crate::MaskKind;
+use crate::images::{images, images_in, positions};
 use crate::projection::decompose;
 use crate::unread::UnreadView;
-use io::{InputError, image_size, refuse_unconverted};
+use crate::{MaskKind, Recognised, Result, Views, npy};
+use io::{InputError, image_size};
 
 /// The largest deviation of `scale_mat` from a uniform scale, relative to the squared scale.
 const UNIFORM: f64 = 1e-4;
@@ -27,31 +27,34 @@ const UNIFORM: f64 = 1e-4;
 /// The part of an entry that is inflated, in bytes: the longest header, and 16 numbers.
 const LARGEST_MATRIX: u64 = 12 + 10_000 + 16 * 8;
 
-/// Reads the cameras and pairs them with the images in the order of their names.
-pub(super) fn read(folder: &Path) -> Result<Recognised> {
-    let mut archive = Archive::open(folder.join("cameras_sphere.npz"))?;
+/// Reads the cameras of the archive `name`, and pairs them with the images in the order of their
+/// names; by the numbers in the names if images are missing.
+pub(crate) fn read(folder: &Path, name: &str) -> Result<Recognised> {
+    let mut archive = Archive::open(folder.join(name))?;
     let images = images(&folder.join("image"))?;
-    archive.check_count(images.len())?;
     let masks = images_in(&folder.join("mask")).unwrap_or_default();
-    let mut train = Vec::new();
+    let cameras = archive.cameras_of(&images, &masks)?;
+    let mut views = Views::default();
     let mut bounds = None;
-    for (i, path) in images.iter().enumerate() {
-        let world = archive.matrix(&format!("world_mat_{i}"))?;
-        let scale = archive.matrix(&format!("scale_mat_{i}"))?;
-        bounds.get_or_insert(bounding_sphere(&archive.file, scale, i)?);
+    for (i, (path, camera)) in images.iter().zip(&cameras).enumerate() {
+        let matrix = format!("world_mat_{camera}");
+        let world = archive.matrix(&matrix)?;
+        let scale = archive.matrix(&format!("scale_mat_{camera}"))?;
+        bounds.get_or_insert(bounding_sphere(&archive.file, scale, *camera)?);
         let (width, height) = image_size(path)?;
         let (camera, lens) = decompose(world, width, height).ok_or_else(|| {
             let expected = "K [R t] with a regular K and a rotation R";
-            InputError::new(&archive.file, format!("world_mat_{i}"), "a singular matrix", expected)
+            InputError::new(&archive.file, matrix, "a singular matrix", expected)
         })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let mask = mask_of(&images, i, &masks).map(|mask| (MaskKind::Object, mask));
-        let size_source = "the image".to_owned();
-        train.push(UnreadView { name, path: path.clone(), mask, camera, lens, size_source });
+        let view = UnreadView::of_image(name, path.clone(), camera, lens);
+        views.found.push(UnreadView { mask, ..view });
     }
-    let format =
-        "NeuS/IDR cameras_sphere.npz: P = world_mat, OpenCV axes, integer pixel centres".to_owned();
-    Ok(Recognised { format, train, test: None, bounds, points: Vec::new() })
+    let missing = (0..archive.cameras()).filter(|i| !cameras.contains(i));
+    views.missing = missing.map(|i| folder.join("image").join(format!("{i:03}"))).collect();
+    let format = format!("NeuS/IDR {name}: P = world_mat, OpenCV axes, integer pixel centres");
+    Ok(Recognised { bounds, ..Recognised::new(&format, views) })
 }
 
 /// The archive of camera matrices: one `.npy` file a matrix.
@@ -68,15 +71,30 @@ impl Archive {
         Ok(Archive { file, zip })
     }
 
-    /// Refuses an archive without exactly one `world_mat` an image.
-    fn check_count(&self, images: usize) -> Result<()> {
+    /// The number of cameras.
+    fn cameras(&self) -> usize {
         let names = self.zip.file_names().flatten();
-        let cameras = names.filter(|name| is_numbered(name, "world_mat_")).count();
-        if cameras == images {
-            return Ok(());
-        }
-        let expected = format!("{images}, one for each image in image/");
-        Err(InputError::new(&self.file, "world_mat_*", format!("{cameras} arrays"), expected))
+        names.filter(|name| is_numbered(name, "world_mat_")).count()
+    }
+
+    /// The index of the camera of each image. If images are missing, the masks tell it by their
+    /// names if there is one a camera, and else the numbers in the names of the images.
+    fn cameras_of(&self, images: &[PathBuf], masks: &[PathBuf]) -> Result<Vec<usize>> {
+        let count = self.cameras();
+        let mask_of =
+            |image: &PathBuf| masks.iter().position(|m| m.file_stem() == image.file_stem());
+        let by_mask = || images.iter().map(mask_of).collect::<Option<Vec<usize>>>();
+        let cameras = match images.len() < count && masks.len() == count {
+            true => by_mask().or_else(|| positions(images, count)),
+            false => positions(images, count),
+        };
+        cameras.filter(|cameras| cameras.len() <= count).ok_or_else(|| {
+            let expected = format!(
+                "{}, one for each image in image/ (or images numbered from 0)",
+                images.len()
+            );
+            InputError::new(&self.file, "world_mat_*", format!("{count} arrays"), expected)
+        })
     }
 
     /// A 4 × 4 matrix in single or double precision, stored by rows or by columns.
@@ -94,13 +112,7 @@ impl Archive {
             return Err(error(format!("shape {shape:?}")));
         }
         let by_columns = npy.order() == npyz::Order::Fortran;
-        let is_double = npy.dtype().descr().contains("f8");
-        let numbers: std::io::Result<Vec<f64>> = if is_double {
-            npy.into_vec()
-        } else {
-            npy.into_vec::<f32>().map(|v| v.into_iter().map(f64::from).collect())
-        };
-        let numbers = numbers.map_err(|e| error(e.to_string()))?;
+        let numbers = npy::numbers(npy).map_err(|e| error(e.to_string()))?;
         match <[f64; 16]>::try_from(numbers) {
             Ok(m) if m.iter().all(|v| v.is_finite()) => {
                 let m = DMat4::from_cols_array(&m);
@@ -125,29 +137,6 @@ fn mask_of(images: &[PathBuf], i: usize, masks: &[PathBuf]) -> Option<PathBuf> {
         return same_name(&images[i]).cloned();
     }
     masks.get(i).filter(|_| masks.len() == images.len()).cloned()
-}
-
-/// The images of a folder that must have some.
-fn images(folder: &Path) -> Result<Vec<PathBuf>> {
-    let images = images_in(folder)
-        .map_err(|e| InputError::new(folder, "images", e, "a folder with images"))?;
-    if images.is_empty() {
-        refuse_unconverted(folder)?;
-        return Err(InputError::new(folder, "images", "none", "PNG or JPEG files"));
-    }
-    Ok(images)
-}
-
-/// The PNG and JPEG files of a folder, in the order of their names.
-fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)?.flatten().map(|e| e.path()).collect();
-    paths.retain(|p| {
-        p.extension().is_some_and(|e| {
-            ["png", "jpg", "jpeg"].contains(&e.to_string_lossy().to_lowercase().as_str())
-        })
-    });
-    paths.sort();
-    Ok(paths)
 }
 
 /// The image of the unit sphere under `scale_mat`, in world units. The image is a sphere only if

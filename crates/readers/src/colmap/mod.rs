@@ -6,26 +6,38 @@
 //! origin at the image's top left corner, as those of [`Camera`].
 
 mod binary;
-#[cfg(test)]
-mod tests;
+mod models;
 mod text;
+
+pub(crate) use models::models;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
-use super::{Recognised, Result};
-use crate::MaskKind;
+use crate::images::{ImageFolder, image_folder};
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
+use crate::{MaskKind, Recognised, Result, Views};
 use io::InputError;
+use models::Candidates;
 use render::Camera;
 
 /// The camera models that a pinhole and a [`Lens`] describe.
-const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL or OPENCV \
-     (others: undistort the images with COLMAP)";
+const SUPPORTED: [&str; 10] = [
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "FULL_OPENCV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "OPENCV_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+];
 
 /// The largest deviation of a quaternion's length from 1.
 const UNIT: f64 = 1e-3;
@@ -89,47 +101,45 @@ impl Model {
     }
 }
 
-/// The folder that holds the model of a data set: `sparse/0`, `sparse` or `folder` itself, the
-/// first that has a camera file.
-pub(super) fn model_folder(folder: &Path) -> Option<PathBuf> {
-    let places = [folder.join("sparse/0"), folder.join("sparse"), folder.to_owned()];
-    places
-        .into_iter()
-        .find(|p| ["cameras.bin", "cameras.txt"].iter().any(|name| p.join(name).is_file()))
-}
-
-/// Reads the model in `folder`. Its images are in `images/` of that folder, of its parent or of its
-/// grandparent.
-pub(super) fn read(folder: &Path) -> Result<Recognised> {
-    let model = Model::in_folder(folder);
-    let (cameras, images) = (model.cameras()?, model.images()?);
+/// Reads the model with the most images. Its images are in `images/` or `input/`, or else in a
+/// reduced copy of these, in the model's folder or up to three folders above.
+pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised> {
+    let Candidates { folder, images, note } = models::largest(data_set, candidates)?;
+    let model = Model::in_folder(&folder);
+    let cameras = model.cameras()?;
     let cameras: Result<BTreeMap<u32, (Camera, Lens)>> = cameras
         .iter()
         .map(|record| intrinsics(&model.cameras, record).map(|camera| (record.id, camera)))
         .collect();
     let cameras = cameras?;
-    let image_folder = image_folder(folder)?;
-    let train: Result<Vec<UnreadView>> = images
-        .into_iter()
-        .map(|image| unread_view(&model.images, &image_folder, &cameras, image))
-        .collect();
-    let mut train = train?;
-    if train.is_empty() {
+    if images.is_empty() {
         return Err(InputError::new(&model.images, "images", "none", "registered images"));
     }
+    let place = folder_of_images(&folder, &images)?;
+    let mut views = Views::default();
+    for image in images {
+        views.add(place.path.join(&image.name), |path| {
+            let view = unread_view(&model.images, path, &place.path, &cameras, image)?;
+            if place.is_reduced { view.of_reduced_image() } else { Ok(view) }
+        })?;
+    }
     // COLMAP numbers images in no particular order.
-    train.sort_by(|a, b| a.name.cmp(&b.name));
+    views.found.sort_by(|a, b| a.name.cmp(&b.name));
+    views.missing.sort();
     let format = format!(
         "COLMAP sparse model ({}): world-to-camera, OpenCV axes",
         if model.binary { "binary" } else { "text" }
     );
-    Ok(Recognised { format, train, test: None, bounds: None, points: model.points()? })
+    let notes = note.into_iter().collect();
+    Ok(Recognised { points: model.points()?, notes, ..Recognised::new(&format, views) })
 }
 
-fn image_folder(model: &Path) -> Result<PathBuf> {
-    let candidates: Vec<PathBuf> = model.ancestors().take(3).map(|p| p.join("images")).collect();
-    candidates.iter().find(|p| p.is_dir()).cloned().ok_or_else(|| {
-        let expected = "a folder \"images\" beside the model's folder or \"sparse\"";
+/// The folder of the images: the first that has one of them.
+fn folder_of_images(model: &Path, images: &[ImageRecord]) -> Result<ImageFolder> {
+    let places: Vec<&Path> = model.ancestors().take(4).collect();
+    let has = |folder: &Path| images.iter().any(|image| folder.join(&image.name).is_file());
+    image_folder(&places, has).ok_or_else(|| {
+        let expected = "a folder \"images\" or \"input\" beside the model's folder or \"sparse\"";
         InputError::new(model, "images", "no such folder", expected)
     })
 }
@@ -161,26 +171,46 @@ fn parameters(
     place: &str,
     record: &CameraRecord,
 ) -> Result<([f64; 2], [f64; 2], Lens)> {
-    let lens = |radial, tangential| Lens { radial, tangential, skew: 0.0 };
+    let (radial, fisheye) = (Lens::radial, Lens::fisheye);
     Ok(match (record.model.as_str(), record.parameters.as_slice()) {
         ("SIMPLE_PINHOLE", &[f, x, y]) => ([f, f], [x, y], Lens::default()),
         ("PINHOLE", &[fx, fy, x, y]) => ([fx, fy], [x, y], Lens::default()),
-        ("SIMPLE_RADIAL", &[f, x, y, k]) => ([f, f], [x, y], lens([k, 0.0], [0.0; 2])),
-        ("RADIAL", &[f, x, y, k1, k2]) => ([f, f], [x, y], lens([k1, k2], [0.0; 2])),
-        ("OPENCV", &[fx, fy, x, y, k1, k2, p1, p2]) => ([fx, fy], [x, y], lens([k1, k2], [p1, p2])),
-        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV", p) => {
-            let found = format!("{} parameters of {}", p.len(), record.model);
+        ("SIMPLE_RADIAL", &[f, x, y, k]) => ([f, f], [x, y], radial([k, 0.0, 0.0, 0.0])),
+        ("RADIAL", &[f, x, y, k1, k2]) => ([f, f], [x, y], radial([k1, k2, 0.0, 0.0])),
+        ("OPENCV", &[fx, fy, x, y, k1, k2, p1, p2]) => {
+            let lens = Lens { tangential: [p1, p2], ..radial([k1, k2, 0.0, 0.0]) };
+            ([fx, fy], [x, y], lens)
+        }
+        ("FULL_OPENCV", &[fx, fy, x, y, k1, k2, p1, p2, k3, k4, k5, k6]) => {
+            let radial = radial([k1, k2, k3, 0.0]);
+            let lens = Lens { tangential: [p1, p2], divisor: [k4, k5, k6], ..radial };
+            ([fx, fy], [x, y], lens)
+        }
+        ("SIMPLE_RADIAL_FISHEYE", &[f, x, y, k]) => ([f, f], [x, y], fisheye([k, 0.0, 0.0, 0.0])),
+        ("RADIAL_FISHEYE", &[f, x, y, k1, k2]) => ([f, f], [x, y], fisheye([k1, k2, 0.0, 0.0])),
+        ("OPENCV_FISHEYE", &[fx, fy, x, y, k1, k2, k3, k4]) => {
+            ([fx, fy], [x, y], fisheye([k1, k2, k3, k4]))
+        }
+        ("THIN_PRISM_FISHEYE", &[fx, fy, x, y, k1, k2, p1, p2, k3, k4, s1, s2]) => {
+            let fisheye = fisheye([k1, k2, k3, k4]);
+            ([fx, fy], [x, y], Lens { tangential: [p1, p2], prism: [s1, s2], ..fisheye })
+        }
+        (model, p) if SUPPORTED.contains(&model) => {
+            let found = format!("{} parameters of {model}", p.len());
             return Err(InputError::new(file, place, found, "as many as the camera model has"));
         }
         (other, _) => {
-            return Err(InputError::new(file, format!("{place} model"), other, SUPPORTED));
+            let supported = SUPPORTED.join(", ");
+            let expected = format!("{supported} (others: undistort the images with COLMAP)");
+            return Err(InputError::new(file, format!("{place} model"), other, expected));
         }
     })
 }
 
-/// The view of an image record; `file` is the file of the record.
+/// The view of an image record; `file` is the file of the record, and `path` that of the image.
 fn unread_view(
     file: &Path,
+    path: PathBuf,
     image_folder: &Path,
     cameras: &BTreeMap<u32, (Camera, Lens)>,
     image: ImageRecord,
@@ -195,9 +225,8 @@ fn unread_view(
         let place = format!("pose of {}", image.name);
         InputError::new(file, place, pose_fault(pose), "a rotation and a translation")
     })?;
-    let path = image_folder.join(&image.name);
     let mask = mask_of(image_folder, &image.name);
-    Ok(UnreadView { name: image.name, path, mask, camera, lens: *lens, size_source })
+    Ok(UnreadView { mask, size_source, ..UnreadView::of_image(image.name, path, camera, *lens) })
 }
 
 /// The camera-to-world matrix of an image record.

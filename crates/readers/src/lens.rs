@@ -6,24 +6,34 @@ use film::Film;
 use rayon::prelude::*;
 use render::Camera;
 
-/// Radial and tangential distortion and skew: the difference between a photograph's camera and a
-/// pinhole camera.
+/// Distortion and skew: the difference between a photograph's camera and a pinhole camera.
 ///
 /// The model is that of Brown ("Decentering Distortion of Lenses", Photogrammetric Engineering
-/// 32(3), 1966) and Conrady ("Decentred Lens-Systems", MNRAS 79, 1919), as in OpenCV, COLMAP's
-/// OPENCV model and instant-ngp. With tangents (x, y), y down, and r² = x² + y², it is the map
+/// 32(3), 1966) and Conrady ("Decentred Lens-Systems", MNRAS 79, 1919) with the rational radial
+/// part and the thin prism of OpenCV ("Camera Calibration and 3D Reconstruction") and COLMAP's
+/// FULL_OPENCV and THIN_PRISM_FISHEYE. With tangents (x, y), y down, and r² = x² + y², it is the
+/// map
 ///
-/// (x, y) ↦ (x, y) (1 + k₁ r² + k₂ r⁴)
-///   + (2 p₁ x y + p₂ (r² + 2 x²), 2 p₂ x y + p₁ (r² + 2 y²)),
+/// (x, y) ↦ (x, y) (1 + k₁ r² + k₂ r⁴ + k₃ r⁶ + k₄ r⁸) / (1 + d₁ r² + d₂ r⁴ + d₃ r⁶)
+///   + (2 p₁ x y + p₂ (r² + 2 x²), 2 p₂ x y + p₁ (r² + 2 y²)) + (s₁, s₂) r²,
 ///
-/// from the tangents of a point to the tangents at which the photograph shows it. The film x is
-/// then shifted by `skew` pixels per unit of the second tangent.
+/// from the tangents of a point to the tangents at which the photograph shows it. A fisheye lens
+/// has it after (x, y) ↦ (x, y) θ/r, where θ = atan r is the angle to the optical axis (Kannala and
+/// Brandt, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and
+/// Fish-Eye Lenses", IEEE PAMI 28(8), 2006). The film x is then shifted by `skew` pixels per unit
+/// of the second tangent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Lens {
-    /// Radial coefficients k₁, k₂.
-    pub(crate) radial: [f64; 2],
+    /// Whether angles take the place of tangents: a fisheye lens.
+    pub(crate) by_angle: bool,
+    /// Radial coefficients k₁ to k₄.
+    pub(crate) radial: [f64; 4],
+    /// Coefficients d₁ to d₃ of the radial divisor.
+    pub(crate) divisor: [f64; 3],
     /// Tangential coefficients p₁, p₂.
     pub(crate) tangential: [f64; 2],
+    /// Thin prism coefficients s₁, s₂.
+    pub(crate) prism: [f64; 2],
     /// The element of K in row 0, column 1, in pixels.
     pub(crate) skew: f64,
 }
@@ -38,17 +48,57 @@ const MOST_ZOOM: f64 = 3.0;
 /// Tolerance of the search for the magnification, relative to the focal length.
 const ZOOM_TOLERANCE: f64 = 1e-4;
 
+/// The largest angle between the optical axis and the middle of an edge of the pinhole image of a
+/// fisheye lens, in degrees. A pixel there covers (1 / cos 55°)² = 3 times the solid angle of one
+/// in the centre along the radius; at 75 degrees it would be 15 times.
+const WIDEST: f64 = 55.0;
+
 /// Intervals along each edge of the film, and along the line from there to the principal point, at
 /// whose ends the map is tested.
 const TESTS: usize = 32;
 
 impl Lens {
+    /// A lens with the coefficients k₁ to k₄.
+    pub(crate) fn radial(radial: [f64; 4]) -> Self {
+        Lens { radial, ..Lens::default() }
+    }
+
+    /// A fisheye lens with the coefficients k₁ to k₄ of powers of the angle.
+    pub(crate) fn fisheye(radial: [f64; 4]) -> Self {
+        Lens { by_angle: true, radial, ..Lens::default() }
+    }
+
+    pub(crate) fn is_fisheye(&self) -> bool {
+        self.by_angle
+    }
+
     /// The map of tangents `p` ↦ q of [`Lens`], and its Jacobian ∂q/∂p.
+    ///
+    /// NaN where the radial divisor is not above 0.
     fn distort(&self, p: DVec2) -> (DVec2, DMat2) {
-        let ([k1, k2], [p1, p2]) = (self.radial, self.tangential);
+        if !self.by_angle {
+            return self.distort_brown(p);
+        }
+        let (angles, inner) = to_angles(p);
+        let (q, outer) = self.distort_brown(angles);
+        (q, outer * inner)
+    }
+
+    /// The map behind the angles of a fisheye lens.
+    fn distort_brown(&self, p: DVec2) -> (DVec2, DMat2) {
+        let ([k1, k2, k3, k4], [d1, d2, d3]) = (self.radial, self.divisor);
+        let ([p1, p2], prism) = (self.tangential, DVec2::from(self.prism));
         let r2 = p.length_squared();
-        let radial = 1.0 + r2 * (k1 + r2 * k2);
-        let slope = 2.0 * (k1 + 2.0 * k2 * r2);
+        let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4)));
+        let below = 1.0 + r2 * (d1 + r2 * (d2 + r2 * d3));
+        if below <= 0.0 {
+            return (DVec2::NAN, DMat2::NAN);
+        }
+        let radial = above / below;
+        let above_slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3 + r2 * 4.0 * k4));
+        let below_slope = d1 + r2 * (2.0 * d2 + r2 * 3.0 * d3);
+        // The derivative of `radial` by x is this times x; by y, times y.
+        let slope = 2.0 * (above_slope - radial * below_slope) / below;
         let xy = p.x * p.y;
         let tangential = DVec2::new(
             2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
@@ -57,7 +107,8 @@ impl Lens {
         let across = slope * xy + 2.0 * (p1 * p.x + p2 * p.y);
         let dx = DVec2::new(radial + slope * p.x * p.x + 2.0 * p1 * p.y + 6.0 * p2 * p.x, across);
         let dy = DVec2::new(across, radial + slope * p.y * p.y + 2.0 * p2 * p.x + 6.0 * p1 * p.y);
-        (p * radial + tangential, DMat2::from_cols(dx, dy))
+        let jacobian = DMat2::from_cols(dx + 2.0 * p.x * prism, dy + 2.0 * p.y * prism);
+        (p * radial + tangential + prism * r2, jacobian)
     }
 
     /// Maps a film position `u` of the pinhole camera `ideal` to the film position of the same
@@ -78,6 +129,9 @@ impl Lens {
     /// The pinhole camera of the undistorted image: `camera` magnified about its principal point by
     /// the least factor at which the photograph covers its whole film.
     ///
+    /// The factor is 1 or more. For a fisheye lens it may be less, down to a film that reaches
+    /// [`WIDEST`] degrees from the optical axis.
+    ///
     /// Coverage is tested at points of the film's border. `None` if the factor would exceed
     /// [`MOST_ZOOM`], or the distortion folds the image over within the film.
     pub(crate) fn pinhole(&self, camera: &Camera) -> Option<Camera> {
@@ -92,11 +146,17 @@ impl Lens {
                     && self.is_unfolded(&ideal, u)
             })
         };
-        if is_covered(1.0) {
-            return Some(*camera);
+        let least = if self.by_angle {
+            let reach = camera.principal.max(size - camera.principal) / camera.focal;
+            reach.max_element() / WIDEST.to_radians().tan()
+        } else {
+            1.0
+        };
+        if is_covered(least) {
+            return Some(zoomed(least));
         }
-        let (mut low, mut high) = (1.0, MOST_ZOOM);
-        if !is_covered(high) {
+        let (mut low, mut high) = (least, MOST_ZOOM);
+        if !is_covered(high) || low > high {
             return None;
         }
         while high - low > ZOOM_TOLERANCE {
@@ -125,6 +185,22 @@ impl Lens {
         });
         out
     }
+}
+
+/// The map of tangents to angles of a fisheye lens, p ↦ p θ/r, and its Jacobian.
+fn to_angles(p: DVec2) -> (DVec2, DMat2) {
+    let r2 = p.length_squared();
+    let r = r2.sqrt();
+    // Near the axis the differences lose all digits: Taylor series of atan.
+    let (scale, slope) = if r2 < 1e-6 {
+        (1.0 - r2 / 3.0, -2.0 / 3.0 + 0.8 * r2)
+    } else {
+        let scale = r.atan() / r;
+        (scale, (1.0 / (1.0 + r2) - scale) / r2)
+    };
+    let jacobian = DMat2::from_diagonal(DVec2::splat(scale))
+        + DMat2::from_cols(p * (slope * p.x), p * (slope * p.y));
+    (p * scale, jacobian)
 }
 
 /// Equidistant film positions along the film's border.
@@ -178,12 +254,21 @@ mod tests {
             y in -0.6..0.6f64,
             k in prop::array::uniform4(-0.1..0.1f64),
         ) {
-            let lens = Lens { radial: [k[0], k[1]], tangential: [k[2], k[3]], skew: 0.0 };
-            let (p, h) = (DVec2::new(x, y), 1e-6);
-            let jacobian = lens.distort(p).1;
-            for (e, column) in [(DVec2::X, jacobian.x_axis), (DVec2::Y, jacobian.y_axis)] {
-                let (plus, minus) = (lens.distort(p + h * e).0, lens.distort(p - h * e).0);
-                assert_relative_eq!(column, (plus - minus) / (2.0 * h), epsilon = 1e-8);
+            for by_angle in [false, true] {
+                let lens = Lens {
+                    by_angle,
+                    radial: k,
+                    divisor: [k[1], -k[0], k[2]],
+                    tangential: [k[2], k[3]],
+                    prism: [k[3], k[0]],
+                    skew: 0.0,
+                };
+                let (p, h) = (DVec2::new(x, y), 1e-6);
+                let jacobian = lens.distort(p).1;
+                for (e, column) in [(DVec2::X, jacobian.x_axis), (DVec2::Y, jacobian.y_axis)] {
+                    let (plus, minus) = (lens.distort(p + h * e).0, lens.distort(p - h * e).0);
+                    assert_relative_eq!(column, (plus - minus) / (2.0 * h), epsilon = 1e-8);
+                }
             }
         }
 
@@ -193,7 +278,8 @@ mod tests {
             p in -0.02..0.02f64,
             skew in -5.0..5.0f64,
         ) {
-            let lens = Lens { radial: [k, 0.0], tangential: [p, -p], skew };
+            let lens =
+                Lens { tangential: [p, -p], skew, ..Lens::radial([k, 0.0, 0.0, 0.0]) };
             let ideal = lens.pinhole(&camera()).unwrap();
             prop_assert!(ideal.focal.x >= 80.0);
             for i in 0..100 {
@@ -241,8 +327,10 @@ mod tests {
     fn undistorting_restores_the_pinhole_image() {
         let camera = camera();
         let lenses = [
-            Lens { radial: [-0.15, 0.02], tangential: [0.003, -0.002], skew: 0.0 },
-            Lens { radial: [0.2, 0.0], tangential: [0.0; 2], skew: 0.0 },
+            Lens { tangential: [0.003, -0.002], ..Lens::radial([-0.15, 0.02, 0.01, 0.0]) },
+            Lens::radial([0.2, 0.0, 0.0, 0.0]),
+            Lens { divisor: [0.1, 0.02, 0.0], ..Lens::radial([-0.05, 0.0, 0.0, 0.0]) },
+            Lens { prism: [0.01, 0.02], ..Lens::fisheye([0.05, -0.01, 0.0, 0.0]) },
             Lens { skew: 3.0, ..Lens::default() },
         ];
         for lens in lenses {
@@ -262,7 +350,20 @@ mod tests {
     fn a_lens_without_distortion_is_negligible_and_a_folding_one_is_refused() {
         assert!(Lens::default().is_negligible(&camera()));
         assert!(Lens { skew: 0.005, ..Lens::default() }.is_negligible(&camera()));
-        assert!(Lens { radial: [-30.0, 0.0], ..Lens::default() }.pinhole(&camera()).is_none());
-        assert!(Lens { radial: [f64::NAN, 0.0], ..Lens::default() }.pinhole(&camera()).is_none());
+        assert!(Lens::radial([-30.0, 0.0, 0.0, 0.0]).pinhole(&camera()).is_none());
+        assert!(Lens::radial([f64::NAN, 0.0, 0.0, 0.0]).pinhole(&camera()).is_none());
+    }
+
+    #[test]
+    fn the_image_of_a_fisheye_lens_reaches_at_most_55_degrees() {
+        // Equidistant lenses whose film ends 40, 60 and 85 degrees from the axis.
+        for (edge, expected) in [(40f64, 40.0), (60.0, 55.0), (85.0, 55.0)] {
+            let focal = DVec2::splat(50.0 / edge.to_radians());
+            let camera = Camera { focal, principal: DVec2::new(50.0, 40.0), ..camera() };
+            let ideal = Lens::fisheye([0.0; 4]).pinhole(&camera).unwrap();
+            let found = (50.0 / ideal.focal.x).atan().to_degrees();
+            // The corners of the smallest film are not covered at once.
+            assert!((expected - 8.0..expected + 0.01).contains(&found), "{edge}: {found}");
+        }
     }
 }

@@ -4,9 +4,8 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::tests::{
-    assert_same_camera, ball, cameras, in_order, photograph, refused, world_to_camera,
-};
+use super::forms::resized;
+use super::{assert_same_camera, ball, cameras, in_order, photograph, refused, world_to_camera};
 use crate::{LoadOptions, Surroundings, load, surroundings};
 use io::write_image;
 use render::Camera;
@@ -115,7 +114,7 @@ fn pinhole_of(c: &Camera) -> [f64; 4] {
 #[test]
 fn text_and_binary_models_are_read_from_every_folder() {
     let all = cameras(9);
-    for place in ["sparse/0", "sparse", "."] {
+    for place in ["sparse/0", "sparse", "colmap/sparse/0", "."] {
         for binary in [false, true] {
             let folder = tempfile::tempdir().unwrap();
             write_images(folder.path(), &all);
@@ -205,7 +204,7 @@ fn wrong_text_models_are_refused() {
         (good.replace(&q[0].to_string(), "NaN"), vec!["02 a.png", "unit quaternion"]),
         (good.replace(&q[0].to_string(), "x"), vec!["line 2", "found x", "a quaternion"]),
         (good.replace("5 02 a", "6 02 a"), vec!["02 a.png", "camera 6"]),
-        (good.replace("02 a.png", "04 a.png"), vec!["04 a.png", "no such file"]),
+        (good.replace(" a.png", " b.png"), vec!["3 of 3 missing", "no such file", "0 b.png"]),
         (good.replace("02 a.png", ""), vec!["line 2", "an image's name"]),
         ("# none\n".to_owned(), vec!["images", "none"]),
     ];
@@ -243,4 +242,52 @@ fn binary_models_truncated_at_any_byte_are_refused() {
     }
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();
     refused(folder.path(), &["images", "no such folder"]);
+}
+
+#[test]
+fn the_model_with_the_most_images_is_read() {
+    let all = cameras(9);
+    let folder = tempfile::tempdir().unwrap();
+    write_images(folder.path(), &all);
+    let model = |i: usize| folder.path().join(format!("sparse/{i}"));
+    write_text(&model(0), &all[..2], "PINHOLE", &pinhole_of(&all[0]));
+    write_binary(&model(10), &all, 1, &pinhole_of(&all[0]));
+    write_text(&model(2), &all[..3], "PINHOLE", &pinhole_of(&all[0]));
+    for path in [folder.path().to_owned(), folder.path().join("sparse")] {
+        let dataset = load(&path, &LoadOptions::default()).unwrap();
+        assert_eq!(dataset.train.len() + dataset.test.len(), 9);
+        let note = &dataset.notes[0];
+        let prefix = if path.ends_with("sparse") { "" } else { "sparse/" };
+        let start = format!("{prefix}10 with 9 images is read; {prefix}0 has 2, {prefix}2 has 3");
+        assert!(note.starts_with(&start), "{note}");
+    }
+    let small = load(&model(2), &LoadOptions::default()).unwrap();
+    assert_eq!((small.train.len() + small.test.len(), small.notes.len()), (3, 0));
+    std::fs::write(model(0).join("images.txt"), "x").unwrap();
+    refused(folder.path(), &["sparse/0/images.txt", "line 1"]);
+}
+
+#[test]
+fn other_image_folders_are_read() {
+    let all = cameras(9);
+    let folder = tempfile::tempdir().unwrap();
+    write_images(folder.path(), &all);
+    write_text(&folder.path().join("sparse/0"), &all, "PINHOLE", &pinhole_of(&all[0]));
+    let at = |name: &str| folder.path().join(name);
+    std::fs::rename(at("images"), at("input")).unwrap();
+    // A folder without the photographs of the model is passed over.
+    std::fs::create_dir(at("images")).unwrap();
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_same_camera(&in_order(&dataset)[3].camera, &all[3], 1e-9);
+    assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
+    std::fs::remove_dir_all(at("input")).unwrap();
+    std::fs::create_dir(at("images_2")).unwrap();
+    for (i, camera) in all.iter().enumerate().filter(|(i, _)| *i != 4) {
+        let film = photograph(&resized(camera, [24, 20]));
+        write_image(&at(&format!("images_2/{i:02} a.png")), &film).unwrap();
+    }
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_same_camera(&in_order(&dataset)[3].camera, &resized(&all[3], [24, 20]), 1e-9);
+    assert_eq!(dataset.notes[0], "1 of 9 images is missing and left out: images_2/04 a.png");
+    assert!(dataset.notes[1].contains("images_2 are smaller"), "{:?}", dataset.notes);
 }

@@ -9,10 +9,10 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{Recognised, Result};
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
+use crate::{Recognised, Result, Views};
 use io::InputError;
 use io::image_size;
 use render::Camera;
@@ -27,17 +27,18 @@ pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
     let no_count = |found: &str| InputError::new(file, "line 1", found, "the number of views");
     let (_, first) = lines.next().ok_or_else(|| no_count("nothing"))?;
     let count: usize = first.trim().parse().map_err(|_| no_count(first))?;
-    let train: Result<Vec<UnreadView>> =
-        lines.map(|(i, line)| Line { file, number: i + 1 }.read(folder, line)).collect();
-    let train = train?;
-    if train.len() != count || count == 0 {
+    let mut views = Views::default();
+    for (i, line) in lines {
+        Line { file, number: i + 1 }.read(folder, line, &mut views)?;
+    }
+    let found = views.found.len() + views.missing.len();
+    if found != count || count == 0 {
         let expected = format!("{count} (the number on line 1), at least 1");
-        return Err(InputError::new(file, "views", train.len(), expected));
+        return Err(InputError::new(file, "views", found, expected));
     }
     let format =
-        "Middlebury cameras: P = K [R t], OpenCV axes, origin at the image's top left corner"
-            .to_owned();
-    Ok(Recognised { format, train, test: None, bounds: None, points: Vec::new() })
+        "Middlebury cameras: P = K [R t], OpenCV axes, origin at the image's top left corner";
+    Ok(Recognised::new(format, views))
 }
 
 /// The place of a line, for messages.
@@ -51,14 +52,14 @@ impl Line<'_> {
         InputError::new(self.file, format!("line {}", self.number), found, expected)
     }
 
-    fn read(&self, folder: &Path, line: &str) -> Result<UnreadView> {
+    fn read(&self, folder: &Path, line: &str, views: &mut Views) -> Result<()> {
         let mut words = line.split_whitespace();
         let name = words.next().unwrap_or_default();
         let numbers = self.numbers(words)?;
-        let path = folder.join(name);
-        let (camera, lens) = self.camera(&numbers, image_size(&path)?)?;
-        let (name, size_source) = (name.to_owned(), "the image".to_owned());
-        Ok(UnreadView { name, path, mask: None, camera, lens, size_source })
+        views.add(folder.join(name), |path| {
+            let (camera, lens) = self.camera(&numbers, image_size(&path)?)?;
+            Ok(UnreadView::of_image(name.to_owned(), path, camera, lens))
+        })
     }
 
     /// The 21 numbers after the name.

@@ -4,17 +4,18 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
+use crate::images::sibling_mask;
 use crate::lens::Lens;
 use crate::{Mask, MaskKind, View};
 use film::{Film, srgb_encode};
 use io::InputError;
-use io::{read_image_of, reading_memory};
+use io::{image_size, read_image_of, reading_memory};
 use render::Camera;
 
 type Result<T> = std::result::Result<T, InputError>;
 
 /// A view whose image is not read yet.
-pub(crate) struct UnreadView {
+pub struct UnreadView {
     pub(crate) name: String,
     /// The image file.
     pub(crate) path: PathBuf,
@@ -26,6 +27,8 @@ pub(crate) struct UnreadView {
     pub(crate) lens: Lens,
     /// The file or the record that the camera's size comes from, for messages.
     pub(crate) size_source: String,
+    /// The size in the camera file, if the image is a reduced copy of another size.
+    pub(crate) full_size: Option<[u32; 2]>,
 }
 
 /// A photograph and its mask, in the geometry of one pinhole camera.
@@ -46,9 +49,62 @@ const MEMORY_PER_UNDISTORTED_PIXEL: u64 = 12;
 /// and coverage as a film.
 const MEMORY_PER_MASK_PIXEL: u64 = 16;
 
+/// Programs round the sides of a reduced image to whole pixels, down or up.
+const ROUNDING: f64 = 1.5;
+
 impl UnreadView {
+    /// A view without a mask, whose camera has the size of the image.
+    pub(crate) fn of_image(name: String, path: PathBuf, camera: Camera, lens: Lens) -> Self {
+        let size_source = "the image".to_owned();
+        UnreadView { name, path, mask: None, camera, lens, size_source, full_size: None }
+    }
+
+    /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
+    pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
+        let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
+        UnreadView { mask, ..self }
+    }
+
+    /// Width and height of the photograph in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.camera.width, self.camera.height]
+    }
+
+    /// The view of an image that is smaller (or larger) than the camera file says: the intrinsics
+    /// are scaled, in x and in y, to the size of the image file.
+    ///
+    /// # Errors
+    /// If the image cannot be read, or has another aspect ratio.
+    pub(crate) fn of_reduced_image(mut self) -> Result<Self> {
+        let camera = &mut self.camera;
+        let full = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        let (width, height) = image_size(&self.path)?;
+        let to_vector = |(w, h): (u32, u32)| DVec2::new(f64::from(w), f64::from(h));
+        let fits = |size: &(u32, u32)| {
+            let size = to_vector(*size);
+            let scale = (size / full).max_element();
+            (full * scale - size).max_element() <= ROUNDING
+        };
+        // An image may be turned by its EXIF orientation.
+        let size = [(width, height), (height, width)].into_iter().find(fits).ok_or_else(|| {
+            let [w, h] = [camera.width, camera.height];
+            let expected = format!("the aspect ratio of {w} x {h} (from {})", self.size_source);
+            InputError::new(&self.path, "size", format!("{width} x {height}"), expected)
+        })?;
+        if size != (camera.width, camera.height) {
+            let scale = to_vector(size) / full;
+            self.full_size = Some([camera.width, camera.height]);
+            (camera.width, camera.height) = size;
+            camera.focal *= scale;
+            camera.principal *= scale;
+            self.lens.skew *= scale.x;
+            self.mask = self.mask.map(|(kind, mask)| (kind, copy_of_mask(&mask, &self.path)));
+        }
+        Ok(self)
+    }
+
     /// An estimate of the memory for [`read`](Self::read), in bytes.
-    pub(crate) fn reading_memory(&self) -> u64 {
+    pub fn reading_memory(&self) -> u64 {
         let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1) + MEMORY_PER_MASK_PIXEL;
         let of_lens = if self.lens.is_negligible(&self.camera) { 0 } else { 1 };
         let a_pixel = reading_memory(&self.path)
@@ -62,7 +118,7 @@ impl UnreadView {
     ///
     /// # Errors
     /// If a file is missing or wrong, or the distortion cannot be removed.
-    pub(crate) fn read(self, downscale: u32) -> Result<View> {
+    pub fn read(self, downscale: u32) -> Result<View> {
         let photograph = self.read_photograph()?;
         let photograph = self.undistorted(photograph)?;
         let Photograph { camera, image, mask } = match downscale {
@@ -121,6 +177,20 @@ impl UnreadView {
             camera: ideal,
         })
     }
+}
+
+/// The mask in the reduced copies of the masks, `masks_4` for an image in `images_4`; if there is
+/// none, the mask itself.
+fn copy_of_mask(mask: &Path, image: &Path) -> PathBuf {
+    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let copy = || {
+        let folder = name(image.parent()?)?;
+        let (_, factor) = folder.rsplit_once('_')?;
+        let masks = mask.parent()?;
+        let masks = masks.with_file_name(format!("{}_{factor}", name(masks)?));
+        Some(masks.join(mask.file_name()?)).filter(|copy| copy.is_file())
+    };
+    copy().unwrap_or_else(|| mask.to_owned())
 }
 
 impl Photograph {

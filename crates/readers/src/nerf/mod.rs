@@ -1,56 +1,118 @@
 //! NeRF/Blender data sets: `transforms*.json` (Mildenhall et al., "NeRF: Representing Scenes as
 //! Neural Radiance Fields for View Synthesis", ECCV 2020), with the intrinsics and the distortion
-//! of instant-ngp and nerfstudio.
+//! of instant-ngp and nerfstudio, and nerfstudio's lists of splits and point cloud.
 //!
 //! A pose is camera-to-world, x right, y up, looking along −z: the convention of [`Camera`]. A key
 //! of a frame overrides the same key of the file.
+//!
+//! nerfstudio's `applied_transform` and `applied_scale` tell how its world was made from that of
+//! another program. The poses and the point cloud have them applied already, so they are checked
+//! and not used: all results are in the world of the file's own poses.
+
+mod lens;
+mod split;
 
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec2};
 use serde_json::Value;
 
-use super::{Recognised, Result};
-use crate::MaskKind;
-use crate::lens::Lens;
+use crate::images::{image_named, reduced_copies, sibling_mask};
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
+use crate::{MaskKind, Recognised, Result, Views, ply};
 use io::json::{numbers, shown};
-use io::{InputError, image_size, refuse_unconverted};
+use io::{InputError, image_size};
 use render::Camera;
 
 /// The least angle across an image, in radians. The narrowest telescopes see more.
 const LEAST_ANGLE: f64 = 1e-6;
 
-/// Camera models of a perspective lens with at most k1, k2, p1 and p2.
-const CAMERA_MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
-
 /// Reads the frames of `file`. If it is `transforms_train.json`, the frames of
-/// `transforms_test.json`, or else of `transforms_val.json`, are the held-out views.
-pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
-    let train = read_frames(folder, file)?;
+/// `transforms_test.json`, or else of `transforms_val.json`, are the held-out views. Else the file
+/// may have lists of the frames of each split.
+pub(crate) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
+    let root = io::json::read(file)?;
     let has_split = file.file_name().is_some_and(|n| n == "transforms_train.json");
     let sibling = ["transforms_test.json", "transforms_val.json"]
         .map(|n| folder.join(n))
         .into_iter()
         .find(|p| p.exists());
-    let test = match sibling.filter(|_| has_split) {
-        Some(path) => Some(read_frames(folder, &path)?),
-        None => None,
+    let format = "NeRF/Blender transforms: camera-to-world, x right, y up, looking along -z";
+    let mut recognised = match (split::lists(file, &root)?, sibling.filter(|_| has_split)) {
+        (Some(lists), _) => lists.read(folder, file, &root, format)?,
+        (None, Some(path)) => {
+            let train = read_frames(folder, file, frames(file, &root)?, &root)?;
+            let other = io::json::read(&path)?;
+            let test = read_frames(folder, &path, frames(&path, &other)?, &other)?;
+            with_split(format, train, test)
+        }
+        (None, None) => {
+            let views = read_frames(folder, file, frames(file, &root)?, &root)?;
+            Recognised::new(format, views)
+        }
     };
-    let format =
-        "NeRF/Blender transforms: camera-to-world, x right, y up, looking along -z".to_owned();
-    Ok(Recognised { format, train, test, bounds: None, points: Vec::new() })
+    check_applied(file, &root)?;
+    match &root["ply_file_path"] {
+        Value::Null => {}
+        Value::String(name) if folder.join(name).exists() => {
+            recognised.points = ply::points(&folder.join(name))?;
+        }
+        Value::String(name) => {
+            let note = format!("the point cloud {name} (ply_file_path) is missing");
+            recognised.notes.push(io::printable(&note));
+        }
+        other => {
+            return Err(InputError::new(file, "ply_file_path", shown(other), "a file's name"));
+        }
+    }
+    Ok(recognised)
 }
 
-fn read_frames(folder: &Path, file: &Path) -> Result<Vec<UnreadView>> {
-    let root = io::json::read(file)?;
+/// A data set with a split of its own.
+fn with_split(format: &str, train: Views, test: Views) -> Recognised {
+    let Views { found, missing } = test;
+    let mut recognised = Recognised::new(format, train);
+    recognised.missing.extend(missing);
+    recognised.test = Some(found);
+    recognised
+}
+
+/// Checks the numbers of `applied_transform` and `applied_scale`, which are not used.
+fn check_applied(file: &Path, root: &Value) -> Result<()> {
+    let (transform, scale) = (&root["applied_transform"], &root["applied_scale"]);
+    let rows = transform.as_array().filter(|rows| rows.len() == 3 || rows.len() == 4);
+    let is_matrix = rows.is_some_and(|rows| rows.iter().all(|r| numbers::<4>(r).is_some()));
+    if !transform.is_null() && !is_matrix {
+        let expected = "a 3 x 4 or 4 x 4 matrix of finite numbers";
+        return Err(InputError::new(file, "applied_transform", shown(transform), expected));
+    }
+    if !scale.is_null() && !scale.as_f64().is_some_and(|v| v.is_finite() && v > 0.0) {
+        return Err(InputError::new(file, "applied_scale", shown(scale), "a number above 0"));
+    }
+    Ok(())
+}
+
+/// The frames of a file with their places in it.
+fn frames<'a>(file: &Path, root: &'a Value) -> Result<Vec<(usize, &'a Value)>> {
     let frames = root["frames"].as_array().filter(|f| !f.is_empty());
     let frames = frames.ok_or_else(|| {
         InputError::new(file, "frames", shown(&root["frames"]), "an array with frames")
     })?;
-    let frame = |(i, frame)| Frame { file, root: &root, frame, pointer: format!("frames/{i}") };
-    frames.iter().enumerate().map(frame).map(|frame| frame.read(folder)).collect()
+    Ok(frames.iter().enumerate().collect())
+}
+
+fn read_frames(
+    folder: &Path,
+    file: &Path,
+    frames: Vec<(usize, &Value)>,
+    root: &Value,
+) -> Result<Views> {
+    let mut views = Views::default();
+    for (i, frame) in frames {
+        Frame { file, root, frame, pointer: format!("frames/{i}") }.read(folder, &mut views)?;
+    }
+    Ok(views)
 }
 
 /// One frame, and the file that has the defaults of all frames.
@@ -63,25 +125,36 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    fn read(&self, folder: &Path) -> Result<UnreadView> {
+    fn read(&self, folder: &Path, views: &mut Views) -> Result<()> {
         let name = self.frame["file_path"]
             .as_str()
             .ok_or_else(|| self.error("file_path", "a file's name"))?;
-        let path = image_path(folder, name);
-        let path = path.map_or_else(|| self.no_image(&folder.join(name)), Ok)?;
-        let lens = self.lens()?;
-        let camera = self.camera(&path)?;
-        let mask = self.mask(folder, name)?;
-        let size_source = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let name = name.trim_start_matches("./").to_owned();
-        Ok(UnreadView { name, path, mask, camera, lens, size_source })
+        let (path, is_reduced) = image_path(folder, name);
+        views.add(path, |path| {
+            let lens = self.lens()?;
+            if is_reduced {
+                self.check_full_size(&path)?;
+            }
+            let camera = self.camera(&path)?;
+            let mask = self.mask(folder, name)?;
+            let file = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let name = name.trim_start_matches("./").to_owned();
+            let view = UnreadView::of_image(name, path, camera, lens);
+            let view = UnreadView { mask, size_source: file, ..view };
+            if is_reduced { view.of_reduced_image() } else { Ok(view) }
+        })
     }
 
-    /// Refuses the frame, whose image `path` is missing.
-    fn no_image(&self, path: &Path) -> Result<PathBuf> {
-        refuse_unconverted(path)?;
-        let expected = format!("the image of {} in {}", self.pointer, self.file.display());
-        Err(InputError::new(path, "image", "no such file", expected))
+    /// Refuses a reduced image of a file without the full size, to which the intrinsics belong.
+    fn check_full_size(&self, image: &Path) -> Result<()> {
+        for key in ["w", "h"] {
+            if self.number(key)?.is_none() {
+                let image = image.display();
+                let expected = format!("the size of the full image in pixels, for {image} is less");
+                return Err(InputError::new(self.file, key, "nothing", expected));
+            }
+        }
+        Ok(())
     }
 
     /// The value of the frame, or else of the file; null if neither has the key.
@@ -178,31 +251,6 @@ impl Frame<'_> {
         }
     }
 
-    /// Distortion: OPENCV's k1, k2, p1 and p2, of the frame or of the file. Other models are
-    /// refused.
-    fn lens(&self) -> Result<Lens> {
-        let model = self.value("camera_model");
-        let is_known = |m: &str| CAMERA_MODELS.contains(&m.to_uppercase().as_str());
-        if !model.is_null() && !model.as_str().is_some_and(is_known) {
-            let expected = CAMERA_MODELS.join(", ");
-            return Err(InputError::new(self.file, "camera_model", shown(model), expected));
-        }
-        if self.value("is_fisheye").as_bool() == Some(true) {
-            let expected = "a perspective lens (undistort the images first)";
-            return Err(InputError::new(self.file, "is_fisheye", "true", expected));
-        }
-        let get = |key: &str| self.number(key).map(|v| v.unwrap_or(0.0));
-        for key in ["k3", "k4"] {
-            let value = get(key)?;
-            if value != 0.0 {
-                let expected = "0: only k1, k2, p1 and p2 are modelled";
-                return Err(InputError::new(self.file, key, value, expected));
-            }
-        }
-        let (radial, tangential) = ([get("k1")?, get("k2")?], [get("p1")?, get("p2")?]);
-        Ok(Lens { radial, tangential, skew: 0.0 })
-    }
-
     /// `transform_matrix`: three or four rows, the fourth (0, 0, 0, 1).
     fn pose(&self) -> Result<DMat4> {
         let value = &self.frame["transform_matrix"];
@@ -230,7 +278,7 @@ impl Frame<'_> {
         match &self.frame["mask_path"] {
             Value::Null => Ok(sibling_mask(folder, name).map(|mask| (MaskKind::Object, mask))),
             Value::String(mask) => {
-                let file = image_path(folder, mask).unwrap_or_else(|| folder.join(mask));
+                let file = image_named(folder, mask).unwrap_or_else(|| folder.join(mask));
                 Ok(Some((MaskKind::Used, file)))
             }
             _ => Err(self.error("mask_path", "a file's name")),
@@ -238,22 +286,18 @@ impl Frame<'_> {
     }
 }
 
-/// The file of an image whose name may lack the extension.
-fn image_path(folder: &Path, name: &str) -> Option<PathBuf> {
-    let as_named = folder.join(name);
-    let with_extension = ["png", "jpg", "jpeg", "exr"].map(|e| folder.join(format!("{name}.{e}")));
-    std::iter::once(as_named).chain(with_extension).find(|p| p.is_file())
-}
-
-/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`.
-fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
-    let name = name.trim_start_matches("./");
-    let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
-    let names = [name, without_extension(name), file, without_extension(file)];
-    names.into_iter().find_map(|n| image_path(&folder.join("masks"), n))
-}
-
-/// The part of a name before its last point, or all of it.
-fn without_extension(name: &str) -> &str {
-    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+/// The file of an image, whose name may lack the extension, and whether it is a reduced copy: that
+/// in `images_2`, `images_4` or `images_8`, if there is no folder `images`.
+fn image_path(folder: &Path, name: &str) -> (PathBuf, bool) {
+    let full = folder.join(name);
+    if let Some(path) = image_named(folder, name) {
+        return (path, false);
+    }
+    let (Some(parent), Some(file)) = (full.parent(), full.file_name()) else {
+        return (full, false);
+    };
+    let file = file.to_string_lossy();
+    let mut copies = reduced_copies(parent).filter(|_| !parent.exists());
+    let reduced = copies.find_map(|copy| image_named(&copy, &file));
+    reduced.map_or((full.clone(), false), |path| (path, true))
 }
