@@ -60,13 +60,15 @@ pub enum Purpose {
     BackgroundColor,
     /// The places of the points on a background's rays.
     BackgroundPoints,
+    /// The points through which planes are tried.
+    PlaneTrials,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 27] = [
+    pub const ALL: [Purpose; 28] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -94,6 +96,7 @@ impl Purpose {
         Purpose::RayPoints,
         Purpose::BackgroundColor,
         Purpose::BackgroundPoints,
+        Purpose::PlaneTrials,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -126,6 +129,7 @@ impl Purpose {
             Purpose::RayPoints => 25,
             Purpose::BackgroundColor => 26,
             Purpose::BackgroundPoints => 27,
+            Purpose::PlaneTrials => 28,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }
