@@ -34,7 +34,7 @@ fn table(tilt: f64, noise: f64, on_table: u64) -> (Vec<SurfacePoint>, DVec3) {
 
 /// The ground of these points of equal area; the cameras are around and above.
 fn found(points: &[SurfacePoint], up: DVec3) -> Option<Ground> {
-    let eye = |i: u32| DVec3::new(2.0 * f64::from(i).cos(), 2.0 * f64::from(i).sin(), 1.8);
+    let eye = |i: u32| DVec3::new(2.0 * f64::from(i).cos(), 2.0 * f64::from(i).sin(), 3.0);
     let eyes: Vec<DVec3> = (0..9).map(eye).collect();
     ground(points, &vec![0.25; points.len()], &eyes, up, 1.0)
 }
