@@ -290,7 +290,7 @@ fn the_table_of_a_room_is_found() {
     let folder = Folder::new();
     let (data, run) = (data.to_string_lossy().into_owned(), folder.path("run"));
     let bounds = [0, 1, 2].map(|k| number(&room["centre"][k]).to_string()).join(",") + ",0.19";
-    let options = ["--iterations", "300", "--batch", "512", "--bounds", &bounds];
+    let options = ["--masks", "ignore", "--iterations", "300", "--bounds", &bounds];
     dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
     let (report, _) = mesh(&folder, &run, "cow.obj", &["--above", "auto"]);
     let plane = &step(&report, "above")["plane"];
