@@ -7,7 +7,7 @@ use std::fs;
 use glam::DVec3;
 use serde_json::{Value, json};
 use tests::input::{Folder, fit_two_iterations, refused};
-use tests::{dsdf_json, dsdf_ok, shared};
+use tests::{dsdf_json, dsdf_ok};
 
 /// The width and height of the photographs in pixels, and their focal length.
 const SIZE: u32 = 64;
@@ -146,6 +146,24 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
 }
 
+/// Whether a point of the unit sphere is at an angle of less than acos(`cosine`) to the direction
+/// of a training camera.
+fn is_seen(x: DVec3, cosine: f64) -> bool {
+    cameras()[1..].iter().any(|camera| x.dot(camera[2]) > cosine)
+}
+
+/// The area of the points of the unit sphere that `holds` accepts, by 40,000 of them.
+fn total_of_sphere(holds: impl Fn(DVec3) -> bool) -> f64 {
+    let (count, golden) = (40_000, std::f64::consts::PI * (3.0 - 5f64.sqrt()));
+    let point = |i: u32| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+        let ((sin, cos), across) = ((golden * f64::from(i)).sin_cos(), (1.0 - z * z).sqrt());
+        DVec3::new(across * cos, across * sin, z)
+    };
+    let found = (0..count).filter(|i| holds(point(*i))).count();
+    4.0 * std::f64::consts::PI * found as f64 / f64::from(count)
+}
+
 #[test]
 fn the_table_is_cut_off_by_its_plane_and_the_unseen_part_by_the_cameras() {
     let folder = Folder::new();
@@ -157,17 +175,25 @@ fn the_table_is_cut_off_by_its_plane_and_the_unseen_part_by_the_cameras() {
     let (disc, cap) = (pi * (1.0 - HEIGHT * HEIGHT), 2.0 * pi * (1.0 - HEIGHT));
     let solid = 4.0 * 3f64.sqrt() * REACH * REACH;
     let total = disc + cap + solid;
+    // View 0 is held out. The others see the points of the cap at which the normal is at an angle
+    // of less than acos(1/4) to their direction: they are at the distance 4. Of the disc and the
+    // octahedron they see all.
+    let seen_cap = total_of_sphere(|x| x.dot(normal()) < -HEIGHT && is_seen(x, 0.25));
+    let seen_area = disc + seen_cap + solid;
     assert!((number(&whole["area"]) / total - 1.0).abs() < 0.01, "{whole} and {total}");
 
     let (above, path) = mesh(&folder, &run, "above.obj", &["--above", "auto"]);
     let cut = step(&above, "above");
     let plane = &cut["plane"];
-    assert!((number(&plane["degrees"]) - 10.0).abs() < 0.1, "{plane}");
+    let up = cameras()[1..].iter().map(|camera| camera[1]).sum::<DVec3>().normalize();
+    let degrees = up.dot(normal()).acos().to_degrees();
+    assert!((number(&plane["degrees"]) - degrees).abs() < 0.1, "{plane} and {degrees}");
     let found = [0, 1, 2].map(|k| number(&plane["normal"][k]));
     assert!(DVec3::from(found).distance(normal()) < 2e-3, "{plane}");
     let point = DVec3::from([0, 1, 2].map(|k| number(&plane["point"][k])));
     assert!((point.dot(normal()) + HEIGHT).abs() < 1e-3, "{plane}");
-    assert!((number(&plane["share"]) / (disc / (disc + solid)) - 1.0).abs() < 0.03, "{plane}");
+    let share = disc / seen_area;
+    assert!((number(&plane["share"]) - share).abs() < 0.02, "{plane} and {share}");
     assert!((number(&above["area"]) / solid - 1.0).abs() < 0.03, "{above} and {solid}");
     let (vertices, faces) = read_obj(&path);
     assert!(vertices.iter().all(|v| v.dot(normal()) + HEIGHT > 0.009), "below the table");
@@ -182,9 +208,12 @@ fn the_table_is_cut_off_by_its_plane_and_the_unseen_part_by_the_cameras() {
 
     let (seen, path) = mesh(&folder, &run, "seen.obj", &["--cull", "seen"]);
     let share = number(&step(&seen, "seen")["area"]);
-    assert!((share - cap / total).abs() < 0.015, "{share} and {}", cap / total);
+    let expected = (cap - seen_cap) / total;
+    // Faces that touch the edge stay: a cell around the cap.
+    assert!((0.0..0.02).contains(&(expected - share)), "{share} and {expected}");
     let (vertices, _) = read_obj(&path);
-    assert!(vertices.iter().all(|v| v.dot(normal()) + HEIGHT > -0.05), "the cap is unseen");
+    let on_cap = |v: &&DVec3| v.dot(normal()) < -HEIGHT - 0.02;
+    assert!(vertices.iter().filter(on_cap).all(|v| is_seen(*v, 0.22)), "the cap is unseen");
 }
 
 #[test]
@@ -280,22 +309,4 @@ fn wrong_cuts_are_refused_and_write_nothing() {
     let seen = 1.0 - number(&report["cut"][0]["area"]);
     assert!((seen - 0.5 * (1.0 - 0.5 / 4.0)).abs() < 0.03, "{report}");
     assert_eq!(report["closed"], json!(false));
-}
-
-/// A real set: the table of a room under a cow, of which height and direction are known.
-#[test]
-fn the_table_of_a_room_is_found() {
-    let Some(data) = shared("data/spot_room") else { return };
-    let room: Value = serde_json::from_slice(&fs::read(data.join("room.json")).unwrap()).unwrap();
-    let folder = Folder::new();
-    let (data, run) = (data.to_string_lossy().into_owned(), folder.path("run"));
-    let bounds = [0, 1, 2].map(|k| number(&room["centre"][k]).to_string()).join(",") + ",0.19";
-    let options = ["--masks", "ignore", "--iterations", "300", "--bounds", &bounds];
-    dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
-    let (report, _) = mesh(&folder, &run, "cow.obj", &["--above", "auto"]);
-    let plane = &step(&report, "above")["plane"];
-    let up = [0, 1, 2].map(|k| number(&plane["normal"][k]));
-    assert!(DVec3::from(up).dot(DVec3::Z) > 5f64.to_radians().cos(), "{plane}");
-    let height = number(&plane["point"][2]) - number(&room["table_z"]);
-    assert!(height.abs() < 0.1 * number(&room["radius"]), "{height}: {plane}");
 }
