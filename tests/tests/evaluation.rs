@@ -81,8 +81,8 @@ fn a_run_without_held_out_views_says_so() {
     assert!(!std::path::Path::new(&folder.path("pictures")).exists());
 }
 
-/// A run of two iterations is a ball of between half and 0.6 of the bounding radius. The cloud is a sphere of
-/// radius 0.6; the distances follow from the radii of the mesh's vertices.
+/// A run of two iterations is a ball of between half and 0.6 of the bounding radius. The cloud is a
+/// sphere of radius 0.6; the distances follow from the radii of the mesh's vertices.
 #[test]
 fn accuracy_and_completeness_are_those_of_concentric_spheres() {
     let folder = Folder::new();
@@ -129,8 +129,8 @@ fn accuracy_and_completeness_are_those_of_concentric_spheres() {
     assert!(report["chamfer"].is_null(), "{report}");
     let other = dsdf_json(&[&fixed[..], &[&binary, "--threads", "1"]].concat());
     assert!((other["overall"].as_f64().unwrap() - mean).abs() < 1e-6, "{other}");
-    // No two points are within a cap of 1e-6. Half of the reconstruction is left by a cut of the unseen
-    // part, so half of the reference has no part of it near.
+    // No two points are within a cap of 1e-6. Half of the reconstruction is left by a cut of the
+    // unseen part, so half of the reference has no part of it near.
     let far = dsdf_json(&[&fixed[..], &[&text, "--point-cap", "1e-6"]].concat());
     assert!(far["overall"].is_null() && far["accuracy_beyond_cap"] == json!(1.0), "{far}");
     let options = ["--point-cap", "0.2", "--point-spacing", "0.01", "--cull", "seen"];
