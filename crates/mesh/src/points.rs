@@ -86,8 +86,9 @@ mod tests {
     fn empty_and_damaged_clouds_are_refused() {
         let error = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
         assert!(error(&header("ascii", 0, "float")).contains("vertex: found no points"));
-        let nan = [header("ascii", 1, "float"), b"1 nan 2 0\n".to_vec()].concat();
-        assert!(error(&nan).contains("vertex 0"), "{}", error(&nan));
+        let numbers = [1.0, f32::NAN, 2.0].map(f32::to_le_bytes).concat();
+        let nan = [header("binary_little_endian", 1, "float"), numbers, vec![0]].concat();
+        assert!(error(&nan).contains("vertex 0: found"), "{}", error(&nan));
         let cut = [header("binary_little_endian", 9, "float"), vec![0; 20]].concat();
         assert!(error(&cut).contains("a count of 9"), "{}", error(&cut));
         assert!(error(b"solid\n").contains("cloud.PLY"));
