@@ -9,7 +9,7 @@ use film::Film;
 use fit::{Fit, Model, RunFile};
 use glam::{DVec2, DVec3};
 use io::{image_size, read_image, read_npy};
-use mesh::read_mesh;
+use mesh::{read_mesh, read_points};
 use proptest::strategy::BoxedStrategy;
 use render::Camera;
 use scene::SceneFile;
@@ -121,7 +121,11 @@ fn read_images(folder: &Path) -> anyhow::Result<()> {
 }
 
 fn read_meshes(folder: &Path) -> anyhow::Result<()> {
-    read_mesh(&only_file(folder)?)?;
+    let path = only_file(folder)?;
+    let points = read_points(&path);
+    read_mesh(&path)?;
+    // A mesh in a PLY file is a cloud, too.
+    anyhow::ensure!(points.is_ok() || path.extension().is_some_and(|e| e != "ply"), "no points");
     Ok(())
 }
 

@@ -1,10 +1,10 @@
 //! The surface of a fit: its part on the bounding sphere, and its part that no photograph sees.
 
+use cut::mark_seen;
 use field::Sphere;
-use glam::DVec3;
 use mesh::extract;
 use metrics::{SurfacePoint, sample_surface};
-use render::{Camera, InvalidField, Sample, Scene};
+use render::{InvalidField, Scene};
 use serde::Serialize;
 
 /// Shares of a surface's area, each 0 to 1.
@@ -49,7 +49,7 @@ pub fn surface_shares(
     }
     let mut seen = vec![false; points.len()];
     for camera in cameras {
-        mark_seen(scene, sphere.radius, camera, &points, &mut seen)?;
+        mark_seen(scene, camera, &|_| true, &points, SAME_POINT * sphere.radius, &mut seen)?;
     }
     let on_sphere = |p: &SurfacePoint| {
         (p.position - sphere.center).length() > (1.0 - ON_SPHERE) * sphere.radius
@@ -63,35 +63,6 @@ pub fn surface_shares(
         seen_on_sphere: share(&|p, seen| seen && on_sphere(p)),
         unseen: share(&|_, seen| !seen),
     }))
-}
-
-/// Marks the points that a camera sees. Points that are marked already cost nothing.
-fn mark_seen(
-    scene: &Scene<'_, f32>,
-    radius: f64,
-    camera: usize,
-    points: &[SurfacePoint],
-    seen: &mut [bool],
-) -> Result<(), InvalidField> {
-    let view = &scene.cameras[camera];
-    let candidates: Vec<(usize, Sample)> = (0..points.len())
-        .filter(|i| !seen[*i] && points[*i].normal.dot(view.eye - points[*i].position) > 0.0)
-        .filter_map(|i| Some((i, Sample { camera, u: on_film(view, points[i].position)? })))
-        .collect();
-    let samples: Vec<Sample> = candidates.iter().map(|(_, sample)| *sample).collect();
-    for ((i, _), traced) in candidates.iter().zip(scene.trace(&samples)?) {
-        let distance = (points[*i].position - view.eye).length();
-        let depth = traced.and_then(|ray| ray.depth()).map(f64::from);
-        // A ray without a hit passes beside the point by an error of the mesh.
-        seen[*i] = depth.is_none_or(|depth| depth > distance - SAME_POINT * radius);
-    }
-    Ok(())
-}
-
-/// The film position of a point; `None` outside the film.
-fn on_film(camera: &Camera, x: DVec3) -> Option<glam::DVec2> {
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    camera.project(x).filter(|u| (0.0..width).contains(&u.x) && (0.0..height).contains(&u.y))
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use field::{Csg, Operation, Shape};
 use film::Film;
-use glam::{DVec2, Vec3};
-use render::{Analytic, Formula, UniformBackground};
+use glam::{DVec2, DVec3, Vec3};
+use render::{Analytic, Camera, Formula, UniformBackground};
 
 use super::*;
 use crate::sampled_psnr;

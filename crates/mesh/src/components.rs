@@ -72,15 +72,18 @@ pub(crate) fn count(mesh: &Mesh) -> usize {
 }
 
 /// The mesh with the chosen components only, and without unused vertices.
-pub(crate) fn keep(mesh: Mesh, which: Components) -> Mesh {
+///
+/// # Panics
+/// If a face has an index beyond the vertices.
+pub fn keep_components(mesh: Mesh, which: Components) -> Mesh {
     let component = component_of_vertices(&mesh);
     let mut areas = vec![0.0; mesh.vertices.len()];
     for (i, face) in mesh.faces.iter().enumerate() {
         areas[component[face[0] as usize] as usize] += mesh.face_cross(i).length();
     }
     let largest = (0..areas.len()).fold(0, |best, c| if areas[c] > areas[best] { c } else { best });
-    let is_kept = |face: &[u32; 3]| {
-        let c = component[face[0] as usize] as usize;
+    let is_kept = |i: usize| {
+        let c = component[mesh.faces[i][0] as usize] as usize;
         match which {
             Components::All => true,
             Components::Largest => c == largest,
@@ -90,12 +93,16 @@ pub(crate) fn keep(mesh: Mesh, which: Components) -> Mesh {
     select_faces(&mesh, is_kept)
 }
 
-/// The mesh with the faces that `is_kept` accepts and their vertices, in the order of first use.
-fn select_faces(mesh: &Mesh, is_kept: impl Fn(&[u32; 3]) -> bool) -> Mesh {
+/// The mesh with the faces whose numbers `is_kept` accepts and their vertices, in the order of
+/// first use.
+///
+/// # Panics
+/// If a face that is kept has an index beyond the vertices.
+pub fn select_faces(mesh: &Mesh, is_kept: impl Fn(usize) -> bool) -> Mesh {
     const UNUSED: u32 = u32::MAX;
     let mut new_index = vec![UNUSED; mesh.vertices.len()];
-    let mut out = Mesh::default();
-    for face in mesh.faces.iter().filter(|f| is_kept(f)) {
+    let mut out = Mesh { origin: mesh.origin, ..Mesh::default() };
+    for (_, face) in mesh.faces.iter().enumerate().filter(|(i, _)| is_kept(*i)) {
         out.faces.push(face.map(|v| {
             let v = v as usize;
             if new_index[v] == UNUSED {

@@ -68,7 +68,7 @@ pub fn extract_with<R: Real>(
     let grid = Grid::new(field, bounds, resolution.max(LEAST_RESOLUTION), &grid_progress);
     let mut mesh = polygonise(&grid);
     make_manifold(&mut mesh);
-    mesh = components::keep(mesh, keep);
+    mesh = components::keep_components(mesh, keep);
     progress(TOPOLOGY_DONE);
     project::onto(&Solid::new(field, bounds, grid.cell), grid.cell, &mut mesh);
     progress(1.0);

@@ -12,14 +12,16 @@ mod glb;
 mod grid;
 mod manifold;
 mod mesh;
+mod points;
 mod project;
 mod read;
 mod solid;
 mod write;
 
-pub use components::Components;
+pub use components::{Components, keep_components, select_faces};
 pub use extract::{extract, extract_with};
 pub use mesh::Mesh;
+pub use points::read_points;
 pub use read::read_mesh;
 pub use write::write_mesh;
 

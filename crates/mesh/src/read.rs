@@ -159,9 +159,9 @@ fn least_size(header: &Header, property: &PropertyDef) -> u64 {
     }
 }
 
-fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
+pub(crate) fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     let error =
-        |field: &str, found: &dyn Display| InputError::new(path, field, found, "a PLY mesh");
+        |field: &str, found: &dyn Display| InputError::new(path, field, found, "a PLY file");
     let parser = Parser::<Element>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(|e| error("mesh", &e))?;

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod cloud;
 mod image;
 #[cfg(test)]
 mod image_tests;
@@ -8,6 +9,7 @@ mod sample;
 mod ssim;
 mod surface;
 
+pub use cloud::{CloudComparison, Distances, compare_to_cloud, points_drawn};
 pub use image::{mask_iou, psnr, psnr_where};
 pub use sample::{SurfacePoint, sample_surface};
 pub use ssim::ssim;

@@ -62,13 +62,15 @@ pub enum Purpose {
     BackgroundPoints,
     /// The pixels of a trial with refined cameras.
     CameraTrial,
+    /// The points through which planes are tried.
+    PlaneTrials,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 28] = [
+    pub const ALL: [Purpose; 29] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -97,6 +99,7 @@ impl Purpose {
         Purpose::BackgroundColor,
         Purpose::BackgroundPoints,
         Purpose::CameraTrial,
+        Purpose::PlaneTrials,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -130,6 +133,7 @@ impl Purpose {
             Purpose::BackgroundColor => 26,
             Purpose::BackgroundPoints => 27,
             Purpose::CameraTrial => 28,
+            Purpose::PlaneTrials => 29,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

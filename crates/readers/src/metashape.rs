@@ -273,7 +273,8 @@ impl<'a, 'i> Chunk<'a, 'i> {
         // Metashape's p1 is OpenCV's p2, and the other way round.
         let lens = Lens { tangential: [get("p2")?, get("p1")?], skew: get("b2")?, ..lens };
         let (eye, right, up, forward) = (DVec3::ZERO, DVec3::X, DVec3::Y, -DVec3::Z);
-        Ok((Camera { width, height, focal, principal, eye, right, up, forward }, lens))
+        let radial = DVec2::ZERO;
+        Ok((Camera { width, height, focal, principal, eye, right, up, forward, radial }, lens))
     }
 
     /// Width and height in pixels of an element `resolution`.

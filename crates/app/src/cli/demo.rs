@@ -140,7 +140,8 @@ fn evaluate(
     let options = LoadOptions { downscale: file.downscale() };
     let dataset = file.prepare(dataset::load(data, &options)?);
     let bar = global.progress("evaluate");
-    let mut report = compare_views(&model, &file, &dataset.test, EVALUATION_SPP, &bar.mover())?;
+    let (views, spp) = (&dataset.test, EVALUATION_SPP);
+    let mut report = compare_views(&model, &file, views, spp, None, &bar.mover())?;
     bar.finish_and_clear();
     let bar = global.progress("mesh");
     let mesh = mesh_of_run(&model, &file, MESH_CELLS, &bar.mover());

@@ -1,17 +1,22 @@
 //! `dsdf eval`.
 
+mod points;
+mod views;
+
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::common::Global;
+use super::common::{Global, option_error};
+use super::cut::{CullOptions, CutReport, Subject, views_of_run};
 use super::mesh::mesh_of_run;
-use dataset::{LoadOptions, View};
-use fit::{Model, RunFile, Solid};
+use fit::{Model, RunFile};
 use mesh::read_mesh;
-use metrics::{compare, mask_iou, psnr_where, ssim};
-use render::render;
+use metrics::compare;
+use points::PointOptions;
+
+pub(super) use views::{ViewErrors, compare_views};
 
 /// Arguments of `dsdf eval`.
 #[derive(Args, Debug)]
@@ -24,6 +29,16 @@ pub(crate) struct Eval {
     /// True surface (.ply or .obj), in the units of the data set
     #[arg(long)]
     mesh: Option<PathBuf>,
+    #[command(flatten)]
+    reference: PointOptions,
+    #[command(flatten)]
+    culling: CullOptions,
+    /// Print the errors of each held-out view; --json always has them
+    #[arg(long)]
+    views: bool,
+    /// Folder for a picture of each held-out view: photograph, render, normals, error
+    #[arg(long, value_name = "FOLDER")]
+    pictures: Option<PathBuf>,
     /// Samples per pixel
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
@@ -38,6 +53,8 @@ pub(crate) struct Eval {
 pub(super) struct EvalReport {
     /// PSNR in dB, mean over the held-out views.
     psnr: Option<f64>,
+    /// PSNR in dB inside the object's masks, mean over the held-out views that have one.
+    psnr_masked: Option<f64>,
     /// Structural similarity, mean over the held-out views, with the pixels that masks leave out.
     ssim: Option<f64>,
     /// Intersection over union of the masks, mean over the held-out views that have one.
@@ -50,8 +67,26 @@ pub(super) struct EvalReport {
     f_score: Option<f64>,
     /// Mean |n·n′| of the normals of nearest points.
     normal_consistency: Option<f64>,
+    /// Mean distance from points of the reconstruction to the reference points, up to the cap.
+    accuracy: Option<f64>,
+    /// Mean distance from the reference points to points of the reconstruction, up to the cap.
+    completeness: Option<f64>,
+    /// The mean of accuracy and completeness.
+    overall: Option<f64>,
+    /// Like `accuracy`, the median.
+    accuracy_median: Option<f64>,
+    /// Like `completeness`, the median.
+    completeness_median: Option<f64>,
+    /// The part of the points of the reconstruction beyond the cap, 0 to 1.
+    accuracy_beyond_cap: Option<f64>,
+    /// The part of the reference points beyond the cap, 0 to 1.
+    completeness_beyond_cap: Option<f64>,
     /// Number of held-out views.
     views: usize,
+    /// The errors of each held-out view.
+    per_view: Vec<ViewErrors>,
+    /// The parts that `--cull` removed from the mesh of the run.
+    cut: Vec<CutReport>,
     /// Whether there are held-out views, and none shows a surface.
     #[serde(skip)]
     is_empty: bool,
@@ -59,69 +94,52 @@ pub(super) struct EvalReport {
 
 impl Eval {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        self.refuse(global)?;
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
-        let path = self.dataset.as_deref().unwrap_or(&file.dataset);
-        let options = LoadOptions { downscale: file.downscale() };
-        let dataset = file.prepare(dataset::load(path, &options)?);
+        let points = self.reference.read()?;
+        let dataset = views_of_run(&file, self.dataset.as_deref())?;
         let bar = global.progress("eval");
-        let mut report = compare_views(&model, &file, &dataset.test, self.spp, &bar.mover())?;
+        let (views, pictures) = (&dataset.test, self.pictures.as_deref());
+        let mut report = compare_views(&model, &file, views, self.spp, pictures, &bar.mover())?;
         bar.finish_and_clear();
-        if let Some(truth) = truth {
+        if truth.is_some() || points.is_some() {
             let cells = self.resolution as usize;
             let bar = global.progress("mesh");
             let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
             bar.finish_and_clear();
-            report.add_mesh(&mesh, &truth, file.sphere().radius);
+            let subject = Subject { model: &model, file: &file, cells };
+            let (mesh, cut) = self.culling.apply(mesh, &subject, &dataset, global)?;
+            report.cut = cut;
+            let radius = file.sphere().radius;
+            if let Some(truth) = truth {
+                report.add_mesh(&mesh, &truth, radius);
+            }
+            if let Some(points) = points {
+                self.reference.compare(&mesh, points, radius, &mut report)?;
+            }
         }
         // The images are the background alone, whatever their PSNR is.
         if report.is_empty {
             let run = self.run.display();
             anyhow::bail!("{run}: the run has no surface in a held-out view");
         }
-        global.report(&report, || report.table())
+        global.report(&report, || match self.views {
+            true => format!("{}\n{}", report.table(), views::table(&report.per_view)),
+            false => report.table(),
+        })
     }
-}
 
-/// Renders the views with `spp` samples per pixel and compares them with their photographs.
-///
-/// # Errors
-/// If the field gives a NaN or an infinity.
-pub(super) fn compare_views(
-    model: &Model,
-    file: &RunFile,
-    views: &[View],
-    spp: u32,
-    progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<EvalReport> {
-    let cameras: Vec<_> = views.iter().map(|v| v.camera).collect();
-    let solid = Solid::new(model, file);
-    let colors = file.background_of(views);
-    let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-    let (mut psnrs, mut ssims, mut ious) = (Vec::new(), Vec::new(), Vec::new());
-    let mut is_empty = !views.is_empty();
-    for (i, view) in views.iter().enumerate() {
-        let image = render(&scene, i, spp, file.options.seed, &|p| {
-            progress((i as f64 + p) / views.len() as f64)
-        })?;
-        is_empty &= image.coverage.iter().all(|coverage| *coverage == 0.0);
-        psnrs.push(psnr_where(&image.film, &view.image, view.used()));
-        ssims.push(ssim(&image.film, &view.image));
-        ious.extend(view.coverage().map(|mask| mask_iou(&image.coverage, mask)));
+    /// Refuses options without use, and a folder that cannot be written.
+    fn refuse(&self, global: &Global) -> anyhow::Result<()> {
+        let is_compared = self.mesh.is_some() || self.reference.points.is_some();
+        if self.culling.is_active() && !is_compared {
+            let found = "no mesh to compare with".to_owned();
+            return Err(option_error("cull", found, "--mesh or --points too").into());
+        }
+        self.pictures.as_deref().map_or(Ok(()), |folder| global.will_write_in(folder, &[]))
     }
-    Ok(EvalReport {
-        psnr: mean(&psnrs),
-        ssim: mean(&ssims),
-        mask_iou: mean(&ious),
-        views: views.len(),
-        is_empty,
-        ..EvalReport::default()
-    })
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// Number of points sampled on each surface.
@@ -146,19 +164,37 @@ impl EvalReport {
 
     /// The report as a table, one metric per line.
     pub(super) fn table(&self) -> String {
+        let units = "data set units";
         let rows = [
             ("PSNR", self.psnr, "dB"),
+            ("PSNR in the masks", self.psnr_masked, "dB"),
             ("SSIM", self.ssim, ""),
             ("mask IoU", self.mask_iou, ""),
-            ("Chamfer", self.chamfer, "data set units"),
+            ("Chamfer", self.chamfer, units),
             ("Chamfer / bounding radius", self.chamfer_relative.map(|c| 100.0 * c), "%"),
             ("F-score at 1 % of the bounding radius", self.f_score, ""),
             ("normal consistency", self.normal_consistency, ""),
         ];
+        let of_points = [
+            ("accuracy, to points", self.accuracy, units),
+            ("accuracy, median", self.accuracy_median, units),
+            ("accuracy, beyond the cap", self.accuracy_beyond_cap.map(|c| 100.0 * c), "%"),
+            ("completeness, from points", self.completeness, units),
+            ("completeness, median", self.completeness_median, units),
+            ("completeness, beyond the cap", self.completeness_beyond_cap.map(|c| 100.0 * c), "%"),
+            ("overall", self.overall, units),
+        ];
+        let is_compared = self.accuracy_beyond_cap.is_some();
+        let rows = rows.iter().chain(of_points.iter().filter(|_| is_compared));
         let line = |(name, value, unit): &(&str, Option<f64>, &str)| {
             let value = value.map_or("-".to_owned(), |v| format!("{v:.4}"));
             format!("{name:<38} {value:>10} {unit}")
         };
-        rows.iter().map(line).collect::<Vec<_>>().join("\n")
+        let mut lines: Vec<String> = rows.map(line).collect();
+        if self.views == 0 {
+            lines.insert(0, "no held-out view: PSNR, SSIM and mask IoU need one".to_owned());
+        }
+        lines.extend(self.cut.iter().map(CutReport::text));
+        lines.join("\n")
     }
 }

@@ -6,6 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::Global;
+use super::cut::{CutOptions, CutReport, Subject};
 use fit::{Model, RunFile};
 use io::InputError;
 use mesh::{extract, write_mesh};
@@ -21,6 +22,8 @@ pub(crate) struct Mesh {
     /// Grid cells along the diameter of the bounding sphere
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
+    #[command(flatten)]
+    cut: CutOptions,
 }
 
 /// The size and the topology of an extracted mesh.
@@ -38,6 +41,8 @@ struct MeshReport {
     area: f64,
     /// Enclosed volume, in cubed data set units; without meaning if the mesh is open.
     volume: f64,
+    /// The parts that were cut off.
+    cut: Vec<CutReport>,
 }
 
 /// The mesh of a run, with `cells` grid cells along the diameter of its bounding sphere.
@@ -65,9 +70,12 @@ impl Mesh {
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
+        let subject = Subject { model: &model, file: &file, cells };
+        let (mesh, cut) = self.cut.apply(mesh, &subject, global)?;
         write_mesh(&self.output, &mesh)?;
-        let report = MeshReport::new(&mesh);
-        global.report(&report, || format!("{}: {}", report.text(), self.output.display()))
+        let report = MeshReport { cut, ..MeshReport::new(&mesh) };
+        let cut = report.cut.iter().map(|cut| format!("\n{}", cut.text())).collect::<String>();
+        global.report(&report, || format!("{}: {}{cut}", report.text(), self.output.display()))
     }
 }
 
@@ -80,6 +88,7 @@ impl MeshReport {
             genus: mesh.genus(),
             area: mesh.area(),
             volume: mesh.volume(),
+            cut: Vec::new(),
         }
     }
 

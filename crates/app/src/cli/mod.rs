@@ -1,6 +1,7 @@
 //! The command line: parses the arguments, runs one command, returns the exit status.
 
 mod common;
+mod cut;
 mod demo;
 mod eval;
 mod examine;

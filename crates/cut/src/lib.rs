@@ -1,0 +1,17 @@
+#![doc = include_str!("../README.md")]
+
+mod cutter;
+mod masks;
+mod plane;
+#[cfg(test)]
+mod plane_tests;
+mod region;
+mod visible;
+#[cfg(test)]
+mod visible_tests;
+
+pub use cutter::{Cutter, Step};
+pub use masks::inside_masks;
+pub use plane::{Ground, Plane, ground};
+pub use region::Region;
+pub use visible::{mark_seen, seen_vertices, vertices_with_normals};

@@ -1,0 +1,153 @@
+//! `dsdf eval`: views with pictures, and DTU's protocol on a cloud of points.
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::fs;
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use tests::input::{Folder, ball, dataset, fit_two_iterations, refused};
+use tests::{dsdf, dsdf_json, dsdf_ok};
+
+/// The PSNR of the numbers with 8 bits over the pixels that `used` accepts.
+fn psnr(photo: &image::RgbImage, render: &image::RgbImage, used: impl Fn(u32, u32) -> bool) -> f64 {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (x, y, p) in photo.enumerate_pixels().filter(|(x, y, _)| used(*x, *y)) {
+        for (a, b) in p.0.iter().zip(&render.get_pixel(x, y).0) {
+            squares += ((f64::from(*a) - f64::from(*b)) / 255.0).powi(2);
+            count += 1.0;
+        }
+    }
+    -10.0 * f64::log10(squares / count)
+}
+
+/// The numbers of each view are those of its picture, which is of 8 bits.
+#[test]
+fn the_errors_of_each_view_follow_from_its_picture() {
+    let folder = Folder::new();
+    let (data, run) = (ball(&folder, "9"), folder.path("run"));
+    let options = ["--iterations", "60", "--batch", "256"];
+    dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
+    let pictures = folder.path("deep/pictures");
+    let report = dsdf_json(&["eval", &run, "--pictures", &pictures]);
+    let views = report["per_view"].as_array().unwrap();
+    assert_eq!((views.len(), &report["views"]), (2, &json!(2)));
+    let names: Vec<String> = fs::read_dir(&pictures)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+    for (i, view) in views.iter().enumerate() {
+        let start = format!("{i:03}-");
+        let name = names.iter().find(|name| name.starts_with(&start)).unwrap();
+        let sheet = image::open(format!("{pictures}/{name}")).unwrap().to_rgb8();
+        let mask = format!("{data}/masks/{}.png", view["name"].as_str().unwrap());
+        let mask = image::open(&mask).unwrap_or_else(|e| panic!("{mask}: {e}")).to_luma8();
+        // Pictures may have a gap between them.
+        let step = (sheet.width() - 32) / 3;
+        assert!(sheet.height() >= 32 && step >= 32);
+        let part = |k: u32| image::imageops::crop_imm(&sheet, k * step, 0, 32, 32).to_image();
+        let (photo, render) = (part(0), part(1));
+        let near = |key: &str, expected: f64| {
+            let found = view[key].as_f64().unwrap_or_else(|| panic!("no {key} in {view}"));
+            assert!((found - expected).abs() < 0.1, "{key}: {found} and {expected}");
+        };
+        near("psnr", psnr(&photo, &render, |_, _| true));
+        near("psnr_masked", psnr(&photo, &render, |x, y| mask.get_pixel(x, y).0[0] >= 128));
+        assert!(view["ssim"].is_f64() && view["mask_iou"].is_f64(), "{view}");
+    }
+    for key in ["psnr", "psnr_masked", "ssim", "mask_iou"] {
+        let mean = views.iter().map(|v| v[key].as_f64().unwrap()).sum::<f64>() / 2.0;
+        assert!((report[key].as_f64().unwrap() - mean).abs() < 1e-12, "{key}: {report}");
+    }
+    let text = String::from_utf8(dsdf(&["eval", &run, "--views"]).stdout).unwrap();
+    assert!(text.contains("held-out view") && text.contains("PSNR in the masks"), "{text}");
+    // Without pictures and tables, the numbers are the same.
+    assert_eq!(dsdf_json(&["eval", &run]), report);
+}
+
+#[test]
+fn a_run_without_held_out_views_says_so() {
+    let folder = Folder::new();
+    let mut frames = dataset(&folder);
+    frames["frames"].as_array_mut().unwrap().truncate(2);
+    folder.write("transforms.json", &frames);
+    let (data, run) = (folder.path(""), folder.path("run"));
+    let options = ["--iterations", "2", "--batch", "16", "--bounds", "0,0,0,1"];
+    dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
+    let text = String::from_utf8(dsdf(&["eval", &run]).stdout).unwrap();
+    assert!(text.starts_with("no held-out view: PSNR, SSIM and mask IoU need one\n"), "{text}");
+    let report = dsdf_json(&["eval", &run, "--pictures", &folder.path("pictures")]);
+    assert_eq!((&report["per_view"], &report["psnr"]), (&json!([]), &Value::Null));
+    assert!(!std::path::Path::new(&folder.path("pictures")).exists());
+}
+
+/// A run of two iterations is a ball of between half and 0.6 of the bounding radius. The cloud is a
+/// sphere of radius 0.6; the distances follow from the radii of the mesh's vertices.
+#[test]
+fn accuracy_and_completeness_are_those_of_concentric_spheres() {
+    let folder = Folder::new();
+    let run = fit_two_iterations(&folder);
+    let count = 60_000;
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let point = |i: u32| {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+        let (sin, cos) = (golden * f64::from(i)).sin_cos();
+        0.6 * DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
+    };
+    let points: Vec<DVec3> = (0..count).map(point).collect();
+    let properties = "property float x\nproperty float y\nproperty float z\nend_header\n";
+    let header =
+        |format: &str| format!("ply\nformat {format} 1.0\nelement vertex {count}\n{properties}");
+    let (text, binary) = (folder.path("text.ply"), folder.path("binary.ply"));
+    let lines: String = points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+    fs::write(&text, header("ascii") + &lines).unwrap();
+    let body = points.iter().flat_map(|p| p.as_vec3().to_array().map(f32::to_le_bytes).concat());
+    let bytes: Vec<u8> =
+        header("binary_little_endian").into_bytes().into_iter().chain(body).collect();
+    fs::write(&binary, bytes).unwrap();
+
+    let mesh = folder.path("mesh.obj");
+    dsdf_ok(&["mesh", &run, "-o", &mesh, "--resolution", "64"]);
+    let radii: Vec<f64> = fs::read_to_string(&mesh)
+        .unwrap()
+        .lines()
+        .filter_map(|line| line.strip_prefix("v "))
+        .map(|line| line.split(' ').map(|n| n.parse::<f64>().unwrap().powi(2)).sum::<f64>().sqrt())
+        .collect();
+    let expected = 0.6 - radii.iter().sum::<f64>() / radii.len() as f64;
+
+    let fixed = ["eval", &run, "--resolution", "64", "--points"];
+    let report = dsdf_json(&[&fixed[..], &[&text]].concat());
+    for key in ["accuracy", "completeness", "overall", "accuracy_median", "completeness_median"] {
+        let found = report[key].as_f64().unwrap_or_else(|| panic!("no {key} in {report}"));
+        assert!((found - expected).abs() < 0.003, "{key}: {found} and {expected}");
+    }
+    let mean =
+        0.5 * (report["accuracy"].as_f64().unwrap() + report["completeness"].as_f64().unwrap());
+    assert!((report["overall"].as_f64().unwrap() - mean).abs() < 1e-12, "{report}");
+    assert_eq!(report["accuracy_beyond_cap"], json!(0.0));
+    assert!(report["chamfer"].is_null(), "{report}");
+    let other = dsdf_json(&[&fixed[..], &[&binary, "--threads", "1"]].concat());
+    assert!((other["overall"].as_f64().unwrap() - mean).abs() < 1e-6, "{other}");
+    // No two points are within a cap of 1e-6. Half of the reconstruction is left by a cut of the
+    // unseen part, so half of the reference has no part of it near.
+    let far = dsdf_json(&[&fixed[..], &[&text, "--point-cap", "1e-6"]].concat());
+    assert!(far["overall"].is_null() && far["accuracy_beyond_cap"] == json!(1.0), "{far}");
+    let options = ["--point-cap", "0.2", "--point-spacing", "0.01", "--cull", "seen"];
+    let cut = dsdf_json(&[&fixed[..], &[&text], &options].concat());
+    assert!(cut["completeness_beyond_cap"].as_f64().unwrap() > 0.3, "{cut}");
+    assert_eq!((&cut["accuracy_beyond_cap"], &cut["cut"][0]["by"]), (&json!(0.0), &json!("seen")));
+
+    let refuse = |options: &[&str], words: &[&str]| {
+        refused(&[&["eval", &run][..], options].concat(), 2, words);
+    };
+    let empty = folder.path("empty.ply");
+    fs::write(&empty, header("ascii").replace("60000", "0")).unwrap();
+    refuse(&["--points", &empty], &["empty.ply", "no points", "one or more"]);
+    refuse(&["--points", &mesh], &["mesh.obj", ".ply"]);
+    refuse(&["--points", &text, "--point-spacing", "0"], &["--point-spacing", "1e-12"]);
+    refuse(&["--points", &text, "--point-spacing", "1e-9"], &["--point-spacing", "memory"]);
+    refuse(&["--point-cap", "1"], &["--points"]);
+    refuse(&["--cull", "seen"], &["--cull", "--mesh or --points"]);
+    refuse(&["--points", &text, "--cull", "masks"], &["masks: found no view with a mask"]);
+}
