@@ -14,6 +14,7 @@ mod manifold;
 mod mesh;
 mod project;
 mod read;
+mod separate;
 mod solid;
 mod write;
 
