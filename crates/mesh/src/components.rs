@@ -91,10 +91,10 @@ pub(crate) fn keep(mesh: Mesh, which: Components) -> Mesh {
 }
 
 /// The mesh with the faces that `is_kept` accepts and their vertices, in the order of first use.
-fn select_faces(mesh: &Mesh, is_kept: impl Fn(&[u32; 3]) -> bool) -> Mesh {
+pub(crate) fn select_faces(mesh: &Mesh, is_kept: impl Fn(&[u32; 3]) -> bool) -> Mesh {
     const UNUSED: u32 = u32::MAX;
     let mut new_index = vec![UNUSED; mesh.vertices.len()];
-    let mut out = Mesh::default();
+    let mut out = Mesh { origin: mesh.origin, ..Mesh::default() };
     for face in mesh.faces.iter().filter(|f| is_kept(f)) {
         out.faces.push(face.map(|v| {
             let v = v as usize;
@@ -102,6 +102,7 @@ fn select_faces(mesh: &Mesh, is_kept: impl Fn(&[u32; 3]) -> bool) -> Mesh {
                 new_index[v] = out.vertices.len() as u32;
                 out.vertices.push(mesh.vertices[v]);
                 out.normals.extend(mesh.normals.get(v));
+                out.colors.extend(mesh.colors.get(v));
             }
             new_index[v]
         }));

@@ -21,7 +21,7 @@ pub(crate) struct Eval {
     /// Data set folder [default: the data set of the run]
     #[arg(long)]
     dataset: Option<PathBuf>,
-    /// True surface (.ply or .obj), in the units of the data set
+    /// True surface (.ply, .obj, .glb or .stl), in the units of the data set
     #[arg(long)]
     mesh: Option<PathBuf>,
     /// Samples per pixel

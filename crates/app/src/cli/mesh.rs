@@ -6,21 +6,24 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::Global;
+use super::export::{Export, Exported};
 use fit::{Model, RunFile};
 use io::InputError;
-use mesh::{extract, write_mesh};
+use mesh::extract;
 
 /// Arguments of `dsdf mesh`.
 #[derive(Args, Debug)]
 pub(crate) struct Mesh {
     /// Run folder
     run: PathBuf,
-    /// Mesh to write: .ply, .obj or .glb
+    /// Mesh to write: .ply, .obj, .glb or .stl
     #[arg(short, long)]
     output: PathBuf,
     /// Grid cells along the diameter of the bounding sphere
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
+    #[command(flatten)]
+    export: Export,
 }
 
 /// The size and the topology of an extracted mesh.
@@ -38,6 +41,9 @@ struct MeshReport {
     area: f64,
     /// Enclosed volume, in cubed data set units; without meaning if the mesh is open.
     volume: f64,
+    /// The colours and the direction of the file.
+    #[serde(flatten)]
+    exported: Exported,
 }
 
 /// The mesh of a run, with `cells` grid cells along the diameter of its bounding sphere.
@@ -53,7 +59,8 @@ pub(super) fn mesh_of_run(
 
 impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        global.will_write(&self.output, &["ply", "obj", "glb"])?;
+        global.will_write(&self.output, &["ply", "obj", "glb", "stl"])?;
+        self.export.check(&self.output)?;
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run, &file)?;
         let bar = global.progress("mesh");
@@ -65,14 +72,14 @@ impl Mesh {
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
-        write_mesh(&self.output, &mesh)?;
-        let report = MeshReport::new(&mesh);
+        let (mesh, exported) = self.export.write(&self.output, mesh, &model, &file, global)?;
+        let report = MeshReport::new(&mesh, exported);
         global.report(&report, || format!("{}: {}", report.text(), self.output.display()))
     }
 }
 
 impl MeshReport {
-    fn new(mesh: &mesh::Mesh) -> Self {
+    fn new(mesh: &mesh::Mesh, exported: Exported) -> Self {
         MeshReport {
             vertices: mesh.vertices.len(),
             faces: mesh.faces.len(),
@@ -80,11 +87,13 @@ impl MeshReport {
             genus: mesh.genus(),
             area: mesh.area(),
             volume: mesh.volume(),
+            exported,
         }
     }
 
     fn text(&self) -> String {
         let closed = if self.closed { "closed" } else { "open" };
-        format!("{} vertices, {} faces, {closed}", self.vertices, self.faces)
+        let exported = self.exported.text();
+        format!("{} vertices, {} faces, {closed}{exported}", self.vertices, self.faces)
     }
 }
