@@ -243,7 +243,7 @@ fn a_decimated_torus_stays_one_and_keeps_its_colours() {
             assert_eq!(color_of[&v.to_array().map(f32::to_bits)], color);
         }
         let error = (small.volume() / mesh.volume() - 1.0).abs();
-        assert!(error < 20.0 / faces as f64, "{faces} faces: volume off by {error}");
+        assert!(error < 24.0 / faces as f64, "{faces} faces: volume off by {error}");
     }
     assert_eq!(decimate(&mesh, mesh.faces.len()), mesh);
 }

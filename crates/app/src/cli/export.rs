@@ -153,14 +153,18 @@ impl Export {
         let is_colored = self.color == Color::Auto && !has_extension(output, "stl");
         let is_turned = has_extension(output, "glb");
         let up = self.up.and_then(Up::direction);
-        let cameras = if is_colored || (is_turned && up.is_none()) {
+        let lack = match (is_colored, is_turned && up.is_none()) {
+            (false, false) => None,
+            (true, false) => Some("no colours"),
+            (false, true) => Some("up is z"),
+            (true, true) => Some("no colours, and up is z"),
+        };
+        let cameras = lack.map_or_else(Vec::new, |lack| {
             cameras_of(file).unwrap_or_else(|error| {
-                global.say(&format!("warning: no colours, and up is z: {error:#}"));
+                global.say(&format!("warning: {lack}: {error:#}"));
                 Vec::new()
             })
-        } else {
-            Vec::new()
-        };
+        });
         let mut exported = Exported { color_cameras: None, unseen: None, up: None };
         if is_colored && !cameras.is_empty() {
             let unseen = add_colors(&mut mesh, model, file, &cameras, global)?;
