@@ -3,7 +3,7 @@
 use meshopt_rs::simplify::simplify;
 
 use crate::Mesh;
-use crate::components::select_faces;
+use crate::components::{self, Components, select_faces};
 use crate::manifold::make_manifold;
 use crate::separate::separate;
 
@@ -11,13 +11,22 @@ use crate::separate::separate;
 /// the decimation, and not the error.
 const LARGEST_ERROR: f32 = 1.0;
 
+/// A piece with less than this share of the largest one's area is dropped: collapses pinch off
+/// pieces of a few faces.
+const LARGEST_PINCHED: f64 = 0.01;
+
+/// Pieces as large as the components of the mesh are kept: the dropped ones have less than this
+/// share of the area of the smallest component.
+const OF_SMALLEST: f64 = 0.5;
+
 /// A mesh with at most `faces` faces, as far as its topology allows.
 ///
 /// Edges collapse in the order of their quadric errors (Garland, Heckbert, "Surface Simplification
 /// Using Quadric Error Metrics", SIGGRAPH 1997), by the crate `meshopt-rs`. Vertices of the result
 /// are vertices of the mesh, with their normals and colours. A closed mesh stays closed and a
 /// manifold, and no two vertices are at one place: where a collapse makes sheets touch, they are
-/// separated as after the extraction, which may add a few vertices and faces.
+/// separated as after the extraction, which may add a few vertices and faces. Pieces of a few faces
+/// that a collapse pinches off are dropped.
 #[must_use]
 pub fn decimate(mesh: &Mesh, faces: usize) -> Mesh {
     if mesh.faces.len() <= faces {
@@ -33,6 +42,8 @@ pub fn decimate(mesh: &Mesh, faces: usize) -> Mesh {
     out = select_faces(&out, |_| true);
     if mesh.is_closed() {
         make_manifold(&mut out);
+        let pinched = LARGEST_PINCHED.min(OF_SMALLEST * components::smallest_share(mesh));
+        out = components::keep(out, Components::AtLeast(pinched));
     }
     let mean_edge = (out.area() / out.faces.len().max(1) as f64).sqrt();
     separate(&mut out, mean_edge);

@@ -247,3 +247,30 @@ fn a_decimated_torus_stays_one_and_keeps_its_colours() {
     }
     assert_eq!(decimate(&mesh, mesh.faces.len()), mesh);
 }
+
+/// Thin and wavy: collapses pinch off pieces, and make the two sides of the wall touch.
+#[test]
+fn a_decimated_thin_solid_stays_closed_and_whole() {
+    let bowl = field::Csg::new(
+        field::Operation::Subtraction,
+        vec![
+            Box::new(Shape::<f64>::sphere([0.0; 3], 0.8)),
+            Box::new(Shape::sphere([0.0, 0.0, 0.06], 0.78)),
+            Box::new(Shape::sphere([0.3, 0.2, -0.8], 0.3)),
+        ],
+    );
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.0 };
+    let mesh = extract(&bowl, &bounds, 64, &|_| {});
+    assert!(mesh.is_closed() && mesh.faces.len() > 20_000);
+    for faces in [5000, 1000, 300] {
+        let small = decimate(&mesh, faces);
+        assert!(small.is_closed(), "{faces} faces");
+        assert_eq!(small.components(), mesh.components(), "{faces} faces");
+        assert!(small.faces.len() < faces + faces / 10);
+        let mut places: Vec<_> =
+            small.vertices.iter().map(|v| v.to_array().map(f32::to_bits)).collect();
+        places.sort_unstable();
+        places.dedup();
+        assert_eq!(places.len(), small.vertices.len());
+    }
+}
