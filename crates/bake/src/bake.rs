@@ -30,8 +30,8 @@ pub struct Baked {
 ///
 /// `points` are in world units, `normals` are their unit normals. A camera sees a point if the
 /// normal points to its side, the point is inside its image, and the first hit of the ray to the
-/// point is at the point, within 1/100 of the bounding radius. `progress` gets the fraction done, on
-/// any thread. The colours have the same bits on any number of threads.
+/// point is at the point, within 1/100 of the bounding radius. `progress` gets the fraction done,
+/// on any thread. The colours have the same bits on any number of threads.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.

@@ -177,7 +177,8 @@ fn stl_files_of_other_programs_are_read() {
     };
     let facet = |c: &str| {
         format!(
-            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex {c}\nendloop\nendfacet\n"
+            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex {c}\n\
+            endloop\nendfacet\n"
         )
     };
     let text = format!("solid a b\n{}{}endsolid a b\n", facet("0 1 0"), facet("0 0 1"));

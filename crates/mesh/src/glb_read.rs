@@ -172,8 +172,8 @@ impl<'a> Reader<'a> {
         InputError::new(self.path, field, found, expected)
     }
 
-    /// The meshes of the scene, each with its map to the world. A file without scenes has its meshes
-    /// in world units.
+    /// The meshes of the scene, each with its map to the world. A file without scenes has its
+    /// meshes in world units.
     fn placed_meshes(&self) -> Result<Vec<(usize, DMat4)>> {
         let document = self.document;
         if document.scenes.is_empty() && document.nodes.is_empty() {
