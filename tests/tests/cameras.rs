@@ -77,16 +77,32 @@ fn a_fit_refines_disturbed_poses() {
     let given =
         poses(&read(&format!("{data}/transforms_train.json"))["frames"], "transform_matrix");
     let run = folder.path("run");
-    let options = ["--iterations", "1200", "--batch", "256", "--refine-cameras"];
+    let options = ["--iterations", "600", "--batch", "192", "--refine-cameras"];
     let fit = [&["fit", &data, "-o", &run], &options[..]].concat();
-    dsdf_json(&[&fit[..], &["poses"]].concat());
+    let report = dsdf_json(&[&fit[..], &["poses"]].concat());
+    let without = folder.path("without");
+    let fit = [&["fit", &data, "-o", &without], &options[..], &["none"]].concat();
+    let [with, without] =
+        [report, dsdf_json(&fit)].map(|r| r["verdict"]["training_psnr"].as_f64().unwrap());
+    println!("{with} dB on training views, {without} dB with the cameras as given");
+    assert!(with > without + 1.0, "{with} and {without} dB");
     let cameras = read(&format!("{run}/cameras.json"));
     let refined = poses(&cameras["views"], "pose");
     let [before, after] = [difference(&given, &truth), difference(&refined, &truth)];
     println!("{before} degrees before, {after} after");
-    assert!(after < 0.6 * before, "{before} degrees before, {after} after");
+    // A rotation and a shift of the eye that move the image in the same way are hard to tell apart.
+    assert!(after < 0.8 * before, "{before} degrees before, {after} after");
     for (i, view) in cameras["views"].as_array().unwrap().iter().enumerate() {
         assert!(view["degrees"].as_f64().unwrap() > 0.0 && view["pixels"].as_f64().unwrap() > 0.0);
         assert_eq!(view["radial"], json!([0.0, 0.0]), "view {i}: the lens is not refined");
     }
+    // The held-out cameras are exact, but not in the world that the others have made.
+    let psnr = dsdf_json(&["eval", &run])["psnr"].as_f64().unwrap();
+    fs::remove_file(format!("{run}/cameras.json")).unwrap();
+    let unaligned = dsdf_json(&["eval", &run])["psnr"].as_f64().unwrap();
+    println!("{psnr} dB aligned, {unaligned} dB as given");
+    assert!(psnr > unaligned);
+    let broken = format!("{run}/cameras.json");
+    fs::write(&broken, r#"{"views": []}"#).unwrap();
+    refused(&["eval", &run], 2, &["cameras.json: cameras: ", "found nothing"]);
 }

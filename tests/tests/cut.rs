@@ -273,10 +273,10 @@ fn regions_cut_at_their_surface() {
     let expected = number(&report["area"]) / number(&whole["area"]);
     assert!((left - expected).abs() < 1e-6, "{left} and {expected}");
     // The photographs are not needed for it.
-    fs::remove_file(folder.path("0.png")).unwrap();
+    fs::remove_file(folder.path("transforms.json")).unwrap();
     mesh(&folder, &run, "crop.obj", &crops);
     let out = folder.path("seen.obj");
-    refused(&["mesh", &run, "-o", &out, "--cull", "seen"], 2, &["0.png"]);
+    refused(&["mesh", &run, "-o", &out, "--cull", "seen"], 2, &["data set"]);
 }
 
 #[test]

@@ -112,7 +112,9 @@ fn accuracy_and_completeness_are_those_of_concentric_spheres() {
         .unwrap()
         .lines()
         .filter_map(|line| line.strip_prefix("v "))
-        .map(|line| line.split(' ').map(|n| n.parse::<f64>().unwrap().powi(2)).sum::<f64>().sqrt())
+        // The colours follow the coordinates.
+        .map(|line| line.split(' ').take(3).map(|n| n.parse::<f64>().unwrap().powi(2)).sum::<f64>())
+        .map(f64::sqrt)
         .collect();
     let expected = 0.6 - radii.iter().sum::<f64>() / radii.len() as f64;
 

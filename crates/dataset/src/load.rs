@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use io::{InputError, check_memory};
 use rayon::prelude::*;
+use render::Camera;
 
 use readers::{Recognised, UnreadView, recognise};
 
@@ -71,6 +72,14 @@ impl Unread {
     /// held out.
     pub fn sizes(&self) -> [Vec<[u32; 2]>; 2] {
         [&self.train, &self.test].map(|views| views.iter().map(UnreadView::size).collect())
+    }
+
+    /// The pinhole cameras of the views to fit, without reading their images.
+    ///
+    /// # Errors
+    /// If the distortion of a lens cannot be removed.
+    pub fn cameras(&self) -> Result<Vec<Camera>, InputError> {
+        self.train.iter().map(UnreadView::pinhole).collect()
     }
 
     /// Reads the images. Lens distortion and skew are removed from the photographs, so every view

@@ -79,8 +79,8 @@ impl CameraTrial {
         let noise = 100.0 * self.noise / self.given;
         let verdict = if self.is_kept { "refined from here on" } else { "kept as given" };
         format!(
-            "cameras: {verdict}; a trial lowers the residual by {fall:.1} % (noise {noise:.1} %) and \
-             moves a view by {:.2} pixels",
+            "cameras: {verdict}; a trial lowers the residual by {fall:.1} % (noise {noise:.1} %) \
+             and moves a view by {:.2} pixels",
             self.pixels
         )
     }

@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
 use crate::cameras::RefineCameras;
-use crate::masks::MaskChoice;
 use crate::model::encoding;
 use crate::model_background::BackgroundChoice;
+use photometry::MaskChoice;
 
 /// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]

@@ -34,8 +34,8 @@ use photometry::{Level, Pixel, pyramid};
 
 mod refinement;
 
-/// The rate at which cameras are refined, in pixels, in units of the fit's learning rate: a tenth of
-/// the rate of a trial. Good poses get worse if they are refined fast.
+/// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
+/// of a trial. Good poses get worse if they are refined fast.
 const CAMERA_RATE: f64 = 0.01;
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
@@ -301,8 +301,8 @@ impl Fit {
         self.gradient_of(level, (&pixels, count), self.calibration.as_ref(), seed)
     }
 
-    /// The gradient of a batch, with cameras that are corrected by `calibration`. `pixels` come with
-    /// the number of pixels that they stand for.
+    /// The gradient of a batch, with cameras that are corrected by `calibration`. `pixels` come
+    /// with the number of pixels that they stand for.
     fn gradient_of(
         &self,
         level: usize,

@@ -28,6 +28,8 @@ pub struct RunCamera {
     /// The camera-to-world matrix, row-major, in the units of the data set: x right, y up, looking
     /// along −z.
     pub pose: [[f64; 4]; 4],
+    /// The width and the height of the photograph as the fit read it, in pixels.
+    pub size: [u32; 2],
     /// The focal lengths, in pixels.
     pub focal: [f64; 2],
     /// The principal point, in pixels.
@@ -54,6 +56,7 @@ impl RunCameras {
             RunCamera {
                 name: view.name.clone(),
                 pose: camera.about(-origin).pose().transpose().to_cols_array_2d(),
+                size: [camera.width, camera.height],
                 focal: camera.focal.to_array(),
                 principal: camera.principal.to_array(),
                 radial: camera.radial.to_array(),
@@ -103,6 +106,14 @@ impl RunCameras {
         Ok(Some(cameras))
     }
 
+    /// All cameras, relative to `origin`. `run` is the folder of the run.
+    ///
+    /// # Errors
+    /// If an entry is no camera.
+    pub fn cameras(&self, origin: DVec3, run: &Path) -> Result<Vec<Camera>, InputError> {
+        self.views.iter().map(|own| Ok(own.camera(run)?.about(origin))).collect()
+    }
+
     /// Gives the views of a data set their refined cameras: training views by their names, held-out
     /// views the lens of a training view that was given the same intrinsics. The data set is
     /// relative to `origin`. `run` is the folder of the run, for the message of an error.
@@ -115,16 +126,11 @@ impl RunCameras {
         origin: DVec3,
         run: &Path,
     ) -> Result<(), InputError> {
-        let wrong = |name: &str, found: &str| {
-            let field = format!("cameras: {name}");
-            InputError::new(run.join(FILE), field, found, "a camera of each view to fit")
-        };
         let given: Vec<Camera> = dataset.train.iter().map(|view| view.camera).collect();
         for view in &mut dataset.train {
             let own = self.views.iter().find(|own| own.name == view.name);
-            let own = own.ok_or_else(|| wrong(&view.name, "nothing"))?;
-            let camera = own.camera(&view.camera).ok_or_else(|| wrong(&view.name, "no camera"))?;
-            view.camera = camera.about(origin);
+            let own = own.ok_or_else(|| wrong(run, &view.name, "nothing"))?;
+            view.camera = own.camera(run)?.about(origin);
         }
         for view in &mut dataset.test {
             let lens = |c: &Camera| (c.width, c.height, c.focal, c.principal);
@@ -138,16 +144,27 @@ impl RunCameras {
     }
 }
 
+/// The error of a view of the file in the folder `run`.
+fn wrong(run: &Path, name: &str, found: &str) -> InputError {
+    let field = format!("cameras: {name}");
+    InputError::new(run.join(FILE), field, found, "a camera of each view to fit")
+}
+
 impl RunCamera {
-    /// The camera, in the units of the data set; `None` if the numbers are none.
-    fn camera(&self, given: &Camera) -> Option<Camera> {
+    /// The camera, in the units of the data set. `run` is the folder of the run.
+    fn camera(&self, run: &Path) -> Result<Camera, InputError> {
+        self.checked().ok_or_else(|| wrong(run, &self.name, "numbers that are no camera"))
+    }
+
+    fn checked(&self) -> Option<Camera> {
+        let [width, height] = self.size;
         let [focal, principal, radial] = [self.focal, self.principal, self.radial].map(DVec2::from);
-        let is_lens = focal.is_finite() && focal.min_element() > 0.0;
+        let is_lens = focal.is_finite() && focal.min_element() > 0.0 && width.min(height) > 0;
         if !(is_lens && principal.is_finite() && radial.is_finite()) {
             return None;
         }
         let pose = DMat4::from_cols_array_2d(&self.pose).transpose();
-        let camera = Camera::from_pose(given.width, given.height, focal, principal, pose)?;
+        let camera = Camera::from_pose(width, height, focal, principal, pose)?;
         Some(Camera { radial, ..camera })
     }
 }

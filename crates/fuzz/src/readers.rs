@@ -16,7 +16,9 @@ use scene::SceneFile;
 use sweep_report::{Sweep, compare};
 
 use crate::case::{Case, damaged};
-use crate::formats::{arrays, datasets, forms, images, meshes, models, runs, scenes, sweeps};
+use crate::formats::{
+    arrays, datasets, forms, images, meshes, models, runs, scenes, solids, sweeps,
+};
 use crate::program::judge_command;
 use crate::self_test;
 use crate::verdict::{Verdict, judge};
@@ -63,10 +65,11 @@ macro_rules! reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 18] = [
+pub const READERS: [Reader; 19] = [
     reader!("array", arrays::array_files(), Call::Library(read_array)),
     reader!("image", images::image_files(), Call::Library(read_images)),
     reader!("mesh", meshes::mesh_files(), Call::Library(read_meshes)),
+    reader!("solid", solids::solid_files(), Call::Library(read_meshes)),
     reader!("model", models::model_files(), Call::Library(read_model)),
     reader!("background", runs::background_files(), Call::Library(read_background)),
     reader!("scene", scenes::scene_files(), Call::Library(read_scene)),

@@ -71,16 +71,30 @@ pub(crate) fn count(mesh: &Mesh) -> usize {
     used.iter().filter(|u| **u).count()
 }
 
+/// Twice the area of each component, at the smallest index of its vertices; 0 elsewhere.
+fn double_areas(mesh: &Mesh, component: &[u32]) -> Vec<f64> {
+    let mut areas = vec![0.0; mesh.vertices.len()];
+    for (i, face) in mesh.faces.iter().enumerate() {
+        areas[component[face[0] as usize] as usize] += mesh.face_cross(i).length();
+    }
+    areas
+}
+
+/// The area of the smallest component, as a share of the largest one's; 1 for a mesh without area.
+pub(crate) fn smallest_share(mesh: &Mesh) -> f64 {
+    let areas = double_areas(mesh, &component_of_vertices(mesh));
+    let positive = || areas.iter().copied().filter(|a| *a > 0.0);
+    let largest = positive().fold(0.0, f64::max);
+    positive().map(|area| area / largest).fold(1.0, f64::min)
+}
+
 /// The mesh with the chosen components only, and without unused vertices.
 ///
 /// # Panics
 /// If a face has an index beyond the vertices.
 pub fn keep_components(mesh: Mesh, which: Components) -> Mesh {
     let component = component_of_vertices(&mesh);
-    let mut areas = vec![0.0; mesh.vertices.len()];
-    for (i, face) in mesh.faces.iter().enumerate() {
-        areas[component[face[0] as usize] as usize] += mesh.face_cross(i).length();
-    }
+    let areas = double_areas(&mesh, &component);
     let largest = (0..areas.len()).fold(0, |best, c| if areas[c] > areas[best] { c } else { best });
     let is_kept = |i: usize| {
         let c = component[mesh.faces[i][0] as usize] as usize;
@@ -109,6 +123,7 @@ pub fn select_faces(mesh: &Mesh, is_kept: impl Fn(usize) -> bool) -> Mesh {
                 new_index[v] = out.vertices.len() as u32;
                 out.vertices.push(mesh.vertices[v]);
                 out.normals.extend(mesh.normals.get(v));
+                out.colors.extend(mesh.colors.get(v));
             }
             new_index[v]
         }));

@@ -291,3 +291,69 @@ fn unused_vertices_do_not_count() {
     assert!(!mesh.is_closed() && mesh.genus().is_none());
     assert!(!Mesh::default().is_closed());
 }
+
+/// The mesh as a reader sees it that merges vertices at equal positions in single precision.
+fn merged(mesh: &Mesh) -> Mesh {
+    let mut index = HashMap::new();
+    let mut out = Mesh::default();
+    let mut merge = |v: &u32| {
+        let position = mesh.vertices[*v as usize];
+        *index.entry(position.to_array().map(f32::to_bits)).or_insert_with(|| {
+            out.vertices.push(position);
+            out.vertices.len() as u32 - 1
+        })
+    };
+    let faces = mesh.faces.iter().map(|f| [merge(&f[0]), merge(&f[1]), merge(&f[2])]).collect();
+    Mesh { faces, ..out }
+}
+
+/// Asserts that merging equal positions, also of a mesh that is scaled, changes nothing.
+fn assert_distinct(mesh: &Mesh) {
+    for scale in [1.0, 1.01, 0.001, 39.37] {
+        let vertices = mesh.vertices.iter().map(|v| (v.as_dvec3() * scale).as_vec3()).collect();
+        let merged = merged(&Mesh { vertices, faces: mesh.faces.clone(), ..Mesh::default() });
+        assert_eq!(merged.vertices.len(), mesh.vertices.len(), "scale {scale}");
+        assert!(merged.is_closed() && has_one_fan_per_vertex(&merged));
+        assert_eq!(merged.euler_characteristic(), mesh.euler_characteristic());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn no_two_vertices_of_noise_are_at_one_place(seed in any::<u64>(), density in 0.05..0.95f64) {
+        let mesh = extract_with(&noise(seed, density), &BOUNDS, 14, Components::All, &|_| {});
+        assert_distinct(&mesh);
+    }
+
+    /// Thin walls and solids that touch: surface nets have several sheets in a cell.
+    #[test]
+    fn no_two_vertices_of_thin_solids_are_at_one_place(
+        a in prop::array::uniform3(-0.5..0.5f64),
+        radius in 0.2..0.6f64,
+        wall in 0.002..0.05f64,
+        resolution in 12usize..48,
+    ) {
+        let shell = |x: DVec3, c: DVec3, r: f64| ((x - c).length() - r).abs() - wall;
+        let solid = Formula(move |x: DVec3| {
+            let a = DVec3::from(a);
+            shell(x, a, radius).min(shell(x, -a, radius)).min((x.x - x.z).abs() - wall)
+        });
+        let mesh = extract_with(&solid, &BOUNDS, resolution, Components::All, &|_| {});
+        if !mesh.faces.is_empty() {
+            assert_distinct(&mesh);
+        }
+    }
+}
+
+/// Without the last step, vertices of these meshes coincide.
+#[test]
+fn separate_cells_of_a_chequerboard_touch_at_their_edges() {
+    let board = Formula(|x: DVec3| {
+        let cell = (x * 5.0).floor();
+        if (cell.x + cell.y + cell.z).rem_euclid(2.0) < 1.0 { -0.05 } else { 0.05 }
+    });
+    let mesh = extract_with(&board, &BOUNDS, 24, Components::All, &|_| {});
+    assert!(mesh.faces.len() > 1000);
+    assert_distinct(&mesh);
+}

@@ -40,7 +40,7 @@ fn meshes_that_are_written_and_read_are_equal() {
         let obj = read_bytes("a.OBJ", &written("a.obj", &mesh)).unwrap();
         assert_eq!((&obj.vertices, &obj.faces), (&mesh.vertices, &mesh.faces));
     }
-    let error = write_mesh(Path::new("a.stl"), &tetrahedron()).unwrap_err();
+    let error = write_mesh(Path::new("a.off"), &tetrahedron()).unwrap_err();
     assert!(error.is::<io::InputError>());
 }
 
@@ -173,7 +173,7 @@ fn the_error_of_a_wrong_mesh_names_the_place() {
         (ply("0", "2 0 1"), "faces: found none"),
         (ply("0", "4 0 1 2"), "mesh"),
         (ply("zero", "3 0 1 2"), "mesh"),
-        (("v 0 0 0\n".to_owned(), "a.stl"), "extension \"stl\""),
+        (("v 0 0 0\n".to_owned(), "a.off"), "extension \"off\""),
     ] {
         let error = read_bytes(name, text.as_bytes()).unwrap_err().to_string();
         assert!(
@@ -229,7 +229,7 @@ proptest! {
         changes in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6),
         cut in any::<usize>(),
     ) {
-        for name in ["a.ply", "a.obj"] {
+        for name in ["a.ply", "a.obj", "a.glb", "a.stl"] {
             let mut bytes = written(name, &tetrahedron());
             let length = bytes.len();
             changes.iter().for_each(|(at, byte)| bytes[at % length] = *byte);

@@ -1,27 +1,33 @@
 //! Writing of binary glTF files (glTF 2.0, section 4.4: Binary glTF Layout).
 //!
 //! A file has a header, a JSON chunk and a binary chunk. The JSON chunk describes one mesh of one
-//! primitive. The binary chunk holds the positions, then the normals if there are any, then the
-//! indices.
+//! primitive. The binary chunk holds the positions, then the normals and the colours if there are
+//! any, then the indices.
 
 use std::io::Write;
 
 use anyhow::Context;
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use serde_json::{Value, json};
 
 use crate::Mesh;
 use crate::bytes::little_endian;
+use crate::write::Export;
 
 /// Numbers of the glTF 2.0 specification.
-const MAGIC: u32 = 0x4654_6c67;
-const VERSION: u32 = 2;
-const JSON_CHUNK: u32 = 0x4e4f_534a;
-const BINARY_CHUNK: u32 = 0x004e_4942;
+pub(crate) const MAGIC: u32 = 0x4654_6c67;
+pub(crate) const VERSION: u32 = 2;
+pub(crate) const JSON_CHUNK: u32 = 0x4e4f_534a;
+pub(crate) const BINARY_CHUNK: u32 = 0x004e_4942;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
+pub(crate) const FLOAT: u32 = 5126;
+pub(crate) const UNSIGNED_INT: u32 = 5125;
+pub(crate) const UNSIGNED_SHORT: u32 = 5123;
+
+/// The key in the `extras` of the node that turns the mesh upright and scales it. The reader leaves
+/// its transformation out, so that it reads positions in world units.
+pub(crate) const VIEW_KEY: &str = "dsdf:view";
 
 /// The bytes of the header and of the headers of both chunks.
 const HEADER_BYTES: usize = 12 + 8 + 8;
@@ -29,12 +35,42 @@ const HEADER_BYTES: usize = 12 + 8 + 8;
 /// The bytes of a position or a normal (three floats), or of a face (three indices).
 const TRIPLE_BYTES: usize = 12;
 
+/// The bytes of a colour: four channels of 16 bits. In linear light, 8 bits are too few for dark
+/// colours.
+const COLOR_BYTES: usize = 8;
+
+/// The parts of a mesh that a file has.
+struct Parts<'a> {
+    vertices: &'a [Vec3],
+    normals: &'a [Vec3],
+    colors: &'a [Vec3],
+    faces: &'a [[u32; 3]],
+}
+
+impl Parts<'_> {
+    /// The bytes of the binary chunk.
+    fn bytes(&self) -> usize {
+        let triples = self.vertices.len() + self.normals.len() + self.faces.len();
+        TRIPLE_BYTES * triples + COLOR_BYTES * self.colors.len()
+    }
+}
+
 /// Writes the mesh as a .glb file.
-pub(crate) fn write_glb(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
-    let normals = if mesh.has_normals() { &mesh.normals[..] } else { &[] };
-    let mut text = serde_json::to_vec(&document(mesh, normals))?;
+pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> anyhow::Result<()> {
+    let parts = Parts {
+        vertices: &mesh.vertices,
+        normals: if mesh.has_normals() { &mesh.normals } else { &[] },
+        colors: if mesh.has_colors() { &mesh.colors } else { &[] },
+        faces: &mesh.faces,
+    };
+    let mut document = document(&parts);
+    add_nodes(&mut document, mesh.origin, export);
+    if mesh.has_colors() {
+        add_material(&mut document, !mesh.is_closed());
+    }
+    let mut text = serde_json::to_vec(&document)?;
     text.resize(text.len().next_multiple_of(4), b' ');
-    let binary_bytes = TRIPLE_BYTES * (mesh.vertices.len() + normals.len() + mesh.faces.len());
+    let binary_bytes = parts.bytes();
     let total = u32::try_from(HEADER_BYTES + text.len() + binary_bytes)
         .context("a .glb file holds at most 4 GiB; a .ply file has no such limit")?;
     for word in [MAGIC, VERSION, total, text.len() as u32, JSON_CHUNK] {
@@ -45,57 +81,97 @@ pub(crate) fn write_glb(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> 
     for word in [binary_bytes as u32, BINARY_CHUNK] {
         out.write_all(&word.to_le_bytes())?;
     }
-    for v in mesh.vertices.iter().chain(normals) {
+    for v in parts.vertices.iter().chain(parts.normals) {
         out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
     }
-    for face in &mesh.faces {
+    for color in parts.colors {
+        let channels = color.extend(1.0).to_array();
+        for c in channels.map(|c| (c.clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16) {
+            out.write_all(&c.to_le_bytes())?;
+        }
+    }
+    for face in parts.faces {
         out.write_all(&little_endian(*face))?;
     }
     Ok(())
 }
 
-/// The JSON chunk.
-fn document(mesh: &Mesh, normals: &[Vec3]) -> Value {
+/// The JSON chunk, without nodes.
+fn document(parts: &Parts) -> Value {
     let (mut views, mut accessors) = (Vec::new(), Vec::new());
+    let mut attributes = serde_json::Map::new();
     let mut offset = 0;
-    for data in [&mesh.vertices[..], normals].into_iter().filter(|d| !d.is_empty()) {
-        accessors.push(accessor(views.len(), FLOAT, data.len(), "VEC3"));
-        views.push(view(offset, data.len(), ARRAY_BUFFER));
-        offset += TRIPLE_BYTES * data.len();
-    }
-    let mut attributes = json!({"POSITION": 0});
-    if accessors.len() > 1 {
-        attributes["NORMAL"] = json!(1);
-    }
+    let mut add = |name: &str, component: u32, count: usize, kind: &str, bytes: usize| {
+        if count > 0 {
+            attributes.insert(name.to_owned(), json!(accessors.len()));
+            accessors.push(accessor(views.len(), component, count, kind));
+            views.push(view(offset, bytes, ARRAY_BUFFER));
+            offset += bytes;
+        }
+    };
+    let (vertices, normals) = (parts.vertices.len(), parts.normals.len());
+    let colors = parts.colors.len();
+    add("POSITION", FLOAT, vertices, "VEC3", TRIPLE_BYTES * vertices);
+    add("NORMAL", FLOAT, normals, "VEC3", TRIPLE_BYTES * normals);
+    add("COLOR_0", UNSIGNED_SHORT, colors, "VEC4", COLOR_BYTES * colors);
     if let Some(positions) = accessors.first_mut() {
-        let (low, high) = extent(&mesh.vertices);
+        let (low, high) = extent(parts.vertices);
         (positions["min"], positions["max"]) = (json!(low.to_array()), json!(high.to_array()));
     }
-    accessors.push(accessor(views.len(), UNSIGNED_INT, 3 * mesh.faces.len(), "SCALAR"));
-    views.push(view(offset, mesh.faces.len(), ELEMENT_ARRAY_BUFFER));
-    let primitive = json!({"attributes": attributes, "indices": accessors.len() - 1});
-    let mut node = json!({"mesh": 0});
-    if mesh.origin != DVec3::ZERO {
-        node["translation"] = json!(mesh.origin.to_array());
+    if let Some(position) = attributes.get("COLOR_0").and_then(Value::as_u64) {
+        accessors[position as usize]["normalized"] = json!(true);
     }
+    accessors.push(accessor(views.len(), UNSIGNED_INT, 3 * parts.faces.len(), "SCALAR"));
+    views.push(view(offset, TRIPLE_BYTES * parts.faces.len(), ELEMENT_ARRAY_BUFFER));
+    let primitive = json!({"attributes": attributes, "indices": accessors.len() - 1});
     json!({
         "asset": {"version": "2.0", "generator": "dsdf"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [node],
         "meshes": [{"primitives": [primitive]}],
-        "buffers": [{"byteLength": offset + TRIPLE_BYTES * mesh.faces.len()}],
+        "buffers": [{"byteLength": parts.bytes()}],
         "bufferViews": views,
         "accessors": accessors
     })
 }
 
-/// A part of the binary chunk: `count` triples from the byte `offset`.
-fn view(offset: usize, count: usize, target: u32) -> Value {
+/// Adds the node of the mesh, and above it one that turns it upright and scales it, unless both
+/// are as in the world.
+fn add_nodes(document: &mut Value, origin: DVec3, export: &Export) {
+    let mut node = json!({"mesh": 0});
+    if origin != DVec3::ZERO {
+        node["translation"] = json!(origin.to_array());
+    }
+    document["nodes"] = json!([node]);
+    if *export == Export::default() {
+        return;
+    }
+    let rotation = DQuat::from_rotation_arc(export.up, DVec3::Y).normalize();
+    let mut extras = serde_json::Map::new();
+    extras.insert(VIEW_KEY.to_owned(), json!(true));
+    let view = json!({
+        "name": "upright",
+        "children": [1],
+        "rotation": rotation.to_array(),
+        "scale": DVec3::splat(export.scale).to_array(),
+        "extras": extras
+    });
+    document["nodes"] = json!([view, node]);
+}
+
+/// Adds a material that is as rough as can be: the colours are those that cameras saw.
+fn add_material(document: &mut Value, double_sided: bool) {
+    document["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let factors = json!({"metallicFactor": 0.0, "roughnessFactor": 1.0});
+    document["materials"] = json!([{"pbrMetallicRoughness": factors, "doubleSided": double_sided}]);
+}
+
+/// A part of the binary chunk: `bytes` from the byte `offset`.
+fn view(offset: usize, bytes: usize, target: u32) -> Value {
     json!({
         "buffer": 0,
         "byteOffset": offset,
-        "byteLength": TRIPLE_BYTES * count,
+        "byteLength": bytes,
         "target": target
     })
 }

@@ -2,28 +2,35 @@
 
 mod bytes;
 mod components;
+mod decimate;
 mod edges;
+#[cfg(test)]
+mod export_tests;
 mod extract;
 #[cfg(test)]
 mod extract_tests;
 #[cfg(test)]
 mod file_tests;
 mod glb;
+mod glb_read;
 mod grid;
 mod manifold;
 mod mesh;
 mod points;
 mod project;
 mod read;
+mod separate;
 mod solid;
+mod stl;
 mod write;
 
 pub use components::{Components, keep_components, select_faces};
+pub use decimate::decimate;
 pub use extract::{extract, extract_with};
 pub use mesh::Mesh;
 pub use points::read_points;
 pub use read::read_mesh;
-pub use write::write_mesh;
+pub use write::{Export, export_mesh, write_mesh};
 
 use std::path::Path;
 

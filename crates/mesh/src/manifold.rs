@@ -20,8 +20,7 @@ const NONE: u32 = u32::MAX;
 /// Makes the mesh a manifold.
 ///
 /// Each edge with as many half-edges in one direction as in the other becomes simple, and the faces
-/// around each vertex become one fan. The surface as a set of points stays the same. Normals are
-/// not updated.
+/// around each vertex become one fan. The surface as a set of points stays the same.
 pub(crate) fn make_manifold(mesh: &mut Mesh) {
     let mut twins = twins(mesh);
     split_vertices(mesh, &twins);
@@ -93,7 +92,7 @@ fn split_vertices(mesh: &mut Mesh, twins: &[u32]) {
             vertex_of_class[class] = old;
             if is_taken[old as usize] {
                 vertex_of_class[class] = mesh.vertices.len() as u32;
-                mesh.vertices.push(mesh.vertices[old as usize]);
+                push_middle(mesh, old, old);
             }
             is_taken[old as usize] = true;
         }
@@ -138,11 +137,23 @@ fn split_double_edges(mesh: &mut Mesh, twins: &mut Vec<u32>) -> bool {
 fn split_edge(mesh: &mut Mesh, twins: &mut Vec<u32>, half: u32) {
     let [a, b] = edges::ends(mesh, half);
     let middle = mesh.vertices.len() as u32;
-    mesh.vertices.push(mesh.vertices[a as usize].midpoint(mesh.vertices[b as usize]));
+    push_middle(mesh, a, b);
     let old = [half, twins[half as usize]];
     let new = old.map(|h| split_face(mesh, twins, h, middle));
     pair(twins, old[0], new[1]);
     pair(twins, old[1], new[0]);
+}
+
+/// Adds a vertex in the middle of two, which may be the same.
+fn push_middle(mesh: &mut Mesh, a: u32, b: u32) {
+    let (a, b) = (a as usize, b as usize);
+    mesh.vertices.push(mesh.vertices[a].midpoint(mesh.vertices[b]));
+    if let (Some(m), Some(n)) = (mesh.normals.get(a), mesh.normals.get(b)) {
+        mesh.normals.push((*m + *n).normalize_or(*m));
+    }
+    if let (Some(m), Some(n)) = (mesh.colors.get(a), mesh.colors.get(b)) {
+        mesh.colors.push(m.midpoint(*n));
+    }
 }
 
 /// Splits the face (a, b, c) of the half-edge (a, b): it becomes (a, middle, c), and a new face

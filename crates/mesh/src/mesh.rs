@@ -15,6 +15,8 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// Unit normals, one per vertex, or empty.
     pub normals: Vec<Vec3>,
+    /// Radiances, linear RGB from 0 to 1, one per vertex, or empty.
+    pub colors: Vec<Vec3>,
     /// The indices of the three vertices of each face.
     pub faces: Vec<[u32; 3]>,
 }
@@ -23,6 +25,11 @@ impl Mesh {
     /// Whether every vertex has a normal.
     pub(crate) fn has_normals(&self) -> bool {
         !self.normals.is_empty() && self.normals.len() == self.vertices.len()
+    }
+
+    /// Whether every vertex has a colour.
+    pub(crate) fn has_colors(&self) -> bool {
+        !self.colors.is_empty() && self.colors.len() == self.vertices.len()
     }
 
     /// The corners of face `i` relative to `origin`, world units, in double precision.
@@ -38,6 +45,15 @@ impl Mesh {
             *v = (v.as_dvec3() + step).as_vec3();
         }
         Mesh { origin, ..self }
+    }
+
+    /// The same mesh with all lengths times `factor`.
+    #[must_use]
+    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+        for v in self.vertices.iter_mut().filter(|_| factor != 1.0) {
+            *v = (v.as_dvec3() * factor).as_vec3();
+        }
+        Mesh { origin: self.origin * factor, ..self }
     }
 
     /// A mesh of vertices in world units, without faces. They become relative to their centre where

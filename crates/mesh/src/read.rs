@@ -1,4 +1,4 @@
-//! Reading of mesh files: .ply and .obj.
+//! Reading of mesh files: .ply and .obj, and the choice of the reader.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -11,12 +11,21 @@ use ply_rs_bw::ply::{
     ScalarType,
 };
 
+use crate::glb_read::parse_glb;
+use crate::stl::parse_stl;
 use crate::{Mesh, extension};
 
-/// Reads a mesh from a .ply file (ASCII or binary) or an .obj file.
+/// The formats that are read.
+const FORMATS: &str = "a .ply, .obj, .glb or .stl mesh";
+
+/// Reads a mesh from a .ply file (ASCII or binary), an .obj file, a .glb file (binary glTF 2.0) or
+/// an .stl file (text or binary).
 ///
 /// A polygon becomes a fan of triangles. Normals are read from .ply, if each vertex has one.
-/// Colours, texture coordinates, materials and all other content are ignored.
+/// Colours, texture coordinates, materials and all other content are ignored. Equal positions of an
+/// .stl file become one vertex. A .glb file has all triangles of its scene, with the
+/// transformations of its nodes; the turn and the factor of [`crate::Export`] are left out, so the
+/// positions are in the units of the mesh that was exported.
 ///
 /// # Errors
 /// If the file is missing, is damaged, has no faces, or has a vertex that is not finite or an index
@@ -25,12 +34,14 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, InputError> {
     let parse = match extension(path).as_str() {
         "ply" => parse_ply,
         "obj" => parse_obj,
+        "glb" => parse_glb,
+        "stl" => parse_stl,
         other => {
             let found = format!("extension \"{other}\"");
-            return Err(InputError::new(path, "mesh", found, ".ply or .obj"));
+            return Err(InputError::new(path, "mesh", found, FORMATS));
         }
     };
-    let bytes = io::read(path, "mesh", "a .ply or .obj mesh")?;
+    let bytes = io::read(path, "mesh", FORMATS)?;
     let mesh = parse(path, &bytes)?;
     check(path, &mesh)?;
     Ok(mesh)

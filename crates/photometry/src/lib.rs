@@ -2,10 +2,10 @@
 
 mod background;
 mod loss;
-mod mask_use;
+mod masks;
 mod pyramid;
 
 pub use background::BackgroundModel;
 pub use loss::{Target, photometric, squared_error};
-pub use mask_use::MaskUse;
+pub use masks::{MaskChoice, MaskUse, check_masks, put_over_black};
 pub use pyramid::{Level, Photograph, Pixel, pyramid};

@@ -8,7 +8,7 @@ use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
 use crate::background::BackgroundModel;
-use crate::mask_use::MaskUse;
+use crate::masks::MaskUse;
 
 /// The share of a pixel from which all of it counts as used: 1, less the rounding of means.
 const ALL: f32 = 0.999;

@@ -159,17 +159,25 @@ impl UnreadView {
         Ok(Photograph { camera: *camera, image, mask })
     }
 
+    /// The pinhole camera of the photograph without its distortion.
+    pub fn pinhole(&self) -> Result<Camera> {
+        if self.lens.is_negligible(&self.camera) {
+            return Ok(self.camera);
+        }
+        self.lens.pinhole(&self.camera).ok_or_else(|| {
+            let expected = "a lens whose distortion can be removed from most of the image \
+                (undistort the images first)";
+            InputError::new(&self.path, "distortion", format!("{:?}", self.lens), expected)
+        })
+    }
+
     /// The photograph as a pinhole camera would have taken it.
     fn undistorted(&self, photograph: Photograph) -> Result<Photograph> {
         let Photograph { camera, image, mask } = &photograph;
         if self.lens.is_negligible(camera) {
             return Ok(photograph);
         }
-        let ideal = self.lens.pinhole(camera).ok_or_else(|| {
-            let expected = "a lens whose distortion can be removed from most of the image \
-                (undistort the images first)";
-            InputError::new(&self.path, "distortion", format!("{:?}", self.lens), expected)
-        })?;
+        let ideal = self.pinhole()?;
         let resample = |film: &Film| self.lens.undistort(film, camera, &ideal);
         Ok(Photograph {
             image: resample(image),

@@ -41,8 +41,8 @@ impl<R: Real> Record<R> {
         }
     }
 
-    /// Whether the record has the derivatives by cameras: an estimator that carries silhouettes by a
-    /// warp has those by θ alone.
+    /// Whether the record has the derivatives by cameras: an estimator that carries silhouettes by
+    /// a warp has those by θ alone.
     pub fn has_cameras(&self) -> bool {
         self.border.is_none() && self.area.iter().all(|area| area.warp.is_none())
     }

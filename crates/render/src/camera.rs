@@ -270,7 +270,8 @@ mod tests {
                 let difference = (c.direction(u + h * e) - c.direction(u - h * e)) / (2.0 * h);
                 assert_relative_eq!(du, difference, epsilon = 1e-8);
             }
-            assert_relative_eq!(c.project(c.eye + 3.0 * c.direction(u)).unwrap(), u, epsilon = 1e-9);
+            let again = c.project(c.eye + 3.0 * c.direction(u)).unwrap();
+            assert_relative_eq!(again, u, epsilon = 1e-9);
         }
 
         #[test]

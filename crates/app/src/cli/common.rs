@@ -9,7 +9,9 @@ use serde::Serialize;
 
 use super::interrupt::Interrupt;
 use super::progress::Progress;
+use dataset::Dataset;
 use estimate::Registry;
+use fit::{Model, RunFile, align};
 use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 
 /// Flags of every command.
@@ -154,3 +156,23 @@ pub(super) const ARGUMENTS: &str = "arguments";
 
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
+/// Aligns the cameras of held-out views to the model of a run that refined its cameras.
+///
+/// # Errors
+/// If the field or a gradient is not finite.
+pub(crate) fn align_held_out(
+    model: &Model,
+    file: &RunFile,
+    dataset: &mut Dataset,
+    global: &Global,
+) -> anyhow::Result<()> {
+    if dataset.test.is_empty() {
+        return Ok(());
+    }
+    let bar = global.progress("cameras");
+    let cameras = align(model, file, &dataset.test, &bar.mover())?;
+    bar.finish_and_clear();
+    dataset.test.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
+    global.say("cameras: those of the held-out views are aligned to the model first");
+    Ok(())
+}

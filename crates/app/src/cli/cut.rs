@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::common::{ARGUMENTS, Global};
 use ::mesh::{Components, Mesh, keep_components};
 use dataset::{Dataset, LoadOptions};
-use fit::{Model, RunFile, Solid, upwards};
+use fit::{Model, RunCameras, RunFile, Solid, upwards};
 use io::InputError;
 use metrics::SurfacePoint;
 use render::Camera;
@@ -131,6 +131,8 @@ impl CutReport {
 pub(super) struct Subject<'a> {
     /// The model.
     pub(super) model: &'a Model,
+    /// The folder of the run.
+    pub(super) run: &'a Path,
     /// The run's input.
     pub(super) file: &'a RunFile,
     /// Grid cells of the mesh along the diameter of the bounding sphere.
@@ -179,7 +181,7 @@ impl CutOptions {
             return Ok((mesh, Vec::new()));
         }
         let dataset = match by_views {
-            true => Some(views_of_run(subject.file, self.dataset.as_deref())?),
+            true => Some(views_of_run(subject.run, subject.file, self.dataset.as_deref())?.dataset),
             false => None,
         };
         let mut cutting = Cutting::new(&mesh, subject, dataset.as_ref(), global);
@@ -194,10 +196,28 @@ impl CutOptions {
     }
 }
 
-/// The data set of a run as the run sees it, or another one.
-pub(super) fn views_of_run(file: &RunFile, other: Option<&Path>) -> anyhow::Result<Dataset> {
+/// The photographs of a run.
+pub(super) struct RunViews {
+    /// The data set as the run sees it.
+    pub(super) dataset: Dataset,
+    /// Whether its training views have cameras that the run refined.
+    pub(super) is_refined: bool,
+}
+
+/// The data set of a run as the run sees it, or another one, which keeps its cameras.
+pub(super) fn views_of_run(
+    run: &Path,
+    file: &RunFile,
+    other: Option<&Path>,
+) -> anyhow::Result<RunViews> {
     let options = LoadOptions { downscale: file.downscale() };
-    Ok(file.prepare(dataset::load(other.unwrap_or(&file.dataset), &options)?))
+    if let Some(other) = other {
+        let dataset = file.prepare(dataset::load(other, &options)?);
+        return Ok(RunViews { dataset, is_refined: false });
+    }
+    let dataset = dataset::load(&file.dataset, &options)?;
+    let (dataset, is_refined) = RunCameras::prepare(run, file, dataset)?;
+    Ok(RunViews { dataset, is_refined })
 }
 
 /// A mesh that is being cut.
@@ -261,7 +281,7 @@ impl<'a> Cutting<'a> {
         }
         let views = self.dataset.map_or(&[][..], |dataset| &dataset.train);
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
-        let Subject { model, file, cells } = self.subject;
+        let Subject { model, file, cells, .. } = self.subject;
         let solid = Solid::new(model, file);
         // A cell is more than the error of the mesh, and rays have a precision of their own.
         let tolerance = file.sphere().radius * (2.0 / *cells as f64).max(1.0 / 256.0);

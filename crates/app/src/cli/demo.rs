@@ -11,7 +11,7 @@ use super::common::Global;
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
-use ::fit::{FitOptions, Model, RunFile, Solid, parse_duration, write_preview};
+use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid, parse_duration, write_preview};
 use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
 use dataset::{Dataset, LoadOptions};
@@ -89,7 +89,9 @@ impl Demo {
         self.synthesise(&data, global)?;
         let seconds = self.time.as_secs();
         global.say(&format!("reconstructing it from those images alone, {seconds} s"));
-        let options = FitOptions { time: Some(self.time), ..FitOptions::default() };
+        // The cameras of the scene are exact.
+        let refine_cameras = RefineCameras::None;
+        let options = FitOptions { time: Some(self.time), refine_cameras, ..FitOptions::default() };
         let (dataset, file, _) = new_run(&data, &options, global)?;
         let (fitted, _) = fit(dataset, file, &run, Segment::default(), global)?;
         let (mesh, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));

@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, option_error};
-use super::cut::{CullOptions, CutReport, Subject, views_of_run};
+use super::common::{Global, align_held_out, option_error};
+use super::cut::{CullOptions, CutReport, RunViews, Subject, views_of_run};
 use super::mesh::mesh_of_run;
 use fit::{Model, RunFile};
 use mesh::read_mesh;
@@ -26,7 +26,7 @@ pub(crate) struct Eval {
     /// Data set folder [default: the data set of the run]
     #[arg(long)]
     dataset: Option<PathBuf>,
-    /// True surface (.ply or .obj), in the units of the data set
+    /// True surface (.ply, .obj, .glb or .stl), in the units of the data set
     #[arg(long)]
     mesh: Option<PathBuf>,
     #[command(flatten)]
@@ -99,7 +99,11 @@ impl Eval {
         let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let points = self.reference.read()?;
-        let dataset = views_of_run(&file, self.dataset.as_deref())?;
+        let RunViews { mut dataset, is_refined } =
+            views_of_run(&self.run, &file, self.dataset.as_deref())?;
+        if is_refined {
+            align_held_out(&model, &file, &mut dataset, global)?;
+        }
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());
         let mut report = compare_views(&model, &file, views, self.spp, pictures, &bar.mover())?;
@@ -109,7 +113,7 @@ impl Eval {
             let bar = global.progress("mesh");
             let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
             bar.finish_and_clear();
-            let subject = Subject { model: &model, file: &file, cells };
+            let subject = Subject { model: &model, run: &self.run, file: &file, cells };
             let (mesh, cut) = self.culling.apply(mesh, &subject, &dataset, global)?;
             report.cut = cut;
             let radius = file.sphere().radius;

@@ -7,16 +7,17 @@ use serde::Serialize;
 
 use super::common::Global;
 use super::cut::{CutOptions, CutReport, Subject};
+use super::export::{Export, Exported};
 use fit::{Model, RunFile};
 use io::InputError;
-use mesh::{extract, write_mesh};
+use mesh::extract;
 
 /// Arguments of `dsdf mesh`.
 #[derive(Args, Debug)]
 pub(crate) struct Mesh {
     /// Run folder
     run: PathBuf,
-    /// Mesh to write: .ply, .obj or .glb
+    /// Mesh to write: .ply, .obj, .glb or .stl
     #[arg(short, long)]
     output: PathBuf,
     /// Grid cells along the diameter of the bounding sphere
@@ -24,6 +25,8 @@ pub(crate) struct Mesh {
     resolution: u32,
     #[command(flatten)]
     cut: CutOptions,
+    #[command(flatten)]
+    export: Export,
 }
 
 /// The size and the topology of an extracted mesh.
@@ -43,6 +46,9 @@ struct MeshReport {
     volume: f64,
     /// The parts that were cut off.
     cut: Vec<CutReport>,
+    /// The colours and the direction of the file.
+    #[serde(flatten)]
+    exported: Exported,
 }
 
 /// The mesh of a run, with `cells` grid cells along the diameter of its bounding sphere.
@@ -58,7 +64,8 @@ pub(super) fn mesh_of_run(
 
 impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        global.will_write(&self.output, &["ply", "obj", "glb"])?;
+        global.will_write(&self.output, &["ply", "obj", "glb", "stl"])?;
+        self.export.check(&self.output)?;
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run, &file)?;
         let bar = global.progress("mesh");
@@ -70,17 +77,17 @@ impl Mesh {
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
-        let subject = Subject { model: &model, file: &file, cells };
+        let subject = Subject { model: &model, run: &self.run, file: &file, cells };
         let (mesh, cut) = self.cut.apply(mesh, &subject, global)?;
-        write_mesh(&self.output, &mesh)?;
-        let report = MeshReport { cut, ..MeshReport::new(&mesh) };
+        let (mesh, exported) = self.export.write(&self.output, mesh, &subject, global)?;
+        let report = MeshReport { cut, ..MeshReport::new(&mesh, exported) };
         let cut = report.cut.iter().map(|cut| format!("\n{}", cut.text())).collect::<String>();
         global.report(&report, || format!("{}: {}{cut}", report.text(), self.output.display()))
     }
 }
 
 impl MeshReport {
-    fn new(mesh: &mesh::Mesh) -> Self {
+    fn new(mesh: &mesh::Mesh, exported: Exported) -> Self {
         MeshReport {
             vertices: mesh.vertices.len(),
             faces: mesh.faces.len(),
@@ -89,11 +96,13 @@ impl MeshReport {
             area: mesh.area(),
             volume: mesh.volume(),
             cut: Vec::new(),
+            exported,
         }
     }
 
     fn text(&self) -> String {
         let closed = if self.closed { "closed" } else { "open" };
-        format!("{} vertices, {} faces, {closed}", self.vertices, self.faces)
+        let exported = self.exported.text();
+        format!("{} vertices, {} faces, {closed}{exported}", self.vertices, self.faces)
     }
 }

@@ -5,6 +5,7 @@ mod cut;
 mod demo;
 mod eval;
 mod examine;
+mod export;
 mod fit;
 mod gradient;
 mod inspect;
@@ -66,7 +67,11 @@ enum Command {
     Inspect(inspect::Inspect),
     /// Reconstruct an embedded example; needs no files
     Demo(demo::Demo),
-    /// Extract the surface of a run as a mesh
+    /// Extract the surface of a run as a mesh, in colour
+    ///
+    /// The colour of a vertex is the mean radiance towards the training cameras that see it; a
+    /// vertex that none sees is grey. Colours are sRGB in .ply and .obj, and linear in .glb. The
+    /// file is in the units of the data set; a .glb stands upright.
     Mesh(mesh::Mesh),
     /// Measure the errors of a run on held-out views, and against a true mesh
     Eval(eval::Eval),

@@ -22,7 +22,8 @@ const TRIAL_STEPS: u64 = 200;
 /// The least number of steps of a trial. Shorter ones find nothing.
 const LEAST_STEPS: u64 = 20;
 
-/// Iterations of the fit so far for each step of a trial: a trial takes less than 2 % of the budget.
+/// Iterations of the fit so far for each step of a trial: a trial takes less than 2 % of the
+/// budget.
 const ITERATIONS_PER_STEP: u64 = 32;
 
 /// The rate of the first step of a trial, in pixels; it falls to zero.
@@ -44,7 +45,7 @@ impl Fit {
         self.refinement_decided = true;
         let start = calibration(&self.dataset.train, self.file.sphere(), freedom);
         if options.refine_cameras != RefineCameras::Auto {
-            self.calibration = Some(start);
+            self.calibration = Some(self.trial(start, TRIAL_STEPS)?.0);
             return Ok(None);
         }
         let steps = (self.iteration / ITERATIONS_PER_STEP).min(TRIAL_STEPS);

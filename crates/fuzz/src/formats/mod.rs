@@ -8,4 +8,5 @@ pub(crate) mod meshes;
 pub(crate) mod models;
 pub(crate) mod runs;
 pub(crate) mod scenes;
+pub(crate) mod solids;
 pub(crate) mod sweeps;

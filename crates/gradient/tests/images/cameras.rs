@@ -128,8 +128,8 @@ fn adjoint(scene: &Scene<'_, f64>, delta: &[DVec3], estimator: &str, seeds: u64)
     let pixel = |i: u32| Pixel { camera: 0, x: i % SIDE, y: i / SIDE };
     let pixels: Vec<Pixel> = (0..SIDE * SIDE).map(pixel).collect();
     let counts = SampleCounts { spp: 64, edge_samples: 32 };
-    let mut out = Adjoints::default();
-    out.cameras = Some(CameraAdjoints::new(vec![0; pixels.len()], 1));
+    let cameras = Some(CameraAdjoints::new(vec![0; pixels.len()], 1));
+    let mut out = Adjoints { cameras, ..Adjoints::default() };
     let delta: Vec<DVec3> = delta.iter().map(|delta| *delta / seeds as f64).collect();
     for seed in 0..seeds {
         let batch = Batch { pixels: &pixels, counts, seed, terms: Terms::All };

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::Global;
+use super::common::{Global, align_held_out};
 use super::examine::examine;
 use crate::error::Interrupted;
 use ::inspect::Verdict;
@@ -78,6 +78,7 @@ impl Fit {
         let (mut report, mut fitting) = fit(dataset, file, &self.output, segment, global)?;
         if let Some(cameras) = fitting.cameras() {
             cameras.apply(&mut fitting.dataset, fitting.file.origin(), &self.output)?;
+            align_held_out(&fitting.model, &fitting.file, &mut fitting.dataset, global)?;
         }
         if fitting.progress() >= 1.0 {
             report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use dataset::{Dataset, Mask, MaskKind, View};
 use io::InputError;
-use photometry::MaskUse;
 use serde::{Deserialize, Serialize};
 
 /// The choice of a use for masks.
@@ -19,6 +18,19 @@ pub enum MaskChoice {
     Use,
     /// Use no masks; `eval` compares with them
     Ignore,
+}
+
+/// The use of the masks of a data set in a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaskUse {
+    /// No use.
+    None,
+    /// The coverage of the object: it is composited over a colour that changes from iteration to
+    /// iteration, and the model is rendered in front of the same colour.
+    Coverage,
+    /// Pixels are left out.
+    LeaveOut,
 }
 
 /// The least share of the views whose masks must have pixels of the object and of the background.
@@ -107,7 +119,7 @@ fn cut_out(views: &[View]) -> bool {
 
 /// Multiplies each photograph with the coverage of its mask: the object over black, as if it had an
 /// alpha channel.
-pub(crate) fn put_over_black(views: &mut [View]) {
+pub fn put_over_black(views: &mut [View]) {
     for view in views {
         if let Some(Mask { kind: kind @ MaskKind::Object, values }) = &mut view.mask {
             for (pixel, coverage) in view.image.pixels.iter_mut().zip(values) {

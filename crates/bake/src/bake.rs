@@ -1,0 +1,196 @@
+//! The mean radiance of points towards the cameras that see them.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+use render::{Camera, InvalidField, Sample, Scene, Surface};
+
+/// The colour, linear RGB, of a point that no camera sees: the grey with sRGB values of 128.
+pub const GREY: Vec3 = Vec3::splat(0.215_86);
+
+/// The ray of a camera meets the surface at the point if its hit is this close, in bounding radii:
+/// more than the error of the point and of the tracer where the surface is steep to the ray.
+const SAME_POINT: f64 = 0.01;
+
+/// Points that a thread takes at once.
+const CHUNK: usize = 2048;
+
+/// The colours of points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Baked {
+    /// The mean radiance of each point, linear RGB; [`GREY`] for one that no camera sees.
+    pub colors: Vec<Vec3>,
+    /// The number of points that no camera sees.
+    pub unseen: usize,
+}
+
+/// Computes the colour of each point: the mean of its radiance towards the cameras of `scene` that
+/// see it.
+///
+/// `points` are in world units, `normals` are their unit normals. A camera sees a point if the
+/// normal points to its side, the point is inside its image, and the first hit of the ray to the
+/// point is at the point, within 1/100 of the bounding radius. `progress` gets the fraction done,
+/// on any thread. The colours have the same bits on any number of threads.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray.
+pub fn bake(
+    scene: &Scene<'_, f32>,
+    points: &[Vec3],
+    normals: &[Vec3],
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Baked, InvalidField> {
+    let (done, all) = (AtomicUsize::new(0), points.len());
+    let chunks: Vec<_> = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK)).collect();
+    let chunks: Vec<Result<Vec<Option<Vec3>>, InvalidField>> = chunks
+        .par_iter()
+        .map(|(points, normals)| {
+            let colors = bake_chunk(scene, points, normals);
+            let before = done.fetch_add(points.len(), Ordering::Relaxed);
+            progress((before + points.len()) as f64 / all as f64);
+            colors
+        })
+        .collect();
+    let mut baked = Baked::default();
+    for chunk in chunks {
+        for color in chunk? {
+            baked.unseen += usize::from(color.is_none());
+            baked.colors.push(color.unwrap_or(GREY));
+        }
+    }
+    Ok(baked)
+}
+
+/// The colours of some points; `None` for one that no camera sees.
+fn bake_chunk(
+    scene: &Scene<'_, f32>,
+    points: &[Vec3],
+    normals: &[Vec3],
+) -> Result<Vec<Option<Vec3>>, InvalidField> {
+    let mut sums = vec![(DVec3::ZERO, 0u32); points.len()];
+    for camera in 0..scene.cameras.len() {
+        let seen = seen_by(scene, camera, points, normals)?;
+        let mut surface = Surface::default();
+        for (i, direction) in &seen {
+            surface.push(points[*i], normals[*i], *direction);
+        }
+        let mut radiance = vec![Vec3::ZERO; seen.len()];
+        scene.shader.radiance(&surface.batch(), &mut radiance);
+        for ((i, _), radiance) in seen.iter().zip(radiance) {
+            sums[*i] = (sums[*i].0 + radiance.as_dvec3(), sums[*i].1 + 1);
+        }
+    }
+    let mean = |(sum, count): (DVec3, u32)| {
+        (count > 0).then(|| (sum / f64::from(count)).as_vec3().clamp(Vec3::ZERO, Vec3::ONE))
+    };
+    Ok(sums.into_iter().map(mean).collect())
+}
+
+/// The points that a camera sees, in order, each with the unit direction from the camera to it.
+fn seen_by(
+    scene: &Scene<'_, f32>,
+    camera: usize,
+    points: &[Vec3],
+    normals: &[Vec3],
+) -> Result<Vec<(usize, Vec3)>, InvalidField> {
+    let view = &scene.cameras[camera];
+    let away = |i: usize| points[i].as_dvec3() - view.eye;
+    let (candidates, samples): (Vec<usize>, Vec<Sample>) = (0..points.len())
+        .filter(|i| normals[*i].as_dvec3().dot(away(*i)) < 0.0)
+        .filter_map(|i| Some((i, Sample { camera, u: inside_image(view, points[i].as_dvec3())? })))
+        .unzip();
+    let tolerance = SAME_POINT * scene.bounds.radius;
+    let hits = scene.trace(&samples)?;
+    let is_hit = |(i, traced): (usize, Option<render::TracedRay<f32>>)| {
+        let depth = f64::from(traced?.depth()?);
+        let distance = away(i).length();
+        let direction = (away(i) / distance).as_vec3();
+        ((depth - distance).abs() < tolerance).then_some((i, direction))
+    };
+    Ok(candidates.into_iter().zip(hits).filter_map(is_hit).collect())
+}
+
+/// The film position of a point; `None` outside the image.
+fn inside_image(camera: &Camera, x: DVec3) -> Option<DVec2> {
+    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+    camera.project(x).filter(|u| u.cmpge(DVec2::ZERO).all() && u.cmplt(size).all())
+}
+
+#[cfg(test)]
+mod tests {
+    use field::{Csg, Field, Operation, Shape, Sphere, SurfaceAdjoint, SurfaceBatch};
+    use render::{Shader, UniformBackground};
+
+    use super::*;
+
+    /// A radiance of (x + 1)/2, (y + 1)/2 and (d_z + 1)/2, where d is the view direction.
+    struct Ramp;
+
+    impl Shader<f32> for Ramp {
+        fn parameter_count(&self) -> usize {
+            0
+        }
+        fn radiance(&self, points: &SurfaceBatch<'_, f32>, rgb: &mut [Vec3]) {
+            for (i, rgb) in rgb.iter_mut().enumerate() {
+                let (x, d) = (points.x[i], points.direction[i]);
+                *rgb = Vec3::new(x.x, x.y, d.z) * 0.5 + 0.5;
+            }
+        }
+        fn vjp(
+            &self,
+            _: &SurfaceBatch<'_, f32>,
+            _: &[Vec3],
+            _: &mut SurfaceAdjoint<f32>,
+            _: &mut [f32],
+        ) {
+        }
+    }
+
+    fn camera(eye: DVec3) -> Camera {
+        let (focal, middle) = (DVec2::splat(64.0), DVec2::splat(32.0));
+        let up = if eye.x == 0.0 && eye.y == 0.0 { DVec3::Y } else { DVec3::Z };
+        Camera::look_at(64, 64, focal, middle, eye, DVec3::ZERO, up).unwrap()
+    }
+
+    fn bake_with(field: &dyn Field<f32>, cameras: &[Camera], points: &[Vec3]) -> Baked {
+        let bounds = Sphere { center: DVec3::ZERO, radius: 1.5 };
+        let background = UniformBackground(Vec3::ZERO);
+        let scene = Scene::new(field, &Ramp, cameras, &bounds, &background);
+        let (mut f, mut normals) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
+        field.value_gradient(points, &mut f, &mut normals);
+        assert!(f.iter().all(|f| f.abs() < 1e-5));
+        bake(&scene, points, &normals, &|_| {}).unwrap()
+    }
+
+    #[test]
+    fn a_colour_is_the_mean_over_the_cameras_that_see_the_point() {
+        let ball = Shape::<f32>::sphere([0.0; 3], 1.0);
+        let eyes = [DVec3::new(0.0, 0.0, 4.0), DVec3::new(4.0, 0.0, 4.0)];
+        let cameras = eyes.map(camera);
+        let points = [Vec3::Z, Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z];
+        let baked = bake_with(&ball, &cameras, &points);
+        assert_eq!(baked.unseen, 2);
+        let toward = |i: usize, eye: DVec3| (points[i].as_dvec3() - eye).normalize().z as f32;
+        let blue = 0.25 * (toward(0, eyes[0]) + toward(0, eyes[1])) + 0.5;
+        assert!((baked.colors[0] - Vec3::new(0.5, 0.5, blue)).length() < 1e-5);
+        let blue = 0.5 * toward(1, eyes[1]) + 0.5;
+        assert!((baked.colors[1] - Vec3::new(1.0, 0.5, blue)).length() < 1e-5);
+        assert_eq!(baked.colors[2..], [GREY; 2]);
+    }
+
+    #[test]
+    fn a_point_behind_another_part_or_beside_the_image_is_not_seen() {
+        let balls: Vec<Box<dyn Field<f32>>> = vec![
+            Box::new(Shape::sphere([0.0, 0.0, -0.6], 0.5)),
+            Box::new(Shape::sphere([0.0, 0.0, 0.6], 0.3)),
+        ];
+        let balls = Csg::new(Operation::Union, balls);
+        let points = [Vec3::new(0.0, 0.0, -0.1), Vec3::new(0.0, 0.0, 0.9)];
+        let above = camera(DVec3::new(0.0, 0.0, 4.0));
+        assert_eq!(bake_with(&balls, &[above], &points).unseen, 1);
+        let narrow = Camera { principal: DVec2::new(200.0, 32.0), ..above };
+        assert_eq!(bake_with(&balls, &[narrow], &points).unseen, 2);
+        assert_eq!(bake_with(&balls, &[], &points).colors, [GREY; 2]);
+    }
+}

@@ -1,0 +1,5 @@
+#![doc = include_str!("../README.md")]
+
+mod bake;
+
+pub use bake::{Baked, GREY, bake};

@@ -1,0 +1,277 @@
+//! Colours, directions, factors and faces of files, read by other programs' readers or by hand.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use approx::assert_relative_eq;
+use field::{Kind, Shape, Sphere};
+use film::srgb_encode;
+use glam::{DVec3, Quat, Vec3};
+
+use crate::{Export, Mesh, decimate, export_mesh, extract, read_mesh};
+
+/// A coloured torus around the z axis.
+fn torus(resolution: usize) -> Mesh {
+    let torus = Shape::<f64>::new(Kind::Torus, &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.7, 0.25]);
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.2 };
+    let mut mesh = extract(&torus, &bounds, resolution, &|_| {});
+    mesh.colors =
+        mesh.vertices.iter().map(|v| (*v * 0.4 + 0.5).clamp(Vec3::ZERO, Vec3::ONE)).collect();
+    mesh
+}
+
+/// The content of the file that the mesh is exported to, and the mesh as read from it.
+fn exported(name: &str, mesh: &Mesh, export: &Export) -> (Vec<u8>, Mesh) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    export_mesh(&path, mesh, export).unwrap();
+    (std::fs::read(&path).unwrap(), read_mesh(&path).unwrap())
+}
+
+/// The largest difference of corresponding vectors.
+fn difference(a: &[Vec3], b: &[Vec3]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max)
+}
+
+fn srgb(colors: &[Vec3]) -> Vec<Vec3> {
+    colors.iter().map(|c| Vec3::from(c.to_array().map(srgb_encode))).collect()
+}
+
+/// Positions, normals, colours and faces of a .glb file, by the crate `gltf`.
+fn by_gltf(bytes: &[u8]) -> (Mesh, gltf::Document) {
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).unwrap();
+    let mut mesh = Mesh::default();
+    for primitive in document.meshes().flat_map(|m| m.primitives().collect::<Vec<_>>()) {
+        let reader = primitive.reader(|_| blob.as_deref());
+        mesh.vertices = reader.read_positions().unwrap().map(Vec3::from).collect();
+        mesh.normals = reader.read_normals().unwrap().map(Vec3::from).collect();
+        let colors = reader.read_colors(0).map(|colors| colors.into_rgb_f32());
+        mesh.colors = colors.into_iter().flatten().map(Vec3::from).collect();
+        let corners: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        mesh.faces = corners.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
+    }
+    (mesh, document)
+}
+
+#[test]
+fn a_glb_file_has_linear_colours_and_a_rough_material() {
+    let mesh = torus(32);
+    let (bytes, _) = exported("a.glb", &mesh, &Export::default());
+    let (read, document) = by_gltf(&bytes);
+    assert_eq!(
+        (&read.vertices, &read.normals, &read.faces),
+        (&mesh.vertices, &mesh.normals, &mesh.faces)
+    );
+    assert!(difference(&read.colors, &mesh.colors) < 1e-5);
+    let material = document.materials().next().unwrap();
+    let rough = material.pbr_metallic_roughness();
+    assert_eq!((rough.metallic_factor(), rough.roughness_factor()), (0.0, 1.0));
+    assert!(!material.double_sided());
+    let open = Mesh { faces: mesh.faces[1..].to_vec(), ..mesh.clone() };
+    let (bytes, _) = exported("a.glb", &open, &Export::default());
+    assert!(by_gltf(&bytes).1.materials().next().unwrap().double_sided());
+    let grey = Mesh { colors: Vec::new(), ..mesh };
+    let (bytes, _) = exported("a.glb", &grey, &Export::default());
+    let (read, document) = by_gltf(&bytes);
+    assert!(read.colors.is_empty() && document.materials().next().is_none());
+}
+
+#[test]
+fn the_node_of_a_glb_file_turns_up_to_y_and_scales_but_the_reader_undoes_it() {
+    let mesh = Mesh { origin: DVec3::new(10.0, 20.0, 30.0), ..torus(16) };
+    for up in [DVec3::X, DVec3::Z, DVec3::NEG_Y, DVec3::new(0.6, 0.0, -0.8)] {
+        let (bytes, read) = exported("a.glb", &mesh, &Export { scale: 2.5, up });
+        let (_, document) = by_gltf(&bytes);
+        let root = document.default_scene().unwrap().nodes().next().unwrap();
+        let (_, rotation, scale) = root.transform().decomposed();
+        assert!((Quat::from_array(rotation) * up.as_vec3() - Vec3::Y).length() < 1e-6);
+        assert_eq!(scale, [2.5; 3]);
+        let child = root.children().next().unwrap();
+        assert_eq!(child.transform().decomposed().0, [10.0, 20.0, 30.0]);
+        assert!(child.mesh().is_some());
+        assert!(difference(&read.about(mesh.origin).vertices, &mesh.vertices) < 1e-6);
+    }
+}
+
+#[test]
+fn other_nodes_of_a_glb_file_are_applied() {
+    let mesh = torus(16);
+    let (mut bytes, _) = exported("a.glb", &mesh, &Export { scale: 2.0, up: DVec3::Z });
+    // A key of the same length that is not dsdf's.
+    let key = b"dsdf:view";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap();
+    bytes[at] = b'x';
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    std::fs::write(&path, &bytes).unwrap();
+    let turned: Vec<Vec3> = mesh.vertices.iter().map(|v| 2.0 * Vec3::new(v.x, v.z, -v.y)).collect();
+    assert!(difference(&read_mesh(&path).unwrap().vertices, &turned) < 1e-5);
+}
+
+#[test]
+fn colours_of_obj_and_ply_are_srgb() {
+    let mesh = torus(16);
+    let (bytes, read) = exported("a.obj", &mesh, &Export { scale: 0.5, ..Export::default() });
+    let options = tobj::LoadOptions::default();
+    let (models, _) = tobj::load_obj_buf(&mut &bytes[..], &options, |_: &Path| {
+        Err(tobj::LoadError::GenericFailure)
+    })
+    .unwrap();
+    let triples =
+        |numbers: &[f32]| -> Vec<Vec3> { numbers.chunks_exact(3).map(Vec3::from_slice).collect() };
+    let half: Vec<Vec3> = mesh.vertices.iter().map(|v| *v * 0.5).collect();
+    assert!(difference(&triples(&models[0].mesh.positions), &half) < 1e-7);
+    let colors = triples(&models[0].mesh.vertex_color);
+    assert!(difference(&colors, &srgb(&mesh.colors)) < 1e-4);
+    assert_eq!(models[0].mesh.indices, mesh.faces.as_flattened());
+    assert!(difference(&read.vertices, &half) < 1e-7);
+
+    let (bytes, read) = exported("a.ply", &mesh, &Export::default());
+    let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
+    let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let text = String::from_utf8_lossy(&bytes[..header]);
+    assert!(text.contains("float nz\nproperty uchar red\nproperty uchar green\n"));
+    assert_eq!(bytes.len(), header + 27 * vertices + 13 * faces);
+    let colors: Vec<Vec3> = bytes[header..header + 27 * vertices]
+        .chunks_exact(27)
+        .map(|v| Vec3::from([24, 25, 26].map(|i| f32::from(v[i]) / 255.0)))
+        .collect();
+    assert!(difference(&colors, &srgb(&mesh.colors)) < 0.51 / 255.0);
+    assert_eq!((read.vertices, read.normals), (mesh.vertices, mesh.normals));
+}
+
+#[test]
+fn an_stl_file_has_triangles_that_merge_to_the_mesh() {
+    let mesh = torus(24);
+    let (bytes, read) = exported("a.stl", &mesh, &Export { scale: 25.4, ..Export::default() });
+    assert_eq!(bytes.len(), 84 + 50 * mesh.faces.len());
+    assert_eq!(bytes[80..84], (mesh.faces.len() as u32).to_le_bytes());
+    for (i, triangle) in bytes[84..].chunks_exact(50).enumerate() {
+        let vector = |k: usize| {
+            let number = |c: usize| {
+                f32::from_le_bytes(triangle[12 * k + 4 * c..12 * k + 4 * c + 4].try_into().unwrap())
+            };
+            Vec3::new(number(0), number(1), number(2))
+        };
+        let [a, b, c] = mesh.faces[i].map(|v| mesh.vertices[v as usize]);
+        for (k, v) in [a, b, c].into_iter().enumerate() {
+            assert!((vector(k + 1) - v * 25.4).length() < 1e-4);
+        }
+        assert!(vector(0).dot((b - a).cross(c - a).normalize()) > 0.999);
+    }
+    assert_eq!((read.genus(), read.vertices.len()), (Some(1), mesh.vertices.len()));
+    assert_relative_eq!(read.volume(), mesh.volume() * 25.4f64.powi(3), max_relative = 1e-5);
+    let far = Mesh { origin: DVec3::splat(1e6), ..mesh };
+    let error = export_mesh(Path::new("a.stl"), &far, &Export::default()).unwrap_err();
+    assert!(error.is::<io::InputError>() && error.to_string().contains("single precision"));
+}
+
+#[test]
+fn stl_files_of_other_programs_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.STL");
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        read_mesh(&path)
+    };
+    let facet = |c: &str| {
+        format!(
+            "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex {c}\n\
+            endloop\nendfacet\n"
+        )
+    };
+    let text = format!("solid a b\n{}{}endsolid a b\n", facet("0 1 0"), facet("0 0 1"));
+    let mesh = read(text.as_bytes()).unwrap();
+    assert_eq!((mesh.vertices.len(), mesh.faces), (4, vec![[0, 1, 2], [0, 1, 3]]));
+    // The header of a binary file that begins as a text file.
+    let mut bytes = b"solid made elsewhere".to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend(1u32.to_le_bytes());
+    for number in [0.0f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
+        bytes.extend(number.to_le_bytes());
+    }
+    bytes.extend([0; 2]);
+    assert_eq!(read(&bytes).unwrap().faces, [[0, 1, 2]]);
+    bytes[80] = 2;
+    bytes[..5].copy_from_slice(b"other");
+    let error = read(&bytes).unwrap_err().to_string();
+    assert!(error.contains("134 bytes, expected 184 bytes for 2 triangles"), "{error}");
+}
+
+#[test]
+fn wrong_glb_files_are_refused_with_the_place() {
+    let (bytes, _) = exported("a.glb", &torus(16), &Export { scale: 2.0, up: DVec3::Z });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    for (from, to, found) in [
+        ("\"children\":[1]", "\"children\":[0]", "node"),
+        ("\"children\":[1]", "\"children\":[7]", "number 7"),
+        ("\"VEC3\"", "\"VEC2\"", "VEC2"),
+        ("\"byteStride\"", "\"byteStride\"", ""),
+        ("\"POSITION\":0", "\"POSITION\":9", "accessor 9"),
+        ("\"indices\":3", "\"indices\":0", "VEC3"),
+        ("glTF", "glTG", "header"),
+        ("\"scene\":0", "\"scene\":5", "scene"),
+        ("\"mesh\":0", "\"mesh\":4", "mesh"),
+        ("\"buffer\":0", "\"buffer\":1", "no view"),
+    ] {
+        let Some(at) = bytes.windows(from.len()).position(|w| w == from.as_bytes()) else {
+            assert!(found.is_empty(), "{from}");
+            continue;
+        };
+        let mut bytes = bytes.clone();
+        bytes[at..at + from.len()].copy_from_slice(to.as_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let error = read_mesh(&path).unwrap_err().to_string();
+        assert!(error.contains(found) && error.lines().count() == 1, "{from}: {error}");
+    }
+    std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
+    assert!(read_mesh(&path).unwrap_err().to_string().contains("binary chunk"));
+}
+
+#[test]
+fn a_decimated_torus_stays_one_and_keeps_its_colours() {
+    let mesh = torus(96);
+    let color_of: HashMap<_, _> =
+        mesh.vertices.iter().map(|v| v.to_array().map(f32::to_bits)).zip(&mesh.colors).collect();
+    for faces in [4000, 1000, 200] {
+        let small = decimate(&mesh, faces);
+        assert!(small.faces.len() <= faces && small.faces.len() + 8 > faces);
+        assert_eq!(small.genus(), Some(1));
+        assert_eq!(small.normals.len(), small.vertices.len());
+        for (v, color) in small.vertices.iter().zip(&small.colors) {
+            assert_eq!(color_of[&v.to_array().map(f32::to_bits)], color);
+        }
+        let error = (small.volume() / mesh.volume() - 1.0).abs();
+        assert!(error < 24.0 / faces as f64, "{faces} faces: volume off by {error}");
+    }
+    assert_eq!(decimate(&mesh, mesh.faces.len()), mesh);
+}
+
+/// Thin and wavy: collapses pinch off pieces, and make the two sides of the wall touch.
+#[test]
+fn a_decimated_thin_solid_stays_closed_and_whole() {
+    let bowl = field::Csg::new(
+        field::Operation::Subtraction,
+        vec![
+            Box::new(Shape::<f64>::sphere([0.0; 3], 0.8)),
+            Box::new(Shape::sphere([0.0, 0.0, 0.06], 0.78)),
+            Box::new(Shape::sphere([0.3, 0.2, -0.8], 0.3)),
+        ],
+    );
+    let bounds = Sphere { center: DVec3::ZERO, radius: 1.0 };
+    let mesh = extract(&bowl, &bounds, 64, &|_| {});
+    assert!(mesh.is_closed() && mesh.faces.len() > 20_000);
+    for faces in [5000, 1000, 300] {
+        let small = decimate(&mesh, faces);
+        assert!(small.is_closed(), "{faces} faces");
+        assert_eq!(small.components(), mesh.components(), "{faces} faces");
+        assert!(small.faces.len() < faces + faces / 10);
+        let mut places: Vec<_> =
+            small.vertices.iter().map(|v| v.to_array().map(f32::to_bits)).collect();
+        places.sort_unstable();
+        places.dedup();
+        assert_eq!(places.len(), small.vertices.len());
+    }
+}
