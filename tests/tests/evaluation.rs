@@ -139,17 +139,21 @@ fn accuracy_and_completeness_are_those_of_concentric_spheres() {
     let cut = dsdf_json(&[&fixed[..], &[&text], &options].concat());
     assert!(cut["completeness_beyond_cap"].as_f64().unwrap() > 0.3, "{cut}");
     assert_eq!((&cut["accuracy_beyond_cap"], &cut["cut"][0]["by"]), (&json!(0.0), &json!("seen")));
+    refuse_wrong_points(&folder, &run, [&mesh, &text], &header("ascii").replace("60000", "0"));
+}
 
+/// Refusals of `eval --points` for a run with a mesh and a cloud; `empty` is a cloud of no points.
+fn refuse_wrong_points(folder: &Folder, run: &str, [mesh, text]: [&str; 2], empty: &str) {
     let refuse = |options: &[&str], words: &[&str]| {
-        refused(&[&["eval", &run][..], options].concat(), 2, words);
+        refused(&[&["eval", run][..], options].concat(), 2, words);
     };
-    let empty = folder.path("empty.ply");
-    fs::write(&empty, header("ascii").replace("60000", "0")).unwrap();
-    refuse(&["--points", &empty], &["empty.ply", "no points", "one or more"]);
-    refuse(&["--points", &mesh], &["mesh.obj", ".ply"]);
-    refuse(&["--points", &text, "--point-spacing", "0"], &["--point-spacing", "1e-12"]);
-    refuse(&["--points", &text, "--point-spacing", "1e-9"], &["--point-spacing", "memory"]);
+    let path = folder.path("empty.ply");
+    fs::write(&path, empty).unwrap();
+    refuse(&["--points", &path], &["empty.ply", "no points", "one or more"]);
+    refuse(&["--points", mesh], &["mesh.obj", ".ply"]);
+    refuse(&["--points", text, "--point-spacing", "0"], &["--point-spacing", "1e-12"]);
+    refuse(&["--points", text, "--point-spacing", "1e-9"], &["--point-spacing", "memory"]);
     refuse(&["--point-cap", "1"], &["--points"]);
     refuse(&["--cull", "seen"], &["--cull", "--mesh or --points"]);
-    refuse(&["--points", &text, "--cull", "masks"], &["masks: found no view with a mask"]);
+    refuse(&["--points", text, "--cull", "masks"], &["masks: found no view with a mask"]);
 }

@@ -13,6 +13,8 @@ use glam::Vec3;
 use io::{InputError, check_memory};
 use metrics::psnr_where;
 use optim::{Adam, Group};
+use photometry::{Level, MaskUse, Pixel, pyramid};
+use pictures::write_preview;
 use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
@@ -22,15 +24,12 @@ use crate::checkpoint::State;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
-use crate::preview::write_preview;
 use crate::run_file::RunFile;
 use crate::schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, Gradient, gradient};
-use photometry::MaskUse;
-use photometry::{Level, Pixel, pyramid};
 
 mod refinement;
 

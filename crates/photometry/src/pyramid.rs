@@ -209,7 +209,7 @@ fn permute(i: u64, n: u64, seed: u64) -> u64 {
 /// The pyramid of at most `levels` levels. Level 0 has the full size, each further level half the
 /// size of the one before.
 ///
-/// It ends before a level with a side below [`SMALLEST_SIDE`], or without a pixel whose ray meets
+/// It ends before a level with a side below `SMALLEST_SIDE`, or without a pixel whose ray meets
 /// the bounding sphere.
 pub fn pyramid(
     views: &[View],

@@ -11,9 +11,10 @@ use serde::Serialize;
 use super::common::{ARGUMENTS, Global};
 use ::mesh::{Components, Mesh, keep_components};
 use dataset::{Dataset, LoadOptions};
-use fit::{Model, RunCameras, RunFile, Solid, upwards};
+use fit::{Model, RunCameras, RunFile, Solid};
 use io::InputError;
 use metrics::SurfacePoint;
+use pictures::upwards;
 use render::Camera;
 
 /// The faces that photographs cut off.

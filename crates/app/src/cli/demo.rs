@@ -11,10 +11,11 @@ use super::common::Global;
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
-use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid, parse_duration, write_preview};
+use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid, parse_duration};
 use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
 use dataset::{Dataset, LoadOptions};
+use pictures::write_preview;
 use synth::{Options, synthesise};
 
 /// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.

@@ -10,8 +10,9 @@ use serde::Serialize;
 use super::common::{Global, option_error};
 use super::cut::Subject;
 use bake::bake;
-use fit::{Model, RunCameras, RunFile, Solid, upwards};
+use fit::{Model, RunCameras, RunFile, Solid};
 use mesh::{Mesh, decimate, export_mesh};
+use pictures::upwards;
 use render::Camera;
 
 /// An upward direction this close to an axis is taken to be the axis, in degrees: cameras that look

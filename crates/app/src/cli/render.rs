@@ -9,8 +9,9 @@ use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, option_error};
 use dataset::LoadOptions;
-use fit::{Model, RunFile, around, turntable, upwards};
+use fit::{Model, RunFile, Solid};
 use io::{InputError, write_image};
+use pictures::{around, turntable, upwards};
 use render::{Precision, Scene, render};
 use scene::SceneFile;
 
@@ -96,8 +97,9 @@ impl Render {
         let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
         let up = upwards(&training, bounds.center);
         let cameras = around(&bounds, &training, up, self.views as usize, self.size);
+        let solid = Solid::new(&model, &file);
         let bar = global.progress("turntable");
-        let sheet = turntable(&model, &file, &cameras, self.spp, &bar.mover())?;
+        let sheet = turntable(&solid.scene(&cameras), self.spp, &bar.mover())?;
         bar.finish_and_clear();
         write_image(&self.output, &sheet)?;
         let (width, height) = (sheet.width, sheet.height);

@@ -8,8 +8,9 @@ use serde::Serialize;
 use super::EvalReport;
 use dataset::View;
 use film::{Film, contact_sheet};
-use fit::{Model, RunFile, Solid, difference, normal_map};
+use fit::{Model, RunFile, Solid};
 use metrics::{mask_iou, psnr_where, ssim};
+use pictures::{difference, normal_map};
 use render::{Scene, render};
 
 /// The errors of one held-out view.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use film::{Film, contact_sheet, srgb_decode, srgb_encode};
 use io::write_image;
-use render::{Analytic, Formula, Scene, UniformBackground, render};
+use render::{Analytic, Formula, InvalidField, Scene, UniformBackground, render};
 
 /// The unit normals n of the first hits, as colours n/2 + 1/2 in display space; black without a
 /// hit.
@@ -14,7 +14,7 @@ use render::{Analytic, Formula, Scene, UniformBackground, render};
 ///
 /// # Panics
 /// If the scene has no camera of this number.
-pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> anyhow::Result<Film> {
+pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> Result<Film, InvalidField> {
     let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
     let scene =
         Scene { shader: &shader, background: &UniformBackground(glam::Vec3::ZERO), ..*scene };

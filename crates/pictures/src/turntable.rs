@@ -3,12 +3,9 @@
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::model::Model;
 use crate::preview::normal_map;
-use crate::run_file::RunFile;
-use crate::solid::Solid;
 use film::{Film, contact_sheet};
-use render::Camera;
+use render::{Camera, InvalidField, Scene};
 
 /// The distance of the cameras from the centre of the bounding sphere, in its radii.
 const DISTANCE: f64 = 4.0;
@@ -81,8 +78,7 @@ pub fn around(
         .collect()
 }
 
-/// A contact sheet of the model of a run, with one column per camera: the image, and the normals
-/// below it.
+/// A contact sheet of a scene, with one column per camera: the image, and the normals below it.
 ///
 /// `spp` is the number of samples per pixel. `progress` gets the fraction that is done.
 ///
@@ -92,18 +88,15 @@ pub fn around(
 /// # Panics
 /// If `spp` is 0.
 pub fn turntable(
-    model: &Model,
-    file: &RunFile,
-    cameras: &[Camera],
+    scene: &Scene<'_, f32>,
     spp: u32,
     progress: &dyn Fn(f64),
-) -> anyhow::Result<Film> {
-    let solid = Solid::new(model, file);
-    let scene = solid.scene(cameras);
+) -> Result<Film, InvalidField> {
+    let cameras = scene.cameras;
     let (mut images, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
-        images.push(render::render(&scene, camera, spp, 0, &|_| {})?.film);
-        normals.push(normal_map(&scene, camera)?);
+        images.push(render::render(scene, camera, spp, 0, &|_| {})?.film);
+        normals.push(normal_map(scene, camera)?);
         progress((camera + 1) as f64 / cameras.len() as f64);
     }
     Ok(contact_sheet(&[images, normals]))

@@ -1,0 +1,7 @@
+#![doc = include_str!("../README.md")]
+
+mod preview;
+mod turntable;
+
+pub use preview::{difference, normal_map, write_preview};
+pub use turntable::{around, turntable, upwards};
