@@ -52,6 +52,7 @@ readers! {
     array: 1000,
     image: 1000,
     mesh: 1000,
+    solid: 500,
     model: 1000,
     background: 200,
     scene: 1000,

@@ -122,7 +122,13 @@ fn state(parameters: &[f32]) -> Tensors {
     let view = |data| TensorView::new(Dtype::F32, vec![parameters.len()], data);
     let views = [("parameters", &bytes), ("first", &zeros), ("second", &zeros)];
     let views = views.into_iter().filter_map(|(name, data)| Some((name, view(data).ok()?)));
-    let texts = [("iteration", "3"), ("steps", "3"), ("seconds", "0.25"), ("usual_norm", "0.5")];
+    let texts = [
+        ("iteration", "3"),
+        ("steps", "3"),
+        ("seconds", "0.25"),
+        ("usual_norm", "0.5"),
+        ("cameras", "given"),
+    ];
     let texts: HashMap<String, String> =
         texts.map(|(key, value)| (key.to_owned(), value.to_owned())).into();
     Tensors::of(&safetensors::serialize(views, Some(texts)).unwrap_or_default())
