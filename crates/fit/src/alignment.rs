@@ -62,6 +62,7 @@ pub fn align(
             trains_background: false,
             refines_cameras: true,
             behind: &[],
+            gains: &[],
             eikonal: 0.0,
             estimator: &Refined,
             counts: SampleCounts { spp: 4, edge_samples: 1 },

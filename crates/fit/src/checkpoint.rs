@@ -29,6 +29,30 @@ pub(crate) struct State {
     pub(crate) steps: u64,
     /// The refinement of the cameras.
     pub(crate) refinement: Refinement,
+    /// The exposures of the photographs, if they are fitted.
+    pub(crate) exposures: Option<Optimised>,
+}
+
+/// Parameters in double precision with their optimiser.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Optimised {
+    /// The parameters, then the first and the second moments of Adam.
+    pub(crate) numbers: Vec<f64>,
+    /// The number of Adam's steps.
+    pub(crate) steps: u64,
+}
+
+impl Optimised {
+    /// The state of parameters, of both moments, and the number of steps.
+    pub(crate) fn new((parameters, first, second, steps): (&[f64], &[f64], &[f64], u64)) -> Self {
+        Optimised { numbers: [parameters, first, second].concat(), steps }
+    }
+
+    /// The parameters and both moments.
+    pub(crate) fn parts(&self) -> [&[f64]; 3] {
+        let n = self.numbers.len() / 3;
+        [0, 1, 2].map(|i| &self.numbers[i * n..(i + 1) * n])
+    }
 }
 
 /// The state of the refinement of cameras.
@@ -39,20 +63,20 @@ pub(crate) enum Refinement {
     Undecided,
     /// The cameras stay as given.
     Given,
-    /// The cameras are refined.
-    Refined {
-        /// The parameters of the calibration, then the first and the second moments of Adam.
-        numbers: Vec<f64>,
-        /// The number of Adam's steps.
-        steps: u64,
-    },
+    /// The cameras are refined: the parameters of their calibration.
+    Refined(Optimised),
 }
 
-/// The name of [`Refinement::Refined`]'s numbers, and of the metadata entry of the refinement.
+/// The name of the tensor of [`Refinement::Refined`], and of the metadata entry of the refinement.
 const CAMERAS: &str = "cameras";
 
-/// The metadata entry of the number of steps of the cameras' optimiser.
-const CAMERA_STEPS: &str = "camera_steps";
+/// The name of the tensor of [`State::exposures`].
+const EXPOSURES: &str = "exposures";
+
+/// The metadata entry of the number of steps of a tensor of [`Optimised`].
+fn steps_of(name: &str) -> String {
+    format!("{name}_steps")
+}
 
 /// The most iterations: 2^53, the integers that double precision holds.
 const MOST_STEPS: u64 = 1 << 53;
@@ -85,17 +109,18 @@ impl State {
         if let Some(psnr) = self.held_out_psnr {
             metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
         }
-        let word = match &self.refinement {
-            Refinement::Undecided => "undecided",
-            Refinement::Given => "given",
-            Refinement::Refined { numbers, steps } => {
-                let (shape, data) = (vec![numbers.len()], bytemuck::cast_slice(numbers));
-                views.push((CAMERAS, TensorView::new(Dtype::F64, shape, data)?));
-                metadata.insert(CAMERA_STEPS.to_owned(), steps.to_string());
-                "refined"
-            }
+        let (word, cameras) = match &self.refinement {
+            Refinement::Undecided => ("undecided", None),
+            Refinement::Given => ("given", None),
+            Refinement::Refined(cameras) => ("refined", Some(cameras)),
         };
         metadata.insert(CAMERAS.to_owned(), word.to_owned());
+        for (name, optimised) in [(CAMERAS, cameras), (EXPOSURES, self.exposures.as_ref())] {
+            let Some(Optimised { numbers, steps }) = optimised else { continue };
+            let (shape, data) = (vec![numbers.len()], bytemuck::cast_slice(numbers));
+            views.push((name, TensorView::new(Dtype::F64, shape, data)?));
+            metadata.insert(steps_of(name), steps.to_string());
+        }
         let bytes = safetensors::serialize(views, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
     }
@@ -155,36 +180,49 @@ impl State {
             first: vector("first", f32::MIN, "finite numbers")?,
             second: vector("second", 0.0, "finite numbers, 0 or more")?,
             steps: count_of("steps")?,
-            refinement: read_refinement(path, text(CAMERAS), text(CAMERA_STEPS), &tensors)?,
+            refinement: read_refinement(path, &metadata, &tensors)?,
+            exposures: match tensors.names().contains(&EXPOSURES) {
+                true => Some(read_optimised(path, EXPOSURES, &metadata, &tensors)?),
+                false => None,
+            },
         })
     }
 }
 
-/// The refinement of a checkpoint with these metadata entries.
+/// The refinement of the cameras in a checkpoint.
 fn read_refinement(
     path: &Path,
-    word: &str,
-    steps: &str,
+    metadata: &HashMap<String, String>,
     tensors: &SafeTensors<'_>,
 ) -> Result<Refinement, InputError> {
-    let error = |field, found: &str, expected| InputError::new(path, field, found, expected);
-    match word {
-        "undecided" => return Ok(Refinement::Undecided),
-        "given" => return Ok(Refinement::Given),
-        "refined" => (),
-        other => return Err(error(CAMERAS, other, "undecided, given or refined")),
+    match metadata.get(CAMERAS).map_or("nothing", String::as_str) {
+        "undecided" => Ok(Refinement::Undecided),
+        "given" => Ok(Refinement::Given),
+        "refined" => Ok(Refinement::Refined(read_optimised(path, CAMERAS, metadata, tensors)?)),
+        other => Err(InputError::new(path, CAMERAS, other, "undecided, given or refined")),
     }
-    let steps = steps.parse().ok().filter(|n| *n <= MOST_STEPS);
-    let steps = steps.ok_or_else(|| error(CAMERA_STEPS, word, "an integer from 0 to 2^53"))?;
+}
+
+/// The tensor of this name of a checkpoint, with the number of its steps.
+fn read_optimised(
+    path: &Path,
+    name: &str,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<Optimised, InputError> {
+    let error = |field: &str, found: &str, expected| InputError::new(path, field, found, expected);
+    let key = steps_of(name);
+    let text = metadata.get(&key).map_or("nothing", String::as_str);
+    let steps = text.parse().ok().filter(|n| *n <= MOST_STEPS);
+    let steps = steps.ok_or_else(|| error(&key, text, "an integer from 0 to 2^53"))?;
     let expected = "F64 of shape [3 n]";
-    let view = tensors.tensor(CAMERAS).map_err(|e| error(CAMERAS, &e.to_string(), expected))?;
+    let view = tensors.tensor(name).map_err(|e| error(name, &e.to_string(), expected))?;
     let n = view.data().len() / size_of::<f64>();
     if view.dtype() != Dtype::F64 || n == 0 || !n.is_multiple_of(3) {
         let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
-        return Err(error(CAMERAS, &found, expected));
+        return Err(error(name, &found, expected));
     }
-    let numbers = bytemuck::allocation::pod_collect_to_vec(view.data());
-    Ok(Refinement::Refined { numbers, steps })
+    Ok(Optimised { numbers: bytemuck::allocation::pod_collect_to_vec(view.data()), steps })
 }
 
 #[cfg(test)]
@@ -204,7 +242,11 @@ mod tests {
             first: vec![0.1; 3],
             second: vec![0.2; 3],
             steps: 16,
-            refinement: Refinement::Refined { numbers: vec![0.5, -0.25, 1e-300], steps: 7 },
+            refinement: Refinement::Refined(Optimised {
+                numbers: vec![0.5, -0.25, 1e-300],
+                steps: 7,
+            }),
+            exposures: Some(Optimised { numbers: vec![0.1; 9], steps: 8 }),
         };
         state.save(&path).unwrap();
         assert_eq!(State::load(&path, 3).unwrap(), state);
@@ -230,6 +272,7 @@ mod tests {
             second: vec![0.0, -1.0],
             steps: 1,
             refinement: Refinement::Undecided,
+            exposures: None,
         };
         state.save(&path).unwrap();
         let error = State::load(&path, 2).unwrap_err();
@@ -252,6 +295,7 @@ mod tests {
             second: vec![0.0],
             steps: 8888,
             refinement: Refinement::Given,
+            exposures: None,
         };
         state.save(&path).unwrap();
         let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use warp::WarpOptions;
 
 use crate::cameras::RefineCameras;
+use crate::exposure::ExposureChoice;
 use crate::model::encoding;
 use crate::model_background::BackgroundChoice;
 use photometry::MaskChoice;
@@ -46,6 +47,9 @@ pub struct FitOptions {
     /// Refinement of the cameras in the second half of the budget
     #[arg(long, value_enum, default_value_t = Self::default().refine_cameras)]
     pub refine_cameras: RefineCameras,
+    /// Model for the exposures of the photographs
+    #[arg(long, value_enum, default_value_t = Self::default().exposure)]
+    pub exposure: ExposureChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
     #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -157,6 +161,7 @@ impl Default for FitOptions {
             masks: MaskChoice::Auto,
             background: BackgroundChoice::Auto,
             refine_cameras: RefineCameras::Auto,
+            exposure: ExposureChoice::Auto,
             bounds: None,
             width: 64,
             layers: 3,

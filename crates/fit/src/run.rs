@@ -13,7 +13,7 @@ use glam::Vec3;
 use io::{InputError, check_memory};
 use metrics::psnr_where;
 use optim::{Adam, Group};
-use photometry::{Level, MaskUse, Pixel, pyramid};
+use photometry::{Gains, Level, MaskUse, Pixel, as_exposed, pyramid, without_gains};
 use pictures::write_preview;
 use random::{Purpose, Stream};
 use rayon::prelude::*;
@@ -21,6 +21,7 @@ use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
 use crate::cameras::corrected;
 use crate::checkpoint::State;
+use crate::exposure::ExposureModel;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
@@ -36,6 +37,9 @@ mod refinement;
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.
 const CAMERA_RATE: f64 = 0.01;
+
+/// The learning rate of the logarithms of exposures, times the fit's schedule.
+const GAIN_RATE: f64 = 0.01;
 
 /// The largest number of levels of the pyramid: the coarsest has 1/8 of the size.
 const LEVELS: usize = 4;
@@ -105,6 +109,8 @@ pub struct Fit {
     levels: Vec<Level>,
     /// The background of each view, if the photographs have colours of their own.
     colors: Option<BackgroundPerCamera<f32>>,
+    /// The exposures of the photographs, if they are fitted.
+    gains: Option<Gains>,
     /// The corrections of the cameras, once these are refined.
     calibration: Option<Calibration>,
     /// Whether it is decided if cameras are refined.
@@ -159,6 +165,8 @@ impl Fit {
             )
             .into());
         }
+        let is_per_view = file.exposure_model == ExposureModel::PerView;
+        let gains = is_per_view.then(|| Gains::new(dataset.train.len()));
         let mut fit = Fit {
             file,
             model,
@@ -168,6 +176,7 @@ impl Fit {
             folder: folder.to_owned(),
             levels,
             colors,
+            gains,
             calibration: None,
             refinement_decided: false,
             adam,
@@ -192,6 +201,7 @@ impl Fit {
         self.seconds = state.seconds;
         self.usual_norm = state.usual_norm;
         self.held_out_psnr = state.held_out_psnr;
+        self.restore_exposures(state.exposures.as_ref())?;
         self.restore_refinement(state.refinement)
     }
 
@@ -211,9 +221,11 @@ impl Fit {
             second: second.to_vec(),
             steps,
             refinement: self.refinement(),
+            exposures: self.exposures_state(),
         };
         state.save(&checkpoint_path(&self.folder))?;
         self.save_cameras()?;
+        self.save_exposures()?;
         self.model.save(&self.folder, self.file.origin())
     }
 
@@ -271,7 +283,7 @@ impl Fit {
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = level(self.progress(), self.levels.len());
         let trial = self.start_refinement()?;
-        let (Gradient { parameters: mut gradient, cameras, stats }, evaluations) =
+        let (Gradient { parameters: mut gradient, cameras, gains, stats }, evaluations) =
             self.gradient(level)?;
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
@@ -286,6 +298,10 @@ impl Fit {
         let rate = CAMERA_RATE * learning_rate(self.progress());
         if let Some(calibration) = &mut self.calibration {
             calibration.step(&self.levels[level].cameras, &cameras, rate)?;
+        }
+        let rate = GAIN_RATE * learning_rate(self.progress());
+        if let Some(own) = &mut self.gains {
+            own.step(&gains, rate)?;
         }
         self.iteration += 1;
         self.set_windows();
@@ -314,7 +330,12 @@ impl Fit {
         let cameras = corrected(calibration, &self.levels[level].cameras);
         let scene = scene(&self.model, &self.file, &cameras);
         let behind = (self.file.masks == MaskUse::Coverage).then(|| self.random_colors(seed));
+        let factors = self.gains.as_ref().map(Gains::factors).unwrap_or_default();
         let colors = behind.as_ref().or(self.colors.as_ref());
+        // The photographs show these colours as they are.
+        let divided =
+            colors.filter(|_| !factors.is_empty()).map(|colors| without_gains(colors, &factors));
+        let colors = divided.as_ref().or(colors);
         let trained = self.model.background.jittered(seed);
         let trained = trained.as_ref().map_or(scene.background, |trained| trained);
         let background = colors.map_or(trained, |colors| colors);
@@ -326,6 +347,7 @@ impl Fit {
             trains_background: self.file.background_kind.is_trained(),
             refines_cameras: calibration.is_some(),
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
+            gains: &factors,
             eikonal: options.eikonal as f32,
             estimator: &*self.estimator,
             counts: options.counts(),
@@ -432,7 +454,10 @@ impl Fit {
         let colors = self.file.background_of(std::slice::from_ref(view));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
         let image = write_preview(&path, &scene, 0, &view.image)?;
-        let psnr = |view: &View| psnr_where(&image, &view.image, view.used());
+        let psnr = |view: &View| {
+            let exposed = self.gains.as_ref().map(|_| as_exposed(&image, &view.image, view.used()));
+            psnr_where(exposed.as_ref().unwrap_or(&image), &view.image, view.used())
+        };
         self.held_out_psnr = held_out.map(psnr);
         Ok(())
     }

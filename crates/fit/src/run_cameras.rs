@@ -9,8 +9,6 @@ use io::{InputError, atomic_write};
 use render::Camera;
 use serde::{Deserialize, Serialize};
 
-use crate::run_file::RunFile;
-
 /// The content of `cameras.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -71,22 +69,6 @@ impl RunCameras {
     pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(self)?;
         atomic_write(&run.join(FILE), |out| Ok(out.write_all(text.as_bytes())?))
-    }
-
-    /// A data set as a run sees it, by [`RunFile::prepare`], with the cameras that the run refined;
-    /// and whether it did.
-    ///
-    /// # Errors
-    /// If `cameras.json` is there and cannot be used.
-    pub fn prepare(
-        run: &Path,
-        file: &RunFile,
-        dataset: Dataset,
-    ) -> Result<(Dataset, bool), InputError> {
-        let mut dataset = file.prepare(dataset);
-        let Some(cameras) = RunCameras::load(run)? else { return Ok((dataset, false)) };
-        cameras.apply(&mut dataset, file.origin(), run)?;
-        Ok((dataset, true))
     }
 
     /// The refined cameras of a run; `None` if they are those of the data set.

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use dataset::{BackgroundEstimate, Dataset, SphereSource, View, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
+use inspect::exposures_differ;
 use io::{InputError, atomic_write};
 use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
+use crate::exposure::ExposureModel;
 use crate::model_background::{BackgroundChoice, BackgroundKind};
 use crate::options::{Check, FitOptions, SPHERE, is_sphere};
 use photometry::BackgroundModel;
@@ -32,6 +34,8 @@ pub struct RunFile {
     pub background_spread: f32,
     /// The confidence that the photographs have a uniform background, 0 to 1.
     pub background_confidence: f32,
+    /// The model for the exposures of the photographs.
+    pub exposure_model: ExposureModel,
     /// The options.
     pub options: FitOptions,
 }
@@ -60,6 +64,7 @@ impl RunFile {
             found.background = BackgroundEstimate::NOTHING;
             background_kind = BackgroundKind::Constant;
         }
+        let differ = exposures_differ(&dataset.train, &found.sphere, &found.background);
         let Sphere { center, radius } = found.sphere;
         let BackgroundEstimate { color, spread, confidence } = found.background;
         let file = RunFile {
@@ -73,6 +78,7 @@ impl RunFile {
                 BackgroundKind::PerView => found.confidence_of_views(),
                 _ => confidence,
             },
+            exposure_model: options.exposure.resolve(differ),
             options: options.clone(),
         };
         Ok((file, found.source))
@@ -263,6 +269,7 @@ impl RunFile {
             background: [0.0; 3],
             background_spread: 0.01,
             background_confidence: 1.0,
+            exposure_model: ExposureModel::Even,
             options,
         }
     }

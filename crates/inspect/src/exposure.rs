@@ -96,6 +96,16 @@ pub fn exposure_spread(
     Some(Exposure { stops, from: ExposureSource::Sphere })
 }
 
+/// Whether the exposures of `views` differ visibly: a fit then has one for each, and a warning is
+/// given where it does not.
+pub fn exposures_differ(
+    views: &[View],
+    bounds: &Sphere<f64>,
+    background: &BackgroundEstimate,
+) -> bool {
+    exposure_spread(views, bounds, background).is_some_and(|found| found.stops > MOST_SPREAD)
+}
+
 /// Whether backgrounds differ in brightness only: an exposure changes all channels by one factor.
 fn same_hue(backgrounds: &[BackgroundEstimate]) -> bool {
     let channel = |b: &BackgroundEstimate, c: usize| f64::from(b.color[c]).max(DARKEST).log2();

@@ -11,7 +11,7 @@ mod text;
 mod verdict;
 
 pub use accuracy::sampled_psnr;
-pub use exposure::{Exposure, ExposureSource, exposure_spread};
+pub use exposure::{Exposure, ExposureSource, exposure_spread, exposures_differ};
 pub use overlay::overlay;
 pub use report::{Report, inspect};
 pub use surface::{SurfaceShares, surface_shares};

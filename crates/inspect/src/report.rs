@@ -216,7 +216,7 @@ fn warnings(
     {
         warnings.push(format!(
             "the exposures of the photographs differ by {stops:.2} stops (standard deviation): \
-             a fit takes them as equal"
+             a fit finds one for each, unless --exposure is none"
         ));
     }
     let cut_out = views.iter().filter(|v| v.coverage().is_some()).count();

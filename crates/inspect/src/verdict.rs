@@ -177,7 +177,8 @@ impl Fault {
                  `dsdf inspect`, or try more photographs"
             }
             Fault::Exposure => {
-                "the exposures of the photographs differ: try photographs with a fixed exposure"
+                "the exposures of the photographs differ: try --exposure per-view, or photographs \
+                 with a fixed exposure"
             }
             Fault::LowAccuracy => {
                 "training views are not matched: check the poses and the sphere with \

@@ -52,6 +52,15 @@ impl Target {
         });
         Target { radiance: seen(x, y), slope }
     }
+
+    /// The weight of each channel's squared error of radiance in least squares that descend the
+    /// photometric loss from `radiance`.
+    pub(crate) fn weights(&self, radiance: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|c| {
+            let slope = self.slope[c];
+            slope * slope / (slope * (radiance[c] - self.radiance[c])).hypot(SOFTNESS)
+        })
+    }
 }
 
 /// The photometric loss of a pixel, Σ_c [√(r_c² + s²) − s] with the residual r in display units and

@@ -11,7 +11,7 @@ use super::interrupt::Interrupt;
 use super::progress::Progress;
 use dataset::Dataset;
 use estimate::Registry;
-use fit::{Model, RunFile, align};
+use fit::{Model, RunCameras, RunExposures, RunFile, align, match_exposures};
 use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 
 /// Flags of every command.
@@ -156,17 +156,30 @@ pub(super) const ARGUMENTS: &str = "arguments";
 
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
-/// Aligns the cameras of held-out views to the model of a run that refined its cameras.
+/// Gives the views of a run's data set the cameras and exposures of the run, if it fitted any:
+/// training photographs those of the run's files, held-out ones those that suit its model best.
 ///
 /// # Errors
-/// If the field or a gradient is not finite.
-pub(crate) fn align_held_out(
+/// If a file of the run cannot be used, or the field or a gradient is not finite.
+pub(crate) fn as_fitted(
+    run: &Path,
     model: &Model,
     file: &RunFile,
     dataset: &mut Dataset,
     global: &Global,
 ) -> anyhow::Result<()> {
-    if dataset.test.is_empty() {
+    let (cameras, exposures) = (RunCameras::load(run)?, RunExposures::load(run)?);
+    if let Some(cameras) = &cameras {
+        cameras.apply(dataset, file.origin(), run)?;
+    }
+    if let Some(exposures) = &exposures {
+        exposures.apply(dataset, run)?;
+        let bar = global.progress("exposures");
+        match_exposures(model, file, &mut dataset.test, &bar.mover())?;
+        bar.finish_and_clear();
+        global.say("exposures: those of the held-out photographs are matched to the model first");
+    }
+    if cameras.is_none() || dataset.test.is_empty() {
         return Ok(());
     }
     let bar = global.progress("cameras");

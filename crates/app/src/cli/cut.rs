@@ -182,7 +182,14 @@ impl CutOptions {
             return Ok((mesh, Vec::new()));
         }
         let dataset = match by_views {
-            true => Some(views_of_run(subject.run, subject.file, self.dataset.as_deref())?.dataset),
+            true => {
+                let mut dataset = views_of_run(subject.file, self.dataset.as_deref())?;
+                let cameras = RunCameras::load(subject.run)?.filter(|_| self.dataset.is_none());
+                if let Some(cameras) = cameras {
+                    cameras.apply(&mut dataset, subject.file.origin(), subject.run)?;
+                }
+                Some(dataset)
+            }
             false => None,
         };
         let mut cutting = Cutting::new(&mesh, subject, dataset.as_ref(), global);
@@ -197,28 +204,10 @@ impl CutOptions {
     }
 }
 
-/// The photographs of a run.
-pub(super) struct RunViews {
-    /// The data set as the run sees it.
-    pub(super) dataset: Dataset,
-    /// Whether its training views have cameras that the run refined.
-    pub(super) is_refined: bool,
-}
-
-/// The data set of a run as the run sees it, or another one, which keeps its cameras.
-pub(super) fn views_of_run(
-    run: &Path,
-    file: &RunFile,
-    other: Option<&Path>,
-) -> anyhow::Result<RunViews> {
+/// The data set of a run as the run sees it, or another one.
+pub(super) fn views_of_run(file: &RunFile, other: Option<&Path>) -> anyhow::Result<Dataset> {
     let options = LoadOptions { downscale: file.downscale() };
-    if let Some(other) = other {
-        let dataset = file.prepare(dataset::load(other, &options)?);
-        return Ok(RunViews { dataset, is_refined: false });
-    }
-    let dataset = dataset::load(&file.dataset, &options)?;
-    let (dataset, is_refined) = RunCameras::prepare(run, file, dataset)?;
-    Ok(RunViews { dataset, is_refined })
+    Ok(file.prepare(dataset::load(other.unwrap_or(&file.dataset), &options)?))
 }
 
 /// A mesh that is being cut.

@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{Global, align_held_out, option_error};
-use super::cut::{CullOptions, CutReport, RunViews, Subject, views_of_run};
+use super::common::{Global, as_fitted, option_error};
+use super::cut::{CullOptions, CutReport, Subject, views_of_run};
 use super::mesh::mesh_of_run;
 use fit::{Model, RunFile};
 use mesh::read_mesh;
@@ -99,10 +99,9 @@ impl Eval {
         let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let points = self.reference.read()?;
-        let RunViews { mut dataset, is_refined } =
-            views_of_run(&self.run, &file, self.dataset.as_deref())?;
-        if is_refined {
-            align_held_out(&model, &file, &mut dataset, global)?;
+        let mut dataset = views_of_run(&file, self.dataset.as_deref())?;
+        if self.dataset.is_none() {
+            as_fitted(&self.run, &model, &file, &mut dataset, global)?;
         }
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());

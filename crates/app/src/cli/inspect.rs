@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::{FROM_RUN, Global, align_held_out};
+use super::common::{FROM_RUN, Global, as_fitted};
 use super::examine::examine;
 use super::fit::{load_for, modelled};
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunCameras, RunFile, parse_bounds};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, parse_bounds};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.
@@ -80,10 +80,8 @@ impl Inspect {
         let modelled = modelled(&dataset, &file);
         let (slope, verdict) = match (&run, model) {
             (Some(file), Some(model)) => {
-                let (mut dataset, is_refined) = RunCameras::prepare(&self.dataset, file, dataset)?;
-                if is_refined {
-                    align_held_out(&model, file, &mut dataset, global)?;
-                }
+                let mut dataset = file.prepare(dataset);
+                as_fitted(&self.dataset, &model, file, &mut dataset, global)?;
                 let verdict = examine(&model, file, &dataset)?;
                 (Some(slope_of(&model.field)), Some(verdict))
             }

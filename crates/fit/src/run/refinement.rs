@@ -2,13 +2,14 @@
 
 use calibrate::Calibration;
 use io::InputError;
-use photometry::{Pixel, Target, photometric};
+use photometry::{Gains, Pixel, Target, photometric, without_gains};
 use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
 use super::{Fit, scene};
 use crate::cameras::{CameraTrial, RefineCameras, calibration, corrected};
-use crate::checkpoint::Refinement;
+use crate::checkpoint::{Optimised, Refinement};
+use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
 use crate::step::Gradient;
 
@@ -60,10 +61,7 @@ impl Fit {
     /// The state of the refinement, for a checkpoint.
     pub(super) fn refinement(&self) -> Refinement {
         match &self.calibration {
-            Some(calibration) => {
-                let (parameters, first, second, steps) = calibration.state();
-                Refinement::Refined { numbers: [parameters, first, second].concat(), steps }
-            }
+            Some(calibration) => Refinement::Refined(Optimised::new(calibration.state())),
             None if self.refinement_decided => Refinement::Given,
             None => Refinement::Undecided,
         }
@@ -72,7 +70,7 @@ impl Fit {
     /// Restores the state of a checkpoint.
     pub(super) fn restore_refinement(&mut self, state: Refinement) -> anyhow::Result<()> {
         self.refinement_decided = state != Refinement::Undecided;
-        if let Refinement::Refined { numbers, steps } = state {
+        if let Refinement::Refined(cameras) = state {
             let path = super::checkpoint_path(&self.folder);
             let wrong = |found: &dyn std::fmt::Display, expected: &str| {
                 InputError::new(&path, "cameras", found, expected)
@@ -81,14 +79,46 @@ impl Fit {
                 return Err(wrong(&"refined", "given, by refine_cameras of fit.toml").into());
             };
             let mut calibration = calibration(&self.dataset.train, self.file.sphere(), freedom);
-            let n = numbers.len() / 3;
-            let [parameters, first, second] = [0, 1, 2].map(|i| &numbers[i * n..(i + 1) * n]);
+            let [parameters, first, second] = cameras.parts();
             calibration
-                .restore(parameters, first, second, steps)
+                .restore(parameters, first, second, cameras.steps)
                 .map_err(|e| wrong(&e, "the refinement of this run's cameras"))?;
             self.calibration = Some(calibration);
         }
         Ok(())
+    }
+
+    /// The state of the exposures, for a checkpoint.
+    pub(super) fn exposures_state(&self) -> Option<Optimised> {
+        self.gains.as_ref().map(|gains| Optimised::new(gains.state()))
+    }
+
+    /// Restores the exposures of a checkpoint.
+    pub(super) fn restore_exposures(&mut self, state: Option<&Optimised>) -> anyhow::Result<()> {
+        let path = super::checkpoint_path(&self.folder);
+        let wrong = |found: &dyn std::fmt::Display, expected: &str| {
+            InputError::new(&path, "exposures", found, expected)
+        };
+        match (&mut self.gains, state) {
+            (None, None) => Ok(()),
+            (Some(gains), Some(state)) => {
+                let [logarithms, first, second] = state.parts();
+                let restored = gains.restore(logarithms, first, second, state.steps);
+                Ok(restored.map_err(|e| wrong(&e, "the exposures of this run's photographs"))?)
+            }
+            (Some(_), None) => Err(wrong(&"nothing", "exposures, as in fit.toml").into()),
+            (None, Some(_)) => Err(wrong(&"exposures", "none, as in fit.toml").into()),
+        }
+    }
+
+    /// Writes `exposures.json`, if exposures are fitted.
+    pub(super) fn save_exposures(&self) -> anyhow::Result<()> {
+        self.exposures().map_or(Ok(()), |exposures| exposures.save(&self.folder))
+    }
+
+    /// The exposures as they are fitted so far; `None` if they are equal.
+    pub fn exposures(&self) -> Option<RunExposures> {
+        self.gains.as_ref().map(|gains| RunExposures::new(&self.dataset.train, gains))
     }
 
     /// Writes `cameras.json`, if cameras are refined.
@@ -144,13 +174,17 @@ impl Fit {
         let level = &self.levels[0];
         let cameras = corrected(calibration, &level.cameras);
         let scene = scene(&self.model, &self.file, &cameras);
-        let colors = self.colors.as_ref().map(|colors| colors as &dyn render::Background<f32>);
-        let scene = render::Scene { background: colors.unwrap_or(scene.background), ..scene };
+        let factors = self.gains.as_ref().map(Gains::factors);
+        let divided = factors.as_ref().zip(self.colors.as_ref()).map(|(f, c)| without_gains(c, f));
+        let colors = divided.as_ref().or(self.colors.as_ref());
+        let background = colors.map_or(scene.background, |colors| colors);
+        let scene = render::Scene { background, ..scene };
         let center = |p: &Pixel| Sample {
             camera: p.view as usize,
             u: glam::DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
         };
         let samples: Vec<Sample> = pixels.iter().map(center).collect();
+        let gain = |p: &Pixel| factors.as_ref().map_or(glam::Vec3::ONE, |all| all[p.view as usize]);
         let mut sums = vec![(0.0, 0.0); cameras.len()];
         for (pixels, samples) in pixels.chunks(CHUNK).zip(samples.chunks(CHUNK)) {
             let primary = scene.primary(samples)?;
@@ -158,7 +192,7 @@ impl Fit {
                 let photograph = &level.photographs[p.view as usize];
                 let seen = |x, y| photograph.over(glam::Vec3::ZERO, x, y);
                 let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
-                let (loss, _) = photometric(traced.radiance.into(), &target);
+                let (loss, _) = photometric((traced.radiance * gain(p)).into(), &target);
                 let (sum, count) = &mut sums[p.view as usize];
                 *sum += f64::from(loss) * f64::from(p.count);
                 *count += f64::from(p.count);

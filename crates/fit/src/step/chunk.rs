@@ -2,7 +2,7 @@
 
 use estimate::record::{Adjoints, CameraAdjoints, Pass};
 use estimate::{Estimator, SampleCounts};
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use random::{Purpose, Stream};
 use render::{Sample, Scene};
 
@@ -26,6 +26,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) refines_cameras: bool,
     /// The radiance behind the object in each view, if the photographs are over black; else empty.
     pub(crate) behind: &'a [Vec3],
+    /// The gain of each photograph, if they are fitted; else empty.
+    pub(crate) gains: &'a [Vec3],
     /// The weight of the eikonal term.
     pub(crate) eikonal: f32,
     /// The estimator of pixels that a silhouette may cross.
@@ -86,6 +88,8 @@ pub(super) struct Chunk<'a> {
     /// 1 over the expected number of pixels that the batch stands for.
     pub(super) share: f32,
     pub(super) adjoints: Adjoints<f32>,
+    /// The adjoints of the natural logarithms of the gains.
+    pub(super) gains: Vec<DVec3>,
     pub(super) stats: BatchStats,
 }
 
@@ -97,7 +101,8 @@ impl<'a> Chunk<'a> {
             CameraAdjoints::new(of_pixel, batch.scene.cameras.len())
         });
         let adjoints = Adjoints { cameras, ..Adjoints::default() };
-        Chunk { batch, pixels, seed, share, adjoints, stats: BatchStats::default() }
+        let (gains, stats) = (vec![DVec3::ZERO; batch.gains.len()], BatchStats::default());
+        Chunk { batch, pixels, seed, share, adjoints, gains, stats }
     }
 
     /// One uniform random sample in every pixel.
@@ -118,10 +123,16 @@ impl<'a> Chunk<'a> {
         let behind = self.batch.behind.get(view).copied().unwrap_or_default();
         let seen = |x, y| photograph.over(behind, x, y);
         let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
-        let (loss, adjoint) = photometric(radiance, &target);
+        let gain = self.batch.gains.get(view).copied().unwrap_or(Vec3::ONE);
+        let shown = Vec3::from(radiance) * gain;
+        let (loss, adjoint) = photometric(shown.into(), &target);
         let count = f64::from(p.count);
         self.stats.photometric += f64::from(loss) * count;
-        self.stats.squared_error += f64::from(squared_error(radiance, target.radiance)) * count;
-        Vec3::from(adjoint) * (self.share * f32::from(p.count))
+        self.stats.squared_error += f64::from(squared_error(shown.into(), target.radiance)) * count;
+        let adjoint = Vec3::from(adjoint) * (self.share * f32::from(p.count));
+        if let Some(sum) = self.gains.get_mut(view) {
+            *sum += (adjoint * shown).as_dvec3();
+        }
+        adjoint * gain
     }
 }

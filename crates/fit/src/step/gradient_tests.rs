@@ -98,6 +98,7 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             trains_background: false,
             refines_cameras: false,
             behind: &[],
+            gains: &[],
             eikonal: 0.0,
             estimator,
             counts: SampleCounts { spp: 32, edge_samples: 8 },

@@ -8,6 +8,7 @@ mod soft;
 
 use estimate::record::ordered_sum;
 use estimate::{SilhouetteMargin, near_silhouettes};
+use glam::DVec3;
 use random::{Purpose, Stream};
 use render::{CameraAdjoint, InvalidField};
 
@@ -29,6 +30,8 @@ pub(crate) struct Gradient {
     pub(crate) parameters: Vec<f32>,
     /// By the cameras, if they are refined; else empty.
     pub(crate) cameras: Vec<CameraAdjoint>,
+    /// By the natural logarithms of the gains, if these are fitted; else empty.
+    pub(crate) gains: Vec<DVec3>,
     /// The sums over the batch.
     pub(crate) stats: BatchStats,
 }
@@ -58,17 +61,19 @@ pub(crate) fn gradient(batch: &Batch<'_>) -> Result<Gradient, InvalidField> {
             add_terms(&mut chunk, shader_sum, background_sum)?;
             let cameras = chunk.adjoints.cameras.take();
             chunk.adjoints.backward(batch.scene.field, field_sum);
-            Ok((chunk.stats, cameras))
+            Ok((chunk.stats, cameras, chunk.gains))
         })?;
     let mut stats = BatchStats::default();
     let count = if batch.refines_cameras { batch.scene.cameras.len() } else { 0 };
     let mut cameras = vec![CameraAdjoint::default(); count];
-    for (part, of_part) in parts {
+    let mut gains = vec![DVec3::ZERO; batch.gains.len()];
+    for (part, of_part, gains_of_part) in parts {
         stats.add(&part);
+        gains.iter_mut().zip(gains_of_part).for_each(|(sum, part)| *sum += part);
         let sums = of_part.into_iter().flat_map(|cameras| cameras.sums);
         cameras.iter_mut().zip(sums).for_each(|(sum, part)| *sum += part);
     }
-    Ok(Gradient { parameters, cameras, stats })
+    Ok(Gradient { parameters, cameras, gains, stats })
 }
 
 /// Adds all terms of a chunk: coefficients of f and ∇f to the chunk, the adjoint of the shader's

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, ModelBackground, RunFile};
+use fit::{BackgroundKind, ExposureModel, FitOptions, MaskUse, Model, ModelBackground, RunFile};
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -46,6 +46,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background: [0.0; 3],
         background_spread: 0.05,
         background_confidence: 0.5,
+        exposure_model: ExposureModel::Even,
         options,
     }
 }

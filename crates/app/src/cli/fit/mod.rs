@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{Global, align_held_out};
+use super::common::{Global, as_fitted};
 use super::examine::examine;
 use crate::error::Interrupted;
 use ::inspect::Verdict;
@@ -76,11 +76,9 @@ impl Fit {
         summary::print(&dataset, &file, &source, global);
         let segment = Segment { resume: self.resume, stop_after: self.stop_after };
         let (mut report, mut fitting) = fit(dataset, file, &self.output, segment, global)?;
-        if let Some(cameras) = fitting.cameras() {
-            cameras.apply(&mut fitting.dataset, fitting.file.origin(), &self.output)?;
-            align_held_out(&fitting.model, &fitting.file, &mut fitting.dataset, global)?;
-        }
         if fitting.progress() >= 1.0 {
+            let Fitting { model, file, dataset, .. } = &mut fitting;
+            as_fitted(&self.output, model, file, dataset, global)?;
             report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);
         }
         global.report(&report, || report.text())

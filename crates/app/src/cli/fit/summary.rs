@@ -1,7 +1,7 @@
 //! The summary of a fit before its first iteration.
 
 use dataset::Dataset;
-use fit::{BackgroundKind, MaskUse, RunFile};
+use fit::{BackgroundKind, ExposureModel, MaskUse, RunFile};
 
 use crate::cli::common::Global;
 
@@ -18,7 +18,11 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
     global.say(&format!("views: {train} to fit, {test} held out, {width} x {height} pixels"));
     global.say(&format!("sphere: centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, {source}"));
     modelled(dataset, file).iter().for_each(|line| global.say(line));
-    global.say(&format!("exposure: {}", report.exposure_text()));
+    let exposures = match file.exposure_model {
+        ExposureModel::Even => "taken as equal",
+        ExposureModel::PerView => "one for each photograph and channel, fitted",
+    };
+    global.say(&format!("exposure: {}; {exposures} (see --exposure)", report.exposure_text()));
     report.warnings.iter().for_each(|warning| global.say(&format!("WARNING {warning}")));
 }
 

@@ -130,6 +130,7 @@ fn check_gradient(initial_radius: f64) {
         refines_cameras: false,
         trains_background: true,
         behind: &[],
+        gains: &[],
         eikonal: 0.0,
         estimator: &Refined,
         counts: SampleCounts { spp: 1, edge_samples: 1 },

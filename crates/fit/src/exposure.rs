@@ -1,0 +1,160 @@
+//! The exposures of photographs in a fit.
+
+use std::path::Path;
+
+use dataset::{Dataset, View};
+use glam::Vec3;
+use io::{InputError, atomic_write};
+use photometry::{Gains, gain_between};
+use render::render;
+use serde::{Deserialize, Serialize};
+
+use crate::model::Model;
+use crate::run_file::RunFile;
+use crate::solid::Solid;
+
+/// The choice of a model for the exposures of photographs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExposureChoice {
+    /// One for each photograph, if they differ visibly
+    #[default]
+    Auto,
+    /// The same for all photographs
+    None,
+    /// One for each photograph and channel
+    PerView,
+}
+
+/// The model for the exposures of photographs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExposureModel {
+    /// The same for all photographs.
+    Even,
+    /// One for each photograph and channel.
+    PerView,
+}
+
+impl ExposureChoice {
+    /// The model, for photographs whose exposures differ visibly or not.
+    pub(crate) fn resolve(self, differ: bool) -> ExposureModel {
+        match self {
+            ExposureChoice::PerView => ExposureModel::PerView,
+            ExposureChoice::Auto if differ => ExposureModel::PerView,
+            ExposureChoice::Auto | ExposureChoice::None => ExposureModel::Even,
+        }
+    }
+}
+
+/// The content of `exposures.json` in a run folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunExposures {
+    /// The training views.
+    pub views: Vec<RunExposure>,
+}
+
+/// The exposure of a view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunExposure {
+    /// The name of the view.
+    pub name: String,
+    /// The exposure of red, green and blue, in stops: log₂ of the factor of the radiance. The mean
+    /// over the views is 0.
+    pub stops: [f64; 3],
+}
+
+/// The name of the file.
+const FILE: &str = "exposures.json";
+
+/// The largest exposure of a file, in stops.
+const MOST_STOPS: f64 = 10.0;
+
+impl RunExposures {
+    pub(crate) fn new(views: &[View], gains: &Gains) -> Self {
+        let of = |(view, stops): (&View, [f64; 3])| RunExposure { name: view.name.clone(), stops };
+        RunExposures { views: views.iter().zip(gains.stops()).map(of).collect() }
+    }
+
+    pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
+        let text = serde_json::to_string_pretty(self)?;
+        atomic_write(&run.join(FILE), |out| Ok(out.write_all(text.as_bytes())?))
+    }
+
+    /// The exposures of a run; `None` if they are equal.
+    ///
+    /// # Errors
+    /// If the file is there and cannot be read, or has a wrong entry.
+    pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
+        let path = run.join(FILE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = io::read_text(&path, "exposures", "the exposures of a run")?;
+        let wrong = |found: String| {
+            InputError::new(&path, "exposures", found, "the exposures that a fit wrote")
+        };
+        let exposures: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        let is_wrong =
+            |own: &&RunExposure| own.stops.iter().any(|s| s.is_nan() || s.abs() > MOST_STOPS);
+        match exposures.views.iter().find(is_wrong) {
+            Some(own) => Err(wrong(format!("{:?} stops of {}", own.stops, own.name))),
+            None => Ok(Some(exposures)),
+        }
+    }
+
+    /// Brings the training photographs of a data set to the mean exposure. `run` is the folder of
+    /// the run, for the message of an error.
+    ///
+    /// # Errors
+    /// If the file lacks a view.
+    pub fn apply(&self, dataset: &mut Dataset, run: &Path) -> Result<(), InputError> {
+        for view in &mut dataset.train {
+            let own = self.views.iter().find(|own| own.name == view.name).ok_or_else(|| {
+                let field = format!("exposures: {}", view.name);
+                InputError::new(run.join(FILE), field, "nothing", "the exposure of each view")
+            })?;
+            divide(view, Vec3::from(own.stops.map(|stops| stops.exp2() as f32)));
+        }
+        Ok(())
+    }
+}
+
+/// Divides a photograph by the factors of its channels.
+fn divide(view: &mut View, gain: Vec3) {
+    view.image.pixels.iter_mut().for_each(|p| *p = (Vec3::from(*p) / gain).into());
+}
+
+/// Brings photographs to the exposure of a run's model: each is divided by the factors by which it
+/// shows the model's image best.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray.
+pub fn match_exposures(
+    model: &Model,
+    file: &RunFile,
+    views: &mut [View],
+    progress: &(dyn Fn(f64) + Sync),
+) -> anyhow::Result<()> {
+    let count = views.len() as f64;
+    for (number, view) in views.iter_mut().enumerate() {
+        let cameras = [view.camera];
+        let solid = Solid::new(model, file);
+        // A background of the photograph's own has its exposure.
+        let colors = file.background_of(std::slice::from_ref(view));
+        let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
+        let image = render(&scene, 0, 1, file.options.seed, &|_| {})?;
+        let used = view.used();
+        let shown = image
+            .coverage
+            .iter()
+            .zip(used)
+            .map(|(coverage, used)| used && (colors.is_none() || *coverage > 0.0));
+        let gain = gain_between(&image.film, &view.image, shown);
+        divide(view, gain);
+        progress((number + 1) as f64 / count);
+    }
+    Ok(())
+}
