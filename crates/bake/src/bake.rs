@@ -2,9 +2,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use render::{Camera, InvalidField, Sample, Scene, Surface};
+use render::{InvalidField, Sample, Scene, Surface};
 
 /// The colour, linear RGB, of a point that no camera sees: the grey with sRGB values of 128.
 pub const GREY: Vec3 = Vec3::splat(0.215_86);
@@ -98,7 +98,9 @@ fn seen_by(
     let away = |i: usize| points[i].as_dvec3() - view.eye;
     let (candidates, samples): (Vec<usize>, Vec<Sample>) = (0..points.len())
         .filter(|i| normals[*i].as_dvec3().dot(away(*i)) < 0.0)
-        .filter_map(|i| Some((i, Sample { camera, u: inside_image(view, points[i].as_dvec3())? })))
+        .filter_map(|i| {
+            Some((i, Sample { camera, u: view.project_onto_film(points[i].as_dvec3())? }))
+        })
         .unzip();
     let tolerance = SAME_POINT * scene.bounds.radius;
     let hits = scene.trace(&samples)?;
@@ -111,16 +113,11 @@ fn seen_by(
     Ok(candidates.into_iter().zip(hits).filter_map(is_hit).collect())
 }
 
-/// The film position of a point; `None` outside the image.
-fn inside_image(camera: &Camera, x: DVec3) -> Option<DVec2> {
-    let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
-    camera.project(x).filter(|u| u.cmpge(DVec2::ZERO).all() && u.cmplt(size).all())
-}
-
 #[cfg(test)]
 mod tests {
     use field::{Csg, Field, Operation, Shape, Sphere, SurfaceAdjoint, SurfaceBatch};
-    use render::{Shader, UniformBackground};
+    use glam::DVec2;
+    use render::{Camera, Shader, UniformBackground};
 
     use super::*;
 

@@ -70,7 +70,7 @@ impl Calibration {
     pub fn new(given: Vec<Camera>, sphere: Sphere<f64>, freedom: Freedom) -> Self {
         let (mut lenses, mut lens_of) = (Vec::<usize>::new(), Vec::new());
         for (view, camera) in given.iter().enumerate() {
-            let known = lenses.iter().position(|first| same_lens(&given[*first], camera));
+            let known = lenses.iter().position(|first| given[*first].has_lens_of(camera));
             lens_of.push(known.unwrap_or(lenses.len()));
             if known.is_none() {
                 lenses.push(view);
@@ -117,7 +117,7 @@ impl Calibration {
     /// The correction of the lens of a view that was not given, for held-out photographs: that of
     /// the lens with the same intrinsics, or of the only lens. Other lenses stay as they are.
     pub fn apply_lens(&self, base: &Camera) -> Camera {
-        let same = |first: &usize| same_lens(&self.given[*first], base);
+        let same = |first: &usize| self.given[*first].has_lens_of(base);
         let only = (self.lenses.len() == 1).then_some(0);
         let Some(lens) = self.lenses.iter().position(same).or(only) else { return *base };
         let [log_focal, x, y, k1, k2] = self.lens(lens);
@@ -249,12 +249,6 @@ impl Calibration {
         self.parameters.copy_from_slice(parameters);
         Ok(())
     }
-}
-
-/// Whether two cameras have the same intrinsics.
-fn same_lens(a: &Camera, b: &Camera) -> bool {
-    let lens = |c: &Camera| (c.width, c.height, c.focal, c.principal, c.radial);
-    lens(a) == lens(b)
 }
 
 /// VJP of a rotation vector v ↦ exp(v), for the adjoint of a further small rotation.

@@ -106,9 +106,6 @@ pub fn vertices_with_normals(mesh: &Mesh) -> Vec<SurfacePoint> {
 
 /// The film position of a point and the number of its pixel, row-major; `None` outside the film.
 pub(crate) fn pixel_of(camera: &Camera, x: DVec3) -> Option<(DVec2, usize)> {
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let u = camera
-        .project(x)
-        .filter(|u| (0.0..width).contains(&u.x) && (0.0..height).contains(&u.y))?;
+    let u = camera.project_onto_film(x)?;
     Some((u, u.y as usize * camera.width as usize + u.x as usize))
 }

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use dataset::{Dataset, View};
 use glam::Vec3;
-use io::{InputError, atomic_write};
+use io::InputError;
 use photometry::{Gains, gain_between};
 use render::render;
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::run_file::RunFile;
+use crate::run_json;
 use crate::solid::Solid;
 
 /// The choice of a model for the exposures of photographs.
@@ -79,8 +80,7 @@ impl RunExposures {
     }
 
     pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        let text = serde_json::to_string_pretty(self)?;
-        atomic_write(&run.join(FILE), |out| Ok(out.write_all(text.as_bytes())?))
+        run_json::save(run, FILE, self)
     }
 
     /// The exposures of a run; `None` if they are equal.
@@ -88,19 +88,15 @@ impl RunExposures {
     /// # Errors
     /// If the file is there and cannot be read, or has a wrong entry.
     pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
-        let path = run.join(FILE);
-        if !path.exists() {
-            return Ok(None);
-        }
-        let text = io::read_text(&path, "exposures", "the exposures of a run")?;
-        let wrong = |found: String| {
-            InputError::new(&path, "exposures", found, "the exposures that a fit wrote")
-        };
-        let exposures: Self = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+        let found: Option<Self> = run_json::load(run, FILE, "exposures")?;
+        let Some(exposures) = found else { return Ok(None) };
         let is_wrong =
             |own: &&RunExposure| own.stops.iter().any(|s| s.is_nan() || s.abs() > MOST_STOPS);
         match exposures.views.iter().find(is_wrong) {
-            Some(own) => Err(wrong(format!("{:?} stops of {}", own.stops, own.name))),
+            Some(own) => {
+                let found = format!("{:?} stops of {}", own.stops, own.name);
+                Err(run_json::wrong(run, FILE, "exposures", &found))
+            }
             None => Ok(Some(exposures)),
         }
     }
@@ -138,10 +134,9 @@ pub fn match_exposures(
     views: &mut [View],
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<()> {
-    let count = views.len() as f64;
+    let (solid, count) = (Solid::new(model, file), views.len() as f64);
     for (number, view) in views.iter_mut().enumerate() {
         let cameras = [view.camera];
-        let solid = Solid::new(model, file);
         // A background of the photograph's own has its exposure.
         let colors = file.background_of(std::slice::from_ref(view));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);

@@ -12,6 +12,7 @@ mod options;
 mod run;
 mod run_cameras;
 mod run_file;
+mod run_json;
 mod schedule;
 mod solid;
 mod step;

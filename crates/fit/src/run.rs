@@ -288,20 +288,19 @@ impl Fit {
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
         let norm = self.clip(&mut gradient[..shape]);
-        let rate = self.file.options.learning_rate * learning_rate(self.progress());
+        let schedule = learning_rate(self.progress());
+        let rate = self.file.options.learning_rate * schedule;
         self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
         if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
             let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
             Volume::smooth(&mut self.parameters[shape..], step as f32);
         }
         self.model.set_parameters(&self.parameters);
-        let rate = CAMERA_RATE * learning_rate(self.progress());
         if let Some(calibration) = &mut self.calibration {
-            calibration.step(&self.levels[level].cameras, &cameras, rate)?;
+            calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;
         }
-        let rate = GAIN_RATE * learning_rate(self.progress());
         if let Some(own) = &mut self.gains {
-            own.step(&gains, rate)?;
+            own.step(&gains, GAIN_RATE * schedule)?;
         }
         self.iteration += 1;
         self.set_windows();
@@ -330,11 +329,10 @@ impl Fit {
         let cameras = corrected(calibration, &self.levels[level].cameras);
         let scene = scene(&self.model, &self.file, &cameras);
         let behind = (self.file.masks == MaskUse::Coverage).then(|| self.random_colors(seed));
-        let factors = self.gains.as_ref().map(Gains::factors).unwrap_or_default();
+        let factors = self.factors();
         let colors = behind.as_ref().or(self.colors.as_ref());
         // The photographs show these colours as they are.
-        let divided =
-            colors.filter(|_| !factors.is_empty()).map(|colors| without_gains(colors, &factors));
+        let divided = without_gains(colors, &factors);
         let colors = divided.as_ref().or(colors);
         let trained = self.model.background.jittered(seed);
         let trained = trained.as_ref().map_or(scene.background, |trained| trained);

@@ -5,9 +5,11 @@ use std::path::Path;
 use calibrate::{Calibration, Correction};
 use dataset::{Dataset, View};
 use glam::{DMat4, DVec2, DVec3};
-use io::{InputError, atomic_write};
+use io::InputError;
 use render::Camera;
 use serde::{Deserialize, Serialize};
+
+use crate::run_json;
 
 /// The content of `cameras.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,8 +69,7 @@ impl RunCameras {
     }
 
     pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        let text = serde_json::to_string_pretty(self)?;
-        atomic_write(&run.join(FILE), |out| Ok(out.write_all(text.as_bytes())?))
+        run_json::save(run, FILE, self)
     }
 
     /// The refined cameras of a run; `None` if they are those of the data set.
@@ -76,16 +77,7 @@ impl RunCameras {
     /// # Errors
     /// If the file is there and cannot be read, or has a wrong entry.
     pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
-        let path = run.join(FILE);
-        if !path.exists() {
-            return Ok(None);
-        }
-        let text = io::read_text(&path, "cameras", "the cameras of a run")?;
-        let wrong = |found: &dyn std::fmt::Display| {
-            InputError::new(&path, "cameras", found, "the cameras that a fit wrote")
-        };
-        let cameras: Self = serde_json::from_str(&text).map_err(|e| wrong(&e))?;
-        Ok(Some(cameras))
+        run_json::load(run, FILE, "cameras")
     }
 
     /// All cameras, relative to `origin`. `run` is the folder of the run.
@@ -115,8 +107,7 @@ impl RunCameras {
             view.camera = own.camera(run)?.about(origin);
         }
         for view in &mut dataset.test {
-            let lens = |c: &Camera| (c.width, c.height, c.focal, c.principal);
-            let first = given.iter().position(|given| lens(given) == lens(&view.camera));
+            let first = given.iter().position(|given| given.has_lens_of(&view.camera));
             if let Some(first) = first {
                 let Camera { focal, principal, radial, .. } = dataset.train[first].camera;
                 view.camera = Camera { focal, principal, radial, ..view.camera };

@@ -102,14 +102,15 @@ impl Gains {
     }
 }
 
-/// The backgrounds that show these colours after the factors of their views.
+/// The backgrounds that show these colours after the factors of their views; `None` without colours
+/// or factors.
 pub fn without_gains(
-    colors: &BackgroundPerCamera<f32>,
+    colors: Option<&BackgroundPerCamera<f32>>,
     factors: &[Vec3],
-) -> BackgroundPerCamera<f32> {
-    BackgroundPerCamera(
-        colors.0.iter().zip(factors).map(|(color, factor)| *color / *factor).collect(),
-    )
+) -> Option<BackgroundPerCamera<f32>> {
+    let colors = colors.filter(|_| !factors.is_empty())?;
+    let divided = colors.0.iter().zip(factors).map(|(color, factor)| *color / *factor);
+    Some(BackgroundPerCamera(divided.collect()))
 }
 
 /// Steps of [`gain_between`]: each removes most of the weight of outliers.
@@ -211,7 +212,8 @@ mod tests {
     fn backgrounds_show_their_colours_after_the_factors() {
         let colors = BackgroundPerCamera(vec![Vec3::new(0.2, 0.4, 0.6), Vec3::ONE]);
         let factors = [Vec3::new(2.0, 1.0, 0.5), Vec3::ONE];
-        let divided = without_gains(&colors, &factors);
+        let divided = without_gains(Some(&colors), &factors).unwrap();
+        assert_eq!(without_gains(Some(&colors), &[]), None);
         assert_eq!(divided.0, [Vec3::new(0.1, 0.4, 1.2), Vec3::ONE]);
     }
 }

@@ -8,6 +8,7 @@ use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
 use crate::background::BackgroundModel;
+use crate::loss::Target;
 use crate::masks::MaskUse;
 
 /// The share of a pixel from which all of it counts as used: 1, less the rounding of means.
@@ -72,6 +73,12 @@ impl Photograph {
         (Vec3::from(radiance) + behind * (1.0 - coverage.at(x, y)[0])).to_array()
     }
 
+    /// The target of a drawn pixel of this photograph, in front of `behind`.
+    pub fn target(&self, behind: Vec3, pixel: &Pixel) -> Target {
+        let seen = |x, y| self.over(behind, x, y);
+        Target::of(self.size(), seen, pixel.x.into(), pixel.y.into())
+    }
+
     /// Whether pixel (x, y) is used, all of it.
     fn is_used(&self, x: u32, y: u32) -> bool {
         self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL)
@@ -89,6 +96,14 @@ pub struct Pixel {
     pub y: u16,
     /// The number of pixels that this draw stands for.
     pub count: u16,
+}
+
+impl Pixel {
+    /// The film sample in the middle of the pixel.
+    pub fn center(&self) -> Sample {
+        let u = DVec2::new(f64::from(self.x) + 0.5, f64::from(self.y) + 0.5);
+        Sample { camera: self.view as usize, u }
+    }
 }
 
 impl Level {
@@ -136,11 +151,7 @@ impl Level {
 
     /// The centres of all pixels that are drawn.
     pub fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
-        let center = |p: &Pixel| Sample {
-            camera: p.view as usize,
-            u: DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
-        };
-        self.foreground.iter().chain(&self.background).map(center)
+        self.foreground.iter().chain(&self.background).map(Pixel::center)
     }
 
     /// The number of pixels that are drawn.

@@ -23,6 +23,11 @@ impl CameraAdjoints {
         CameraAdjoints { of_pixel, sums: vec![CameraAdjoint::default(); cameras] }
     }
 
+    /// Goes on with another batch of pixels of the same cameras, to the same sums.
+    pub fn continue_with(&mut self, of_pixel: Vec<usize>) {
+        self.of_pixel = of_pixel;
+    }
+
     /// Adds the adjoint of the ray of a film sample.
     pub(crate) fn add_ray<R: Real>(
         &mut self,

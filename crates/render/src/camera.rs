@@ -126,6 +126,12 @@ impl Camera {
         )
     }
 
+    /// Whether another camera has the same film, focal lengths, principal point and distortion.
+    pub fn has_lens_of(&self, other: &Camera) -> bool {
+        let lens = |c: &Camera| (c.width, c.height, c.focal, c.principal, c.radial);
+        lens(self) == lens(other)
+    }
+
     /// The same camera in coordinates relative to `origin`, in world units.
     #[must_use]
     pub fn about(&self, origin: DVec3) -> Self {
@@ -153,24 +159,22 @@ impl Camera {
         (1.0 + square * (k1 + square * k2), k1 + 2.0 * square * k2)
     }
 
-    /// The direction through film position `u`, scaled so that its component along the view is 1.
-    fn unnormalised(&self, u: DVec2) -> DVec3 {
-        let p = (u - self.principal) / self.focal;
-        let q = p * self.lens(p.length_squared()).0;
+    /// The direction through the point q at the distance 1 along the optical axis.
+    fn through(&self, q: DVec2) -> DVec3 {
         self.forward + self.right * q.x - self.up * q.y
     }
 
     /// The unit direction through film position `u`, in world space.
     pub fn direction(&self, u: DVec2) -> DVec3 {
-        self.unnormalised(u).normalize()
+        let p = (u - self.principal) / self.focal;
+        self.through(p * self.lens(p.length_squared()).0).normalize()
     }
 
     /// The unit direction through film position `u`, and its derivatives by u_x and u_y, per pixel.
     pub fn direction_du(&self, u: DVec2) -> (DVec3, [DVec3; 2]) {
         let p = (u - self.principal) / self.focal;
         let (factor, slope) = self.lens(p.length_squared());
-        let q = p * factor;
-        let w = self.forward + self.right * q.x - self.up * q.y;
+        let w = self.through(p * factor);
         let length = w.length();
         let d = w / length;
         let along = [0, 1].map(|e| {
@@ -187,8 +191,7 @@ impl Camera {
         let p = (u - self.principal) / self.focal;
         let square = p.length_squared();
         let (factor, slope) = self.lens(square);
-        let q = p * factor;
-        let w = self.forward + self.right * q.x - self.up * q.y;
+        let w = self.through(p * factor);
         let d = w.normalize();
         let w_bar = direction.reject_from_normalized(d) / w.length();
         let q_bar = DVec2::new(self.right.dot(w_bar), -self.up.dot(w_bar));
@@ -211,6 +214,13 @@ impl Camera {
             let q = DVec2::new(r.dot(self.right), -r.dot(self.up)) / depth;
             self.principal + self.undistorted(q) * self.focal
         })
+    }
+
+    /// The film position of a world point; `None` unless the point is in front of the camera and
+    /// its projection is on the film.
+    pub fn project_onto_film(&self, x: DVec3) -> Option<DVec2> {
+        let size = DVec2::new(f64::from(self.width), f64::from(self.height));
+        self.project(x).filter(|u| u.cmpge(DVec2::ZERO).all() && u.cmplt(size).all())
     }
 
     /// The p whose distorted position is `q`; see [`Camera::radial`].

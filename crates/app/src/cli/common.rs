@@ -156,6 +156,7 @@ pub(super) const ARGUMENTS: &str = "arguments";
 
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
+
 /// Gives the views of a run's data set the cameras and exposures of the run, if it fitted any:
 /// training photographs those of the run's files, held-out ones those that suit its model best.
 ///

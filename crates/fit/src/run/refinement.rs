@@ -1,8 +1,9 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
 use calibrate::Calibration;
+use glam::Vec3;
 use io::InputError;
-use photometry::{Gains, Pixel, Target, photometric, without_gains};
+use photometry::{Gains, Pixel, photometric, without_gains};
 use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
@@ -13,9 +14,9 @@ use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
 use crate::step::Gradient;
 
-/// The share of the budget between the end of the soft part and the refinement of cameras: the
-/// surface has become sharp by then.
-const AFTER_SOFT: f64 = 0.05;
+/// The share of the sharp part of the budget before the refinement of cameras: the surface has
+/// become sharp by then.
+const AFTER_SOFT: f64 = 0.1;
 
 /// The largest number of steps of a trial.
 const TRIAL_STEPS: u64 = 200;
@@ -39,7 +40,7 @@ impl Fit {
     pub(super) fn start_refinement(&mut self) -> anyhow::Result<Option<CameraTrial>> {
         let options = &self.file.options;
         let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
-        let is_time = self.progress() >= options.soft + (1.0 - options.soft) * 2.0 * AFTER_SOFT;
+        let is_time = self.progress() >= options.soft + (1.0 - options.soft) * AFTER_SOFT;
         if !is_time || self.refinement_decided || !self.estimator.differentiates_cameras() {
             return Ok(None);
         }
@@ -86,6 +87,11 @@ impl Fit {
             self.calibration = Some(calibration);
         }
         Ok(())
+    }
+
+    /// The gain of each photograph, if they are fitted; else empty.
+    pub(super) fn factors(&self) -> Vec<Vec3> {
+        self.gains.as_ref().map(Gains::factors).unwrap_or_default()
     }
 
     /// The state of the exposures, for a checkpoint.
@@ -174,24 +180,18 @@ impl Fit {
         let level = &self.levels[0];
         let cameras = corrected(calibration, &level.cameras);
         let scene = scene(&self.model, &self.file, &cameras);
-        let factors = self.gains.as_ref().map(Gains::factors);
-        let divided = factors.as_ref().zip(self.colors.as_ref()).map(|(f, c)| without_gains(c, f));
+        let factors = self.factors();
+        let divided = without_gains(self.colors.as_ref(), &factors);
         let colors = divided.as_ref().or(self.colors.as_ref());
         let background = colors.map_or(scene.background, |colors| colors);
         let scene = render::Scene { background, ..scene };
-        let center = |p: &Pixel| Sample {
-            camera: p.view as usize,
-            u: glam::DVec2::new(f64::from(p.x) + 0.5, f64::from(p.y) + 0.5),
-        };
-        let samples: Vec<Sample> = pixels.iter().map(center).collect();
-        let gain = |p: &Pixel| factors.as_ref().map_or(glam::Vec3::ONE, |all| all[p.view as usize]);
+        let samples: Vec<Sample> = pixels.iter().map(Pixel::center).collect();
+        let gain = |p: &Pixel| factors.get(p.view as usize).copied().unwrap_or(Vec3::ONE);
         let mut sums = vec![(0.0, 0.0); cameras.len()];
         for (pixels, samples) in pixels.chunks(CHUNK).zip(samples.chunks(CHUNK)) {
             let primary = scene.primary(samples)?;
             for (p, traced) in pixels.iter().zip(&primary.samples) {
-                let photograph = &level.photographs[p.view as usize];
-                let seen = |x, y| photograph.over(glam::Vec3::ZERO, x, y);
-                let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
+                let target = level.photographs[p.view as usize].target(Vec3::ZERO, p);
                 let (loss, _) = photometric((traced.radiance * gain(p)).into(), &target);
                 let (sum, count) = &mut sums[p.view as usize];
                 *sum += f64::from(loss) * f64::from(p.count);

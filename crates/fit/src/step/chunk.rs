@@ -6,8 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use random::{Purpose, Stream};
 use render::{Sample, Scene};
 
-use photometry::{Level, Pixel};
-use photometry::{Target, photometric, squared_error};
+use photometry::{Level, Pixel, photometric, squared_error};
 
 /// The batch of an iteration: its pixels, and all inputs of their loss.
 pub(crate) struct Batch<'a> {
@@ -121,8 +120,7 @@ impl<'a> Chunk<'a> {
         let view = p.view as usize;
         let photograph = &self.batch.level.photographs[view];
         let behind = self.batch.behind.get(view).copied().unwrap_or_default();
-        let seen = |x, y| photograph.over(behind, x, y);
-        let target = Target::of(photograph.size(), seen, p.x.into(), p.y.into());
+        let target = photograph.target(behind, &p);
         let gain = self.batch.gains.get(view).copied().unwrap_or(Vec3::ONE);
         let shown = Vec3::from(radiance) * gain;
         let (loss, adjoint) = photometric(shown.into(), &target);

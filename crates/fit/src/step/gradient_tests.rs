@@ -10,10 +10,7 @@ use estimate::{Estimator, Refined, SampleCounts};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
-use photometry::BackgroundModel;
-use photometry::MaskUse;
-use photometry::{Level, pyramid};
-use photometry::{Target, photometric};
+use photometry::{BackgroundModel, Level, MaskUse, Target, photometric, pyramid};
 use render::{Camera, Scene, UniformBackground, render};
 use std::path::PathBuf;
 

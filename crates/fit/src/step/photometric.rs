@@ -1,7 +1,7 @@
 //! The photometric term: pixels without silhouettes through their hit points, the others by the
 //! estimator.
 
-use estimate::record::{Adjoints, Area, CameraAdjoints, Record, Share};
+use estimate::record::{Area, Share};
 use estimate::{SilhouetteMask, Terms};
 use glam::Vec3;
 use random::{Purpose, Stream};
@@ -33,26 +33,6 @@ impl Chunk<'_> {
         }
     }
 
-    /// The pixels of the record are a part of the chunk's.
-    fn record_vjp(
-        &mut self,
-        record: &Record<f32>,
-        pixels: &[Pixel],
-        delta: &[Vec3],
-        shader: &mut [f32],
-    ) {
-        let cameras = self.adjoints.cameras.as_ref().map(|cameras| {
-            let of_pixel = pixels.iter().map(|p| p.view as usize).collect();
-            CameraAdjoints::new(of_pixel, cameras.sums.len())
-        });
-        let mut own = Adjoints { cameras, ..Adjoints::default() };
-        record.vjp(&self.batch.scene, delta, self.batch.pass, shader, &mut own);
-        self.adjoints.points.append(&mut own.points);
-        if let (Some(all), Some(own)) = (&mut self.adjoints.cameras, own.cameras) {
-            all.sums.iter_mut().zip(own.sums).for_each(|(sum, own)| *sum += own);
-        }
-    }
-
     /// Adds the pixels that a silhouette may cross.
     pub(super) fn add_silhouette_pixels(
         &mut self,
@@ -80,7 +60,11 @@ impl Chunk<'_> {
             .zip(&record.radiance)
             .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
             .collect();
-        self.record_vjp(&record, pixels, &delta, shader);
+        if let Some(cameras) = &mut self.adjoints.cameras {
+            // The pixels of the record are a part of the chunk's.
+            cameras.continue_with(pixels.iter().map(|p| p.view as usize).collect());
+        }
+        record.vjp(scene, &delta, self.batch.pass, shader, &mut self.adjoints);
         if self.batch.trains_background {
             record.area.iter().for_each(|area| area.background_vjp(scene, &delta, background));
         }

@@ -17,10 +17,7 @@ use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::run_file::RunFile;
 use crate::step::chunk::Batch;
-use photometry::BackgroundModel;
-use photometry::MaskUse;
-use photometry::{Level, Pixel, pyramid};
-use photometry::{Target, photometric};
+use photometry::{BackgroundModel, Level, MaskUse, Pixel, Target, photometric, pyramid};
 
 const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
