@@ -1,6 +1,7 @@
 //! The files that `dsdf mesh` writes, read again by `dsdf eval`.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::{Value, json};
@@ -39,6 +40,8 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         ("m.glb", &["--scale", "1000"]),
         ("turned.glb", &["--up", "-x"]),
         ("m.stl", &["--decimate", "1000"]),
+        ("painted.glb", &["--texture", "128"]),
+        ("painted.obj", &["--texture", "100", "--decimate", "2000"]),
     ] {
         let report = mesh(&folder, file, options);
         assert_eq!((&report["closed"], &report["genus"]), (&json!(true), &json!(0)), "{file}");
@@ -47,16 +50,26 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         assert!(!is_colored || report["unseen"].as_f64().unwrap() < 0.3, "{report}");
         // The cameras of `synth` stand around the z axis.
         let up = match file {
-            "m.glb" => json!([0.0, 0.0, 1.0]),
+            "m.glb" | "painted.glb" => json!([0.0, 0.0, 1.0]),
             "turned.glb" => json!([-1.0, 0.0, 0.0]),
             _ => Value::Null,
         };
         assert_eq!(report["up"], up, "{file}");
+        let width = match options {
+            ["--texture", width, ..] => width.parse().unwrap(),
+            _ => 0,
+        };
+        assert_eq!(report["texture"]["size"][0].as_u64().unwrap_or(0), width, "{file}");
         let truth = folder.path(file);
         let eval = dsdf_json(&["eval", &run, "--mesh", &truth, "--resolution", "32"]);
         let chamfer = eval["chamfer"].as_f64().unwrap();
         assert!(chamfer < 5e-3, "{file}: {chamfer} from the surface it was extracted from");
     }
+    let image = io::image_size(Path::new(&folder.path("painted_texture.png"))).unwrap();
+    assert!(image.0 == 100 && image.1 <= 100 && Path::new(&folder.path("painted.mtl")).exists());
+    let glb = folder.path("both.glb");
+    let both = ["mesh", &run, "-o", &glb, "--texture", "256", "--color", "none"];
+    refused(&both, 2, &["--texture", "--color none"]);
     assert!(mesh(&folder, "m.stl", &["--decimate", "1000"])["faces"].as_u64().unwrap() <= 1000);
     for (options, word) in [
         (&["--up", "z"][..], "--up"),
@@ -64,10 +77,12 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         (&["--scale", "inf"], "--scale"),
         (&["--decimate", "3"], "--decimate"),
         (&["--up", "w"], "--up"),
+        (&["--texture", "256"], "--texture"),
+        (&["--texture", "9000"], "--texture"),
     ] {
         let ply = folder.path("none.ply");
         refused(&[&["mesh", &run, "-o", &ply], options].concat(), 2, &[word]);
-        assert!(!std::path::Path::new(&ply).exists());
+        assert!(!Path::new(&ply).exists());
     }
 }
 

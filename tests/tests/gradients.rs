@@ -53,7 +53,7 @@ fn reference() -> u32 {
 }
 
 /// Runs of every case, each with its own seed.
-const SEEDS: u32 = 8;
+const SEEDS: u32 = 6;
 
 /// Samples per pixel of a run.
 const SPP: u32 = 256;

@@ -71,9 +71,11 @@ impl<R: Real> Path<R> {
         Step { y: self.origin + self.direction * self.distance(i), length }
     }
 
-    /// The distance of the point of a step.
+    /// The distance of the point of a step. A place just below 1 can round to the end of the last
+    /// part, which is infinitely far away.
     fn distance(&self, i: usize) -> R {
-        self.start + far((R::of(i as f64) + self.place) / R::of(POINTS as f64))
+        let part = (R::of(i as f64) + self.place) / R::of(POINTS as f64);
+        (self.start + far(part)).min(R::of(INFINITY))
     }
 
     /// A point so far along the ray that its contraction is the end of the ray.

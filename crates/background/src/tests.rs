@@ -21,6 +21,12 @@ fn volume(extent: Extent, seed: u64) -> Volume<f64> {
     volume
 }
 
+/// The volume in single precision.
+fn rounded(double: &Volume<f64>) -> Volume<f32> {
+    let parameters = double.parameters.iter().map(|p| *p as f32).collect();
+    Volume { extent: double.extent, sphere: double.sphere, parameters }
+}
+
 fn radiance(volume: &Volume<f64>, ray: BackgroundRay<f64>) -> DVec3 {
     let mut rgb = [DVec3::ZERO];
     volume.radiance(&[ray], &mut rgb);
@@ -128,6 +134,27 @@ fn random_places_are_uniform_in_their_parts() {
         assert!(variance > 1e-8, "the places differ");
         assert!((mean - even).length() < 4.0 * (variance / 4e3).sqrt(), "{mean} and {even}");
         assert_eq!(seen(random(1), ray), seen(random(1), ray));
+    }
+}
+
+/// In single precision, (15 + place)/16 is 1 for the largest place below 1.
+#[test]
+fn the_last_point_of_the_largest_place_is_far_away_and_its_derivatives_are_finite() {
+    let volume = rounded(&volume(Extent::Volume, 3));
+    let place = f64::from(1.0 - f32::EPSILON / 2.0);
+    let last = Quadrature { volume: &volume, places: Places::At(place) };
+    let nearly = Quadrature { volume: &volume, places: Places::At(1.0 - 1e-4) };
+    for seed in 0..20 {
+        let BackgroundRay { origin, direction, .. } = ray(seed);
+        let (origin, direction) = (origin.as_vec3(), direction.as_vec3());
+        let ray = [BackgroundRay { camera: 0, origin, direction }];
+        let (mut rgb, mut expected) = ([glam::Vec3::ZERO], [glam::Vec3::ZERO]);
+        last.radiance(&ray, &mut rgb);
+        nearly.radiance(&ray, &mut expected);
+        assert!((rgb[0] - expected[0]).length() < 1e-2, "{} and {}", rgb[0], expected[0]);
+        let mut bar = [RayAdjoint::zero()];
+        last.ray_vjp(&ray, &[DELTA.as_vec3()], &mut bar);
+        assert!(bar[0].origin.is_finite() && bar[0].direction.is_finite(), "{:?}", bar[0]);
     }
 }
 
@@ -279,11 +306,7 @@ fn a_wrong_file_is_refused_by_name() {
 #[test]
 fn single_and_double_precision_agree() {
     let double = volume(Extent::Volume, 4);
-    let single = Volume::<f32> {
-        extent: double.extent,
-        sphere: double.sphere,
-        parameters: double.parameters.iter().map(|p| *p as f32).collect(),
-    };
+    let single = rounded(&double);
     for seed in 0..20 {
         let ray = ray(seed);
         let own = BackgroundRay {

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use render::{InvalidField, Sample, Scene, Surface};
+use render::{InvalidField, Sample, Scene, Surface, TracedRay};
 
 /// The colour, linear RGB, of a point that no camera sees: the grey with sRGB values of 128.
 pub const GREY: Vec3 = Vec3::splat(0.215_86);
@@ -14,7 +14,7 @@ pub const GREY: Vec3 = Vec3::splat(0.215_86);
 const SAME_POINT: f64 = 0.01;
 
 /// Points that a thread takes at once.
-const CHUNK: usize = 2048;
+pub(crate) const CHUNK: usize = 2048;
 
 /// The colours of points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,59 +41,87 @@ pub fn bake(
     normals: &[Vec3],
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Baked, InvalidField> {
-    let (done, all) = (AtomicUsize::new(0), points.len());
-    let chunks: Vec<_> = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK)).collect();
-    let chunks: Vec<Result<Vec<Option<Vec3>>, InvalidField>> = chunks
-        .par_iter()
-        .map(|(points, normals)| {
-            let colors = bake_chunk(scene, points, normals);
-            let before = done.fetch_add(points.len(), Ordering::Relaxed);
-            progress((before + points.len()) as f64 / all as f64);
-            colors
+    let seen = seen(scene, points, normals, progress)?;
+    let mut colors = vec![GREY; points.len()];
+    let surface = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK));
+    let surface = surface.zip(seen.par_chunks(CHUNK * words(scene)));
+    let unseen: Vec<usize> = surface
+        .zip(colors.par_chunks_mut(CHUNK))
+        .map(|(((points, normals), seen), colors)| {
+            mean_radiance(scene, points, normals, seen, colors)
         })
         .collect();
-    let mut baked = Baked::default();
-    for chunk in chunks {
-        for color in chunk? {
-            baked.unseen += usize::from(color.is_none());
-            baked.colors.push(color.unwrap_or(GREY));
-        }
-    }
-    Ok(baked)
+    Ok(Baked { colors, unseen: unseen.iter().sum() })
 }
 
-/// The colours of some points; `None` for one that no camera sees.
-fn bake_chunk(
+/// The number of words with a bit for each camera.
+pub(crate) fn words(scene: &Scene<'_, f32>) -> usize {
+    scene.cameras.len().div_ceil(64).max(1)
+}
+
+/// The cameras that see each point: [`words`] words a point, with a bit for each camera.
+pub(crate) fn seen(
     scene: &Scene<'_, f32>,
     points: &[Vec3],
     normals: &[Vec3],
-) -> Result<Vec<Option<Vec3>>, InvalidField> {
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<u64>, InvalidField> {
+    let (done, all) = (AtomicUsize::new(0), points.len());
+    let mut seen = vec![0; words(scene) * all];
+    let chunks = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK));
+    chunks.zip(seen.par_chunks_mut(CHUNK * words(scene))).try_for_each(
+        |((points, normals), seen)| {
+            for camera in 0..scene.cameras.len() {
+                for i in seen_by(scene, camera, points, normals)? {
+                    seen[i * words(scene) + camera / 64] |= 1 << (camera % 64);
+                }
+            }
+            let before = done.fetch_add(points.len(), Ordering::Relaxed);
+            progress((before + points.len()) as f64 / all as f64);
+            Ok(())
+        },
+    )?;
+    Ok(seen)
+}
+
+/// Writes the mean radiance of some points towards the cameras of `seen`, and leaves the colours of
+/// points without a camera. Returns their number.
+pub(crate) fn mean_radiance(
+    scene: &Scene<'_, f32>,
+    points: &[Vec3],
+    normals: &[Vec3],
+    seen: &[u64],
+    colors: &mut [Vec3],
+) -> usize {
     let mut sums = vec![(DVec3::ZERO, 0u32); points.len()];
-    for camera in 0..scene.cameras.len() {
-        let seen = seen_by(scene, camera, points, normals)?;
+    let mut radiance = Vec::new();
+    for (camera, view) in scene.cameras.iter().enumerate() {
+        let sees = |i: &usize| seen[i * words(scene) + camera / 64] >> (camera % 64) & 1 == 1;
+        let indices: Vec<usize> = (0..points.len()).filter(sees).collect();
         let mut surface = Surface::default();
-        for (i, direction) in &seen {
-            surface.push(points[*i], normals[*i], *direction);
+        for i in &indices {
+            let direction = (points[*i].as_dvec3() - view.eye).normalize().as_vec3();
+            surface.push(points[*i], normals[*i], direction);
         }
-        let mut radiance = vec![Vec3::ZERO; seen.len()];
+        radiance.resize(indices.len(), Vec3::ZERO);
         scene.shader.radiance(&surface.batch(), &mut radiance);
-        for ((i, _), radiance) in seen.iter().zip(radiance) {
+        for (i, radiance) in indices.iter().zip(&radiance) {
             sums[*i] = (sums[*i].0 + radiance.as_dvec3(), sums[*i].1 + 1);
         }
     }
-    let mean = |(sum, count): (DVec3, u32)| {
-        (count > 0).then(|| (sum / f64::from(count)).as_vec3().clamp(Vec3::ZERO, Vec3::ONE))
-    };
-    Ok(sums.into_iter().map(mean).collect())
+    for (color, (sum, count)) in colors.iter_mut().zip(&sums).filter(|(_, (_, n))| *n > 0) {
+        *color = (sum / f64::from(*count)).as_vec3().clamp(Vec3::ZERO, Vec3::ONE);
+    }
+    sums.iter().filter(|(_, count)| *count == 0).count()
 }
 
-/// The points that a camera sees, in order, each with the unit direction from the camera to it.
+/// The points that a camera sees, in order.
 fn seen_by(
     scene: &Scene<'_, f32>,
     camera: usize,
     points: &[Vec3],
     normals: &[Vec3],
-) -> Result<Vec<(usize, Vec3)>, InvalidField> {
+) -> Result<Vec<usize>, InvalidField> {
     let view = &scene.cameras[camera];
     let away = |i: usize| points[i].as_dvec3() - view.eye;
     let (candidates, samples): (Vec<usize>, Vec<Sample>) = (0..points.len())
@@ -104,13 +132,11 @@ fn seen_by(
         .unzip();
     let tolerance = SAME_POINT * scene.bounds.radius;
     let hits = scene.trace(&samples)?;
-    let is_hit = |(i, traced): (usize, Option<render::TracedRay<f32>>)| {
+    let is_there = |(i, traced): (usize, Option<TracedRay<f32>>)| {
         let depth = f64::from(traced?.depth()?);
-        let distance = away(i).length();
-        let direction = (away(i) / distance).as_vec3();
-        ((depth - distance).abs() < tolerance).then_some((i, direction))
+        ((depth - away(i).length()).abs() < tolerance).then_some(i)
     };
-    Ok(candidates.into_iter().zip(hits).filter_map(is_hit).collect())
+    Ok(candidates.into_iter().zip(hits).filter_map(is_there).collect())
 }
 
 #[cfg(test)]

@@ -17,39 +17,48 @@ use crate::{InputError, atomic_write, extension, write_npy};
 /// An [`InputError`] if the extension is another one or the folder does not accept files. Other
 /// errors if the file cannot be written.
 pub fn write_image(path: &Path, film: &Film) -> anyhow::Result<()> {
-    let values = film.pixels.as_flattened();
-    match extension(path).as_str() {
-        "npy" => write_npy(path, &[film.height as usize, film.width as usize, 3], values),
+    let bytes = match extension(path).as_str() {
+        "npy" => {
+            let shape = [film.height as usize, film.width as usize, 3];
+            return write_npy(path, &shape, film.pixels.as_flattened());
+        }
         "exr" => {
-            let buffer = Rgb32FImage::from_raw(film.width, film.height, values.to_vec());
-            encode(path, film, buffer.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr)
+            let values = film.pixels.as_flattened().to_vec();
+            let buffer = Rgb32FImage::from_raw(film.width, film.height, values);
+            encoded(film, buffer.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr)?
         }
-        "png" => {
-            let byte = |v: &f32| (srgb_encode(*v).clamp(0.0, 1.0) * 255.0).round() as u8;
-            let bytes = values.iter().map(byte).collect();
-            let buffer = RgbImage::from_raw(film.width, film.height, bytes);
-            encode(path, film, buffer.map(DynamicImage::ImageRgb8), ImageFormat::Png)
-        }
+        "png" => png(film)?,
         other => {
             let found = format!("extension \"{other}\"");
-            Err(InputError::new(path, "output", found, ".png, .exr or .npy").into())
+            return Err(InputError::new(path, "output", found, ".png, .exr or .npy").into());
         }
-    }
+    };
+    atomic_write(path, |out| Ok(out.write_all(&bytes)?))
 }
 
-/// Writes `image`, the pixels of `film` as the encoder takes them; `None` if they are fewer than
-/// the film's width and height ask for.
-fn encode(
-    path: &Path,
+/// The content of a .png file with an image in 8-bit sRGB, clipped to [0, 1].
+///
+/// # Errors
+/// If the image has fewer pixels than its width and height ask for.
+pub fn png(film: &Film) -> anyhow::Result<Vec<u8>> {
+    let byte = |v: &f32| (srgb_encode(*v).clamp(0.0, 1.0) * 255.0).round() as u8;
+    let bytes = film.pixels.as_flattened().iter().map(byte).collect();
+    let buffer = RgbImage::from_raw(film.width, film.height, bytes);
+    encoded(film, buffer.map(DynamicImage::ImageRgb8), ImageFormat::Png)
+}
+
+/// The content of a file with `image`, the pixels of `film` as the encoder takes them; `None` if
+/// they are fewer than the film's width and height ask for.
+fn encoded(
     film: &Film,
     image: Option<DynamicImage>,
     format: ImageFormat,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<u8>> {
     let image = image.ok_or_else(|| {
         let (width, height, count) = (film.width, film.height, film.pixels.len());
         anyhow::anyhow!("an image of {width} x {height} pixels holds {count} pixels")
     })?;
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, format)?;
-    atomic_write(path, |out| Ok(out.write_all(bytes.get_ref())?))
+    Ok(bytes.into_inner())
 }

@@ -22,7 +22,7 @@ pub use atomic::{
 pub use error::{InputError, is_hidden, printable};
 pub use heif::refuse_unconverted;
 pub use image_read::{image_size, read_image, read_image_of, reading_memory};
-pub use image_write::write_image;
+pub use image_write::{png, write_image};
 pub use lock::lock;
 pub use memory::check_memory;
 pub use npy::{NpyReader, npy_reader, read_npy, write_npy};

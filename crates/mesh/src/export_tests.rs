@@ -5,10 +5,10 @@ use std::path::Path;
 
 use approx::assert_relative_eq;
 use field::{Kind, Shape, Sphere};
-use film::srgb_encode;
-use glam::{DVec3, Quat, Vec3};
+use film::{Film, srgb_encode};
+use glam::{DVec3, Quat, Vec2, Vec3};
 
-use crate::{Export, Mesh, decimate, export_mesh, extract, read_mesh};
+use crate::{Export, Mesh, Texture, decimate, export_mesh, extract, read_mesh};
 
 /// A coloured torus around the z axis.
 fn torus(resolution: usize) -> Mesh {
@@ -81,7 +81,7 @@ fn a_glb_file_has_linear_colours_and_a_rough_material() {
 fn the_node_of_a_glb_file_turns_up_to_y_and_scales_but_the_reader_undoes_it() {
     let mesh = Mesh { origin: DVec3::new(10.0, 20.0, 30.0), ..torus(16) };
     for up in [DVec3::X, DVec3::Z, DVec3::NEG_Y, DVec3::new(0.6, 0.0, -0.8)] {
-        let (bytes, read) = exported("a.glb", &mesh, &Export { scale: 2.5, up });
+        let (bytes, read) = exported("a.glb", &mesh, &Export { scale: 2.5, up, texture: None });
         let (_, document) = by_gltf(&bytes);
         let root = document.default_scene().unwrap().nodes().next().unwrap();
         let (_, rotation, scale) = root.transform().decomposed();
@@ -97,7 +97,8 @@ fn the_node_of_a_glb_file_turns_up_to_y_and_scales_but_the_reader_undoes_it() {
 #[test]
 fn other_nodes_of_a_glb_file_are_applied() {
     let mesh = torus(16);
-    let (mut bytes, _) = exported("a.glb", &mesh, &Export { scale: 2.0, up: DVec3::Z });
+    let (mut bytes, _) =
+        exported("a.glb", &mesh, &Export { scale: 2.0, up: DVec3::Z, texture: None });
     // A key of the same length that is not dsdf's.
     let key = b"dsdf:view";
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap();
@@ -139,6 +140,82 @@ fn colours_of_obj_and_ply_are_srgb() {
         .collect();
     assert!(difference(&colors, &srgb(&mesh.colors)) < 0.51 / 255.0);
     assert_eq!((read.vertices, read.normals), (mesh.vertices, mesh.normals));
+}
+
+/// A mesh of two triangles with a seam along their common edge, and an image of 4 × 2 texels.
+fn textured() -> (Mesh, Texture) {
+    let vertices = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0)];
+    let faces = vec![[0, 1, 2], [2, 1, 3]];
+    let colors = vec![Vec3::ONE; 4];
+    let mesh = Mesh { normals: vec![Vec3::Z; 4], vertices, faces, colors, ..Mesh::default() };
+    let mut image = Film::new(4, 2);
+    image.pixels.iter_mut().enumerate().for_each(|(i, p)| *p = [i as f32 / 8.0, 0.25, 1.0]);
+    let points: Vec<Vec2> =
+        (0..6).map(|i| Vec2::new(i as f32 / 8.0, (i % 2) as f32 / 4.0)).collect();
+    let vertices = vec![0, 1, 2, 2, 1, 3];
+    (mesh, Texture { image, points, vertices, corners: vec![[0, 1, 2], [3, 4, 5]] })
+}
+
+/// The bytes of an image as a .png file has them.
+fn bytes_of(film: &Film) -> Vec<u8> {
+    let byte = |v: &f32| (srgb_encode(*v) * 255.0).round() as u8;
+    film.pixels.as_flattened().iter().map(byte).collect()
+}
+
+#[test]
+fn a_textured_glb_file_has_its_image_inside_and_reads_as_the_mesh() {
+    let (mesh, texture) = textured();
+    let (bytes, read) =
+        exported("a.glb", &mesh, &Export { texture: Some(&texture), ..Export::default() });
+    assert_eq!((&read.vertices, &read.faces), (&mesh.vertices, &mesh.faces));
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).unwrap();
+    let blob = blob.unwrap();
+    let primitive = document.meshes().next().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(|_| Some(&blob));
+    assert!(reader.read_colors(0).is_none(), "viewers multiply them with the texture");
+    let points: Vec<Vec2> = reader.read_tex_coords(0).unwrap().into_f32().map(Vec2::from).collect();
+    assert_eq!(points, texture.points);
+    let positions: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
+    assert_eq!(positions[3], mesh.vertices[2]);
+    let material = primitive.material().pbr_metallic_roughness();
+    let source = material.base_color_texture().unwrap().texture().source().source();
+    let gltf::image::Source::View { view, mime_type } = source else { panic!("no image inside") };
+    assert_eq!(mime_type, "image/png");
+    let png = &blob[view.offset()..view.offset() + view.length()];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    std::fs::write(&path, png).unwrap();
+    let (image, _) = io::read_image(&path).unwrap();
+    assert_eq!(bytes_of(&image), bytes_of(&texture.image));
+}
+
+#[test]
+fn a_textured_obj_file_has_its_material_and_image_beside_it() {
+    let (mesh, texture) = textured();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a shape.obj");
+    let export = Export { texture: Some(&texture), ..Export::default() };
+    export_mesh(&path, &mesh, &export).unwrap();
+    let options = tobj::LoadOptions::default();
+    let (models, materials) = tobj::load_obj(&path, &options).unwrap();
+    let material = &materials.unwrap()[models[0].mesh.material_id.unwrap()];
+    let image = material.diffuse_texture.as_ref().unwrap();
+    assert_eq!(image, "a shape_texture.png");
+    let (image, _) = io::read_image(&folder.path().join(image)).unwrap();
+    assert_eq!(bytes_of(&image), bytes_of(&texture.image));
+    let read = &models[0].mesh;
+    assert_eq!(read.indices, mesh.faces.as_flattened());
+    assert!(read.vertex_color.is_empty());
+    for (i, point) in read.texcoord_indices.iter().enumerate() {
+        let found = Vec2::from_slice(&read.texcoords[2 * *point as usize..]);
+        let expected = texture.points[texture.corners.as_flattened()[i] as usize];
+        assert!((Vec2::new(found.x, 1.0 - found.y) - expected).length() < 1e-6);
+    }
+    assert_eq!(read_mesh(&path).unwrap().faces, mesh.faces);
+    for name in ["a.ply", "a.stl"] {
+        let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
+        assert!(error.to_string().contains("expected .glb or .obj"), "{error}");
+    }
 }
 
 #[test]
@@ -201,7 +278,8 @@ fn stl_files_of_other_programs_are_read() {
 
 #[test]
 fn wrong_glb_files_are_refused_with_the_place() {
-    let (bytes, _) = exported("a.glb", &torus(16), &Export { scale: 2.0, up: DVec3::Z });
+    let (bytes, _) =
+        exported("a.glb", &torus(16), &Export { scale: 2.0, up: DVec3::Z, texture: None });
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.glb");
     for (from, to, found) in [

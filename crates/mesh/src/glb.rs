@@ -1,13 +1,13 @@
 //! Writing of binary glTF files (glTF 2.0, section 4.4: Binary glTF Layout).
 //!
 //! A file has a header, a JSON chunk and a binary chunk. The JSON chunk describes one mesh of one
-//! primitive. The binary chunk holds the positions, then the normals and the colours if there are
-//! any, then the indices.
+//! primitive. The binary chunk holds the positions, then the normals, the colours and the points in
+//! the texture if there are any, then the indices, then the image of the texture.
 
 use std::io::Write;
 
 use anyhow::Context;
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec2, Vec3};
 use serde_json::{Value, json};
 
 use crate::Mesh;
@@ -39,34 +39,51 @@ const TRIPLE_BYTES: usize = 12;
 /// colours.
 const COLOR_BYTES: usize = 8;
 
+/// The bytes of a point in a texture: two floats.
+const POINT_BYTES: usize = 8;
+
 /// The parts of a mesh that a file has.
 struct Parts<'a> {
     vertices: &'a [Vec3],
     normals: &'a [Vec3],
     colors: &'a [Vec3],
+    points: &'a [Vec2],
     faces: &'a [[u32; 3]],
+    /// The content of the texture's .png file, padded to words of four bytes.
+    image: Vec<u8>,
 }
 
 impl Parts<'_> {
     /// The bytes of the binary chunk.
     fn bytes(&self) -> usize {
         let triples = self.vertices.len() + self.normals.len() + self.faces.len();
-        TRIPLE_BYTES * triples + COLOR_BYTES * self.colors.len()
+        let (colors, points) = (COLOR_BYTES * self.colors.len(), POINT_BYTES * self.points.len());
+        TRIPLE_BYTES * triples + colors + points + self.image.len()
     }
 }
 
 /// Writes the mesh as a .glb file.
 pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> anyhow::Result<()> {
+    let is_open = !mesh.is_closed();
+    let split = export.texture.map(|texture| texture.split(mesh));
+    let mesh = split.as_ref().unwrap_or(mesh);
+    let mut image = export.texture.map_or(Ok(Vec::new()), |texture| io::png(&texture.image))?;
+    image.resize(image.len().next_multiple_of(4), 0);
     let parts = Parts {
         vertices: &mesh.vertices,
         normals: if mesh.has_normals() { &mesh.normals } else { &[] },
         colors: if mesh.has_colors() { &mesh.colors } else { &[] },
+        points: export.texture.map_or(&[], |texture| &texture.points),
         faces: &mesh.faces,
+        image,
     };
     let mut document = document(&parts);
     add_nodes(&mut document, mesh.origin, export);
-    if mesh.has_colors() {
-        add_material(&mut document, !mesh.is_closed());
+    if mesh.has_colors() || export.texture.is_some() {
+        add_material(&mut document, is_open);
+    }
+    if export.texture.is_some() {
+        add_texture(&mut document, &parts);
     }
     let mut text = serde_json::to_vec(&document)?;
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -90,9 +107,13 @@ pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> an
             out.write_all(&c.to_le_bytes())?;
         }
     }
+    for point in parts.points {
+        point.to_array().iter().try_for_each(|c| out.write_all(&c.to_le_bytes()))?;
+    }
     for face in parts.faces {
         out.write_all(&little_endian(*face))?;
     }
+    out.write_all(&parts.image)?;
     Ok(())
 }
 
@@ -114,6 +135,8 @@ fn document(parts: &Parts) -> Value {
     add("POSITION", FLOAT, vertices, "VEC3", TRIPLE_BYTES * vertices);
     add("NORMAL", FLOAT, normals, "VEC3", TRIPLE_BYTES * normals);
     add("COLOR_0", UNSIGNED_SHORT, colors, "VEC4", COLOR_BYTES * colors);
+    let points = parts.points.len();
+    add("TEXCOORD_0", FLOAT, points, "VEC2", POINT_BYTES * points);
     if let Some(positions) = accessors.first_mut() {
         let (low, high) = extent(parts.vertices);
         (positions["min"], positions["max"]) = (json!(low.to_array()), json!(high.to_array()));
@@ -143,7 +166,7 @@ fn add_nodes(document: &mut Value, origin: DVec3, export: &Export) {
         node["translation"] = json!(origin.to_array());
     }
     document["nodes"] = json!([node]);
-    if *export == Export::default() {
+    if (export.scale, export.up) == (1.0, DVec3::Y) {
         return;
     }
     let rotation = DQuat::from_rotation_arc(export.up, DVec3::Y).normalize();
@@ -164,6 +187,28 @@ fn add_material(document: &mut Value, double_sided: bool) {
     document["meshes"][0]["primitives"][0]["material"] = json!(0);
     let factors = json!({"metallicFactor": 0.0, "roughnessFactor": 1.0});
     document["materials"] = json!([{"pbrMetallicRoughness": factors, "doubleSided": double_sided}]);
+}
+
+/// Adds the image at the end of the binary chunk as the colours of the material.
+fn add_texture(document: &mut Value, parts: &Parts) {
+    /// Numbers of the specification: linear interpolation, between levels too, and no repetition.
+    const LINEAR: u32 = 9729;
+    const LINEAR_MIPMAP_LINEAR: u32 = 9987;
+    const CLAMP_TO_EDGE: u32 = 33071;
+    document["samplers"] = json!([{
+        "magFilter": LINEAR,
+        "minFilter": LINEAR_MIPMAP_LINEAR,
+        "wrapS": CLAMP_TO_EDGE,
+        "wrapT": CLAMP_TO_EDGE
+    }]);
+    if let Some(views) = document["bufferViews"].as_array_mut() {
+        let (offset, bytes) = (parts.bytes() - parts.image.len(), parts.image.len());
+        views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes}));
+        let last = views.len() - 1;
+        document["images"] = json!([{"bufferView": last, "mimeType": "image/png"}]);
+    }
+    document["textures"] = json!([{"sampler": 0, "source": 0}]);
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
 }
 
 /// A part of the binary chunk: `bytes` from the byte `offset`.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use io::InputError;
+use rustc_hash::FxHashMap;
 use serde::Deserialize;
 
 use crate::Mesh;
@@ -93,8 +94,8 @@ const UNSIGNED_BYTE: u32 = 5121;
 /// Bytes of memory for a vertex or an index while a file is read.
 const MEMORY_PER_ITEM: u64 = 96;
 
-/// Reads the triangles of the scene of a .glb file. The transformation of a node that dsdf added to
-/// turn and scale the mesh is left out.
+/// Reads the triangles of the scene of a .glb file. Equal positions become one vertex. The
+/// transformation of a node that dsdf added to turn and scale the mesh is left out.
 pub(crate) fn parse_glb(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let (text, binary) = chunks(path, bytes)?;
     let document: Document = serde_json::from_slice(text)
@@ -112,7 +113,25 @@ pub(crate) fn parse_glb(path: &Path, bytes: &[u8]) -> Result<Mesh> {
             reader.add(primitive, &place, &mut vertices, &mut faces)?;
         }
     }
+    let vertices = merge_equal(&vertices, &mut faces);
     Ok(Mesh { faces, ..Mesh::of_vertices(&vertices) })
+}
+
+/// The distinct positions of `vertices`; `faces` then have their indices.
+fn merge_equal(vertices: &[DVec3], faces: &mut [[u32; 3]]) -> Vec<DVec3> {
+    let (mut distinct, mut index_of) = (Vec::new(), FxHashMap::default());
+    let merged: Vec<u32> = vertices
+        .iter()
+        .map(|v| {
+            // The sum with 0 makes −0 equal to 0.
+            *index_of.entry((*v + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+                distinct.push(*v);
+                distinct.len() as u32 - 1
+            })
+        })
+        .collect();
+    faces.as_flattened_mut().iter_mut().for_each(|v| *v = merged[*v as usize]);
+    distinct
 }
 
 /// The JSON chunk and the binary chunk, which may be missing.

@@ -16,12 +16,14 @@ mod glb_read;
 mod grid;
 mod manifold;
 mod mesh;
+mod obj;
 mod points;
 mod project;
 mod read;
 mod separate;
 mod solid;
 mod stl;
+mod texture;
 mod write;
 
 pub use components::{Components, keep_components, select_faces};
@@ -30,6 +32,7 @@ pub use extract::{extract, extract_with};
 pub use mesh::Mesh;
 pub use points::read_points;
 pub use read::read_mesh;
+pub use texture::Texture;
 pub use write::{Export, export_mesh, write_mesh};
 
 use std::path::Path;

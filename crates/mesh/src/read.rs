@@ -23,7 +23,7 @@ const FORMATS: &str = "a .ply, .obj, .glb or .stl mesh";
 ///
 /// A polygon becomes a fan of triangles. Normals are read from .ply, if each vertex has one.
 /// Colours, texture coordinates, materials and all other content are ignored. Equal positions of an
-/// .stl file become one vertex. A .glb file has all triangles of its scene, with the
+/// .stl or a .glb file become one vertex. A .glb file has all triangles of its scene, with the
 /// transformations of its nodes; the turn and the factor of [`crate::Export`] are left out, so the
 /// positions are in the units of the mesh that was exported.
 ///

@@ -9,23 +9,26 @@ use io::{InputError, atomic_write};
 
 use crate::bytes::little_endian;
 use crate::glb::write_glb;
+use crate::obj::write_obj;
 use crate::stl::write_stl;
-use crate::{Mesh, extension};
+use crate::{Mesh, Texture, extension};
 
-/// The size and the direction of a mesh in a file.
+/// The size, the direction and the texture of a mesh in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Export {
+pub struct Export<'a> {
     /// The factor on all lengths, finite and above 0.
     pub scale: f64,
     /// The direction that a .glb file shows upwards: a unit vector in the coordinates of the mesh.
     /// Files in other formats keep the axes of the mesh.
     pub up: DVec3,
+    /// The texture of the mesh, in the place of its colours.
+    pub texture: Option<&'a Texture>,
 }
 
-impl Default for Export {
+impl Default for Export<'_> {
     /// The mesh as it is: the factor 1, and the upward direction of glTF, which is y.
     fn default() -> Self {
-        Export { scale: 1.0, up: DVec3::Y }
+        Export { scale: 1.0, up: DVec3::Y, texture: None }
     }
 }
 
@@ -43,30 +46,34 @@ pub fn write_mesh(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
 /// Positions are in world units times the factor. A mesh with an origin of its own has them in
 /// double precision; a .glb has the origin as the translation of its node. Normals and colours are
 /// written if each vertex has one, but not to .stl. Colours are sRGB in .ply (bytes) and .obj (0 to
-/// 1, after the position), and linear in .glb, as other programs read them.
+/// 1, after the position), and linear in .glb, as other programs read them. A texture is in .glb,
+/// and beside an .obj with the name `shape` as `shape.mtl` and `shape_texture.png`.
 ///
 /// # Errors
-/// An [`InputError`] if the extension is another one, the folder does not accept files, or the mesh
-/// is too far from the world's origin for .stl. Other errors if the file cannot be written, or is a
-/// .glb of more than 4 GiB.
+/// An [`InputError`] if the extension is another one, the folder does not accept files, the format
+/// has no textures and `export` has one, or the mesh is too far from the world's origin for .stl.
+/// Other errors if the file cannot be written, or is a .glb of more than 4 GiB.
 pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> anyhow::Result<()> {
-    let write: fn(&Mesh, &mut dyn Write) -> anyhow::Result<()> = match extension(path).as_str() {
-        "ply" => write_ply,
-        "obj" => write_obj,
-        "glb" => return atomic_write(path, |out| write_glb(mesh, export, out)),
-        "stl" => write_stl,
+    let extension = extension(path);
+    let error = |found: &str, expected| InputError::new(path, "output", found, expected);
+    if export.texture.is_some() && !["glb", "obj"].contains(&extension.as_str()) {
+        return Err(error("a mesh with a texture", ".glb or .obj").into());
+    }
+    let scaled = || mesh.clone().scaled(export.scale);
+    match extension.as_str() {
+        "ply" => atomic_write(path, |out| write_ply(&scaled(), out)),
+        "obj" => write_obj(path, &scaled(), export.texture),
+        "glb" => atomic_write(path, |out| write_glb(mesh, export, out)),
+        "stl" if is_far(mesh) => {
+            let found = format!("a mesh around {}, far from 0 for its size", mesh.origin);
+            Err(error(&found, ".ply, .obj or .glb: .stl has single precision").into())
+        }
+        "stl" => atomic_write(path, |out| write_stl(&scaled(), out)),
         other => {
             let found = format!("extension \"{other}\"");
-            return Err(InputError::new(path, "output", found, ".ply, .obj, .glb or .stl").into());
+            Err(error(&found, ".ply, .obj, .glb or .stl").into())
         }
-    };
-    if extension(path) == "stl" && is_far(mesh) {
-        let found = format!("a mesh around {}, far from 0 for its size", mesh.origin);
-        let expected = ".ply, .obj or .glb: .stl has single precision";
-        return Err(InputError::new(path, "output", found, expected).into());
     }
-    let scaled = mesh.clone().scaled(export.scale);
-    atomic_write(path, |out| write(&scaled, out))
 }
 
 /// Whether positions need double precision.
@@ -75,7 +82,7 @@ fn is_far(mesh: &Mesh) -> bool {
 }
 
 /// The sRGB values of a colour, 0 to 1.
-fn srgb(color: Vec3) -> [f32; 3] {
+pub(crate) fn srgb(color: Vec3) -> [f32; 3] {
     color.to_array().map(|c| srgb_encode(c.clamp(0.0, 1.0)).clamp(0.0, 1.0))
 }
 
@@ -117,35 +124,5 @@ fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
         writeln!(out, "property uchar {name}")?;
     }
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
-    Ok(())
-}
-
-fn write_obj(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
-    writeln!(out, "# dsdf")?;
-    let (normals, colors) = (mesh.has_normals(), mesh.has_colors());
-    for (i, v) in mesh.vertices.iter().enumerate() {
-        if is_far(mesh) {
-            let v = mesh.origin + v.as_dvec3();
-            write!(out, "v {} {} {}", v.x, v.y, v.z)?;
-        } else {
-            write!(out, "v {} {} {}", v.x, v.y, v.z)?;
-        }
-        if colors {
-            let [r, g, b] = srgb(mesh.colors[i]);
-            write!(out, " {r:.4} {g:.4} {b:.4}")?;
-        }
-        writeln!(out)?;
-    }
-    for n in mesh.normals.iter().filter(|_| normals) {
-        writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
-    }
-    // OBJ counts vertices from 1.
-    for [a, b, c] in mesh.faces.iter().map(|f| f.map(|v| u64::from(v) + 1)) {
-        if normals {
-            writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?;
-        } else {
-            writeln!(out, "f {a} {b} {c}")?;
-        }
-    }
     Ok(())
 }

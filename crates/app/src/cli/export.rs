@@ -1,4 +1,4 @@
-//! The colours, the size and the direction of the mesh that `dsdf mesh` writes.
+//! The colours, the texture, the size and the direction of the mesh that `dsdf mesh` writes.
 
 use std::path::Path;
 
@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use super::common::{Global, option_error};
 use super::cut::Subject;
-use bake::bake;
-use fit::{Model, RunCameras, RunFile, Solid};
-use mesh::{Mesh, decimate, export_mesh};
+use bake::{bake, paint, unwrap};
+use fit::{RunCameras, RunFile, Solid};
+use mesh::{Mesh, Texture, decimate, export_mesh};
 use pictures::upwards;
 use render::Camera;
 
@@ -28,6 +28,10 @@ pub(super) struct Export {
     /// Vertex colours; an .stl file has none
     #[arg(long, value_enum, default_value = "auto")]
     color: Color,
+    /// Width in texels of an image with the colours, in a .glb file or beside an .obj file, in the
+    /// place of vertex colours
+    #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(64..=8192))]
+    texture: Option<u32>,
     /// Axis of the data set that points up in a .glb file [default: auto]
     #[arg(long, value_enum, allow_hyphen_values = true)]
     up: Option<Up>,
@@ -85,23 +89,41 @@ impl Up {
 pub(super) struct Exported {
     /// The number of cameras that the colours come from; `None` without colours.
     color_cameras: Option<usize>,
-    /// The share of the vertices that no camera sees; `None` without colours.
+    /// The share of the vertices, or of a texture, that no camera sees; `None` without colours.
     unseen: Option<f64>,
+    /// The image of a textured mesh.
+    texture: Option<TextureReport>,
     /// The direction of the data set that points up in the file; `None` where the file keeps the
     /// axes of the data set.
     up: Option<[f64; 3]>,
 }
 
+/// The image of a textured mesh.
+#[derive(Clone, Copy, Serialize)]
+struct TextureReport {
+    /// Width and height in texels.
+    size: [u32; 2],
+    /// The number of pieces of the surface that lie flat in it.
+    charts: u32,
+    /// The share of it that they cover.
+    covered: f32,
+}
+
 impl Exported {
     /// The end of the sentence about a mesh.
     pub(super) fn text(&self) -> String {
+        let of = if self.texture.is_some() { "the texture" } else { "the vertices" };
         let color =
             self.color_cameras.zip(self.unseen).map_or(String::new(), |(cameras, unseen)| {
                 let unseen = 100.0 * unseen;
-                format!(", colours of {cameras} cameras ({unseen:.1} % of the vertices unseen)")
+                format!(", colours of {cameras} cameras ({unseen:.1} % of {of} unseen)")
+            });
+        let texture =
+            self.texture.map_or(String::new(), |TextureReport { size, charts, .. }| {
+                format!(", {charts} charts in {} x {} texels", size[0], size[1])
             });
         let up = self.up.map_or(String::new(), |up| format!(", up is {}", named(up.into())));
-        color + &up
+        color + &texture + &up
     }
 }
 
@@ -131,6 +153,13 @@ impl Export {
         if !(self.scale.is_finite() && self.scale > 0.0) {
             let expected = "a finite number above 0";
             return Err(option_error("scale", self.scale.to_string(), expected).into());
+        }
+        if self.texture.is_some() && !["glb", "obj"].iter().any(|e| has_extension(output, e)) {
+            let found = format!("a texture for {}", output.display());
+            return Err(option_error("texture", found, "a .glb or an .obj file").into());
+        }
+        if self.texture.is_some() && self.color == Color::None {
+            return Err(option_error("texture", "--color none".to_owned(), "--color auto").into());
         }
         if self.up.is_some() && !has_extension(output, "glb") {
             let found = format!("an upward direction for {}", output.display());
@@ -167,13 +196,23 @@ impl Export {
                 Vec::new()
             })
         });
-        let mut exported = Exported { color_cameras: None, unseen: None, up: None };
+        let mut exported = Exported { color_cameras: None, unseen: None, texture: None, up: None };
+        let mut texture = None;
         if is_colored && !cameras.is_empty() {
-            let unseen = add_colors(&mut mesh, model, file, &cameras, global)?;
             exported.color_cameras = Some(cameras.len());
-            exported.unseen = Some(unseen);
+            let colors = Colors { solid: Solid::new(model, file), cameras: &cameras, global };
+            exported.unseen = Some(match self.texture {
+                None => colors.add_to(&mut mesh)?,
+                Some(size) => {
+                    let (image, report, unseen) = colors.texture(&mesh, size)?;
+                    exported.texture = Some(report);
+                    texture = Some(image);
+                    unseen
+                }
+            });
         }
-        let mut export = mesh::Export { scale: self.scale, ..mesh::Export::default() };
+        let texture = texture.as_ref();
+        let mut export = mesh::Export { scale: self.scale, texture, ..mesh::Export::default() };
         if is_turned {
             export.up = up.unwrap_or_else(|| up_of(&cameras, file));
             exported.up = Some(export.up.to_array());
@@ -202,20 +241,41 @@ fn cameras_of(run: &Path, file: &RunFile) -> anyhow::Result<Vec<Camera>> {
     Ok(cameras.iter().map(|camera| camera.about(file.origin())).collect())
 }
 
-/// Adds the colours of the vertices. Returns the share of them that no camera sees.
-fn add_colors(
-    mesh: &mut Mesh,
-    model: &Model,
-    file: &RunFile,
-    cameras: &[Camera],
-    global: &Global,
-) -> anyhow::Result<f64> {
-    let solid = Solid::new(model, file);
-    let bar = global.progress("colours");
-    let baked = bake(&solid.scene(cameras), &mesh.vertices, &mesh.normals, &bar.mover())?;
-    bar.finish_and_clear();
-    mesh.colors = baked.colors;
-    Ok(baked.unseen as f64 / mesh.vertices.len().max(1) as f64)
+/// The colours of a run, as its cameras see them.
+struct Colors<'a> {
+    solid: Solid<'a>,
+    cameras: &'a [Camera],
+    global: &'a Global,
+}
+
+impl Colors<'_> {
+    /// Adds the colours of the vertices. Returns the share of them that no camera sees.
+    fn add_to(&self, mesh: &mut Mesh) -> anyhow::Result<f64> {
+        let bar = self.global.progress("colours");
+        let scene = self.solid.scene(self.cameras);
+        let baked = bake(&scene, &mesh.vertices, &mesh.normals, &bar.mover())?;
+        bar.finish_and_clear();
+        mesh.colors = baked.colors;
+        Ok(baked.unseen as f64 / mesh.vertices.len().max(1) as f64)
+    }
+
+    /// The texture of a mesh, in an image of `size` texels, and the share of it that no camera
+    /// sees.
+    fn texture(&self, mesh: &Mesh, size: u32) -> anyhow::Result<(Texture, TextureReport, f64)> {
+        let bar = self.global.progress("unwrap");
+        let unwrapped = unwrap(mesh, size, &bar.mover()).map_err(|error| {
+            let expected = "a larger image, or a mesh of fewer faces (--decimate)";
+            option_error("texture", format!("{size}: {error}"), expected)
+        })?;
+        bar.finish_and_clear();
+        let mut texture = unwrapped.texture;
+        let size = [texture.image.width, texture.image.height];
+        let (charts, covered) = (unwrapped.charts, unwrapped.covered);
+        let bar = self.global.progress("texture");
+        let unseen = paint(&self.solid.scene(self.cameras), mesh, &mut texture, &bar.mover())?;
+        bar.finish_and_clear();
+        Ok((texture, TextureReport { size, charts, covered }, unseen))
+    }
 }
 
 /// Whether a path has an extension, in lower or upper case.

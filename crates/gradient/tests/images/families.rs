@@ -183,7 +183,7 @@ fn cuboid(random: &mut Random, reach: f64, least: f64, most: f64) -> Value {
 #[test]
 fn boxes() {
     let wrt = ["/sdf/center/0", "/sdf/half_size/1"];
-    check_family("box", &wrt, 8, |random| cuboid(random, 0.2, 0.3, 0.7));
+    check_family("box", &wrt, 5, |random| cuboid(random, 0.2, 0.3, 0.7));
 }
 
 /// One of a ball, a box and a capsule, at random.
@@ -212,7 +212,7 @@ fn tree(random: &mut Random, depth: u32) -> Value {
 
 #[test]
 fn trees() {
-    check_family("tree", &["/sdf/children/0/children/0/radius"], 8, |random| {
+    check_family("tree", &["/sdf/children/0/children/0/radius"], 5, |random| {
         let ball = sphere(random.vector(0.2), random.between(0.5, 0.7));
         let depth = random.between(1.0, 3.0) as u32;
         let joined = json!({"type": "union", "children": [ball, tree(random, depth)]});
@@ -223,7 +223,7 @@ fn trees() {
 #[test]
 fn lenses() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/1/center/2"];
-    check_family("lens", &wrt, 8, |random| {
+    check_family("lens", &wrt, 5, |random| {
         let near = sphere([0.3, random.between(-0.2, 0.2), 0.3], random.between(0.6, 0.8));
         let far = sphere([-0.3, 0.0, random.between(-0.3, 0.1)], random.between(0.6, 0.8));
         let balls = [near, far];
@@ -234,7 +234,7 @@ fn lenses() {
 #[test]
 fn shells() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/2/radius"];
-    check_family("shell", &wrt, 8, |random| {
+    check_family("shell", &wrt, 5, |random| {
         let radius = random.between(0.6, 0.8);
         let inner = radius - random.between(0.02, 0.2);
         let cut = [random.between(-0.3, 0.3), random.between(-0.3, 0.3), 0.8];
@@ -248,7 +248,7 @@ fn shells() {
 #[test]
 fn cut_balls() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/1/offset", "/sdf/children/1/normal/0"];
-    check_family("cut ball", &wrt, 8, |random| {
+    check_family("cut ball", &wrt, 5, |random| {
         let normal = [random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.7];
         json!({"type": "intersection", "children": [
             sphere(random.vector(0.2), random.between(0.6, 0.9)),
@@ -260,7 +260,7 @@ fn cut_balls() {
 #[test]
 fn capsule_pairs() {
     let wrt = ["/sdf/children/0/a/0", "/sdf/children/1/radius"];
-    check_family("capsules", &wrt, 8, |random| {
+    check_family("capsules", &wrt, 5, |random| {
         let capsules = [0, 1].map(|_| {
             let (a, b) = (random.vector(0.7), random.vector(0.7));
             json!({"type": "capsule", "a": a, "b": b, "radius": random.between(0.15, 0.35)})
@@ -373,7 +373,7 @@ fn lit_networks() {
     let mut random = Random::new(23);
     let network = bumpy(&mut random, 0.6, 0.15, 10.0);
     let mut scene = lit(&mut random, &json!(null), 6);
-    assert_none(&check_network("lit network × 10", &mut scene, &network, 512));
+    assert_none(&check_network("lit network × 10", &mut scene, &network, 256));
 }
 
 #[test]
