@@ -26,7 +26,9 @@ fn a_fit_prints_its_assumptions_and_its_verdict() {
     let summary: Vec<&str> = lines.iter().map(|l| l.split_once(':').unwrap().0).collect();
     // A fit that takes longer than ten seconds adds lines of progress.
     assert_eq!(summary[..5], ["views", "sphere", "background", "masks", "exposure"], "{lines:?}");
-    assert!(summary[5..].iter().all(|name| *name == "fit"), "{lines:?}");
+    assert!(summary[5..].iter().all(|name| ["fit", "cameras"].contains(name)), "{lines:?}");
+    let cameras = lines.iter().find(|line| line.starts_with("cameras:")).unwrap();
+    assert!(cameras.contains("it needs 640 iterations before it, and the budget gives 16"));
     for (line, words) in [
         (0, "6 to fit, 1 held out, 32 x 32 pixels"),
         (1, "from outlines before uniform backgrounds"),

@@ -3,10 +3,13 @@
 mod calibration;
 mod freedom;
 mod gauge;
+mod pose;
+mod trial;
 mod units;
 
 pub use calibration::{Calibration, CalibrationError, Correction};
 pub use freedom::Freedom;
+pub use trial::Trial;
 
 #[cfg(test)]
 mod tests;

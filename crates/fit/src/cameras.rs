@@ -1,6 +1,6 @@
 //! The refinement of cameras in a fit.
 
-use calibrate::{Calibration, Freedom};
+use calibrate::{Calibration, Freedom, Trial};
 use dataset::View;
 use field::Sphere;
 use render::Camera;
@@ -36,53 +36,31 @@ impl RefineCameras {
     }
 }
 
-/// The result of a trial: whether cameras explain the photographs better after refinement.
+/// The decision whether a fit refines its cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct CameraTrial {
-    /// The mean robust residual of a pixel with the given cameras.
-    pub given: f64,
-    /// The same with the refined ones.
-    pub refined: f64,
-    /// The standard error of the difference, over the views.
-    pub noise: f64,
-    /// The median correction of a view, in pixels.
-    pub pixels: f64,
-    /// Whether the corrections are kept.
-    pub is_kept: bool,
+#[serde(untagged)]
+pub enum CameraDecision {
+    /// By a trial.
+    Trial(Trial),
+    /// The cameras stay as given: the fit has too few iterations for a trial.
+    TooShort {
+        /// Iterations before the decision.
+        iterations: u64,
+        /// The least number of them.
+        least: u64,
+    },
 }
 
-/// The residual must fall by this many standard errors.
-const ERRORS: f64 = 3.0;
-
-/// The residual must fall by this share of itself.
-const LEAST_FALL: f64 = 0.02;
-
-impl CameraTrial {
-    /// The result, from the mean residuals of each view with the given and with the refined
-    /// cameras.
-    pub(crate) fn of(given: &[f64], refined: &[f64], calibration: &Calibration) -> Self {
-        let n = given.len() as f64;
-        let falls: Vec<f64> = given.iter().zip(refined).map(|(a, b)| a - b).collect();
-        let [given, refined] = [given, refined].map(|all| all.iter().sum::<f64>() / n);
-        let fall = given - refined;
-        let variance = falls.iter().map(|f| (f - fall) * (f - fall)).sum::<f64>() / n;
-        let noise = (variance / (n - 1.0).max(1.0)).sqrt();
-        let mut pixels: Vec<f64> = calibration.corrections().iter().map(|c| c.pixels).collect();
-        pixels.sort_by(f64::total_cmp);
-        let is_kept = fall > ERRORS * noise && fall > LEAST_FALL * given;
-        CameraTrial { given, refined, noise, pixels: pixels[pixels.len() / 2], is_kept }
-    }
-
-    /// The result in one line.
+impl CameraDecision {
+    /// The decision in one line.
     pub fn text(&self) -> String {
-        let fall = 100.0 * (1.0 - self.refined / self.given);
-        let noise = 100.0 * self.noise / self.given;
-        let verdict = if self.is_kept { "refined from here on" } else { "kept as given" };
-        format!(
-            "cameras: {verdict}; a trial lowers the residual by {fall:.1} % (noise {noise:.1} %) \
-             and moves a view by {:.2} pixels",
-            self.pixels
-        )
+        match self {
+            CameraDecision::Trial(trial) => trial.text(),
+            CameraDecision::TooShort { iterations, least } => format!(
+                "cameras: kept as given, without a trial: it needs {least} iterations before it, \
+                 and the budget gives {iterations} (see --refine-cameras)"
+            ),
+        }
     }
 }
 

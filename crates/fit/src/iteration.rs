@@ -3,7 +3,7 @@
 use field::Evaluations;
 use serde::Serialize;
 
-use crate::cameras::CameraTrial;
+use crate::cameras::CameraDecision;
 
 /// The metrics of one iteration: one line of `metrics.jsonl`.
 #[derive(Clone, Debug, Serialize)]
@@ -33,7 +33,7 @@ pub struct Metrics {
     pub level: usize,
     /// The L2 norm of the gradient of the field and the radiance head, before clipping.
     pub gradient_norm: f64,
-    /// The result of a trial with refined cameras before this iteration.
+    /// The decision about the cameras before this iteration.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub trial: Option<CameraTrial>,
+    pub trial: Option<CameraDecision>,
 }

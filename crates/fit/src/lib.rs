@@ -18,7 +18,7 @@ mod solid;
 mod step;
 
 pub use alignment::align;
-pub use cameras::{CameraTrial, RefineCameras};
+pub use cameras::{CameraDecision, RefineCameras};
 pub use downscale::Limit;
 pub use exposure::{ExposureChoice, ExposureModel, RunExposure, RunExposures, match_exposures};
 pub use iteration::Metrics;

@@ -36,7 +36,7 @@ mod refinement;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.
-const CAMERA_RATE: f64 = 0.01;
+const CAMERA_RATE: f64 = 0.02;
 
 /// The learning rate of the logarithms of exposures, times the fit's schedule.
 const GAIN_RATE: f64 = 0.01;

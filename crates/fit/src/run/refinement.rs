@@ -1,6 +1,6 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
-use calibrate::Calibration;
+use calibrate::{Calibration, Trial};
 use glam::Vec3;
 use io::InputError;
 use photometry::{Gains, Pixel, photometric, without_gains};
@@ -8,7 +8,7 @@ use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
 use super::{Fit, scene};
-use crate::cameras::{CameraTrial, RefineCameras, calibration, corrected};
+use crate::cameras::{CameraDecision, RefineCameras, calibration, corrected};
 use crate::checkpoint::{Optimised, Refinement};
 use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
@@ -35,9 +35,9 @@ const TRIAL_RATE: f64 = 0.1;
 const TRIAL_PIXELS: u64 = 128;
 
 impl Fit {
-    /// Starts the refinement of the cameras once it is time. Returns the result of a trial, if one
-    /// was run now.
-    pub(super) fn start_refinement(&mut self) -> anyhow::Result<Option<CameraTrial>> {
+    /// Starts the refinement of the cameras once it is time. Returns the decision, if it was open
+    /// and was made now.
+    pub(super) fn start_refinement(&mut self) -> anyhow::Result<Option<CameraDecision>> {
         let options = &self.file.options;
         let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
         let is_time = self.progress() >= options.soft + (1.0 - options.soft) * AFTER_SOFT;
@@ -51,12 +51,16 @@ impl Fit {
             return Ok(None);
         }
         let steps = (self.iteration / ITERATIONS_PER_STEP).min(TRIAL_STEPS);
-        if steps < LEAST_STEPS || self.dataset.train.len() < 2 {
+        if self.dataset.train.len() < 2 {
             return Ok(None);
+        }
+        if steps < LEAST_STEPS {
+            let least = LEAST_STEPS * ITERATIONS_PER_STEP;
+            return Ok(Some(CameraDecision::TooShort { iterations: self.iteration, least }));
         }
         let (refined, trial) = self.trial(start, steps)?;
         self.calibration = trial.is_kept.then_some(refined);
-        Ok(Some(trial))
+        Ok(Some(CameraDecision::Trial(trial)))
     }
 
     /// The state of the refinement, for a checkpoint.
@@ -139,11 +143,7 @@ impl Fit {
     }
 
     /// Refines cameras for some steps, with the model as it is.
-    fn trial(
-        &self,
-        mut refined: Calibration,
-        steps: u64,
-    ) -> anyhow::Result<(Calibration, CameraTrial)> {
+    fn trial(&self, mut refined: Calibration, steps: u64) -> anyhow::Result<(Calibration, Trial)> {
         let stream = Stream::new(self.file.options.seed, Purpose::CameraTrial);
         let draws = self.file.options.batch as u64;
         for step in 0..steps {
@@ -161,7 +161,7 @@ impl Fit {
         let now = self.residuals(&pixels, Some(&refined))?;
         let pairs = given.iter().zip(&now).filter_map(|(a, b)| Some((((*a)?), (*b)?)));
         let (given, now): (Vec<f64>, Vec<f64>) = pairs.unzip();
-        let trial = CameraTrial::of(&given, &now, &refined);
+        let trial = Trial::of(&given, &now, &refined);
         Ok((refined, trial))
     }
 
