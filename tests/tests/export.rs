@@ -75,6 +75,8 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         (&["--up", "z"][..], "--up"),
         (&["--scale", "0"], "--scale"),
         (&["--scale", "inf"], "--scale"),
+        (&["--scale", "1e39"], "--scale"),
+        (&["--decimate", "4"], "--decimate"),
         (&["--decimate", "3"], "--decimate"),
         (&["--up", "w"], "--up"),
         (&["--texture", "256"], "--texture"),
@@ -98,6 +100,8 @@ fn a_run_whose_data_set_is_gone_has_a_mesh_without_colours_and_a_warning() {
     assert!(output.status.success());
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(errors.lines().any(|l| l.starts_with("warning: no colours")), "{errors}");
+    let glb = folder.path("painted.glb");
+    refused(&["mesh", &folder.path("run"), "-o", &glb, "--texture", "64"], 2, &["data"]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((&report["color_cameras"], &report["up"]), (&Value::Null, &json!([0.0, 0.0, 1.0])));
 }

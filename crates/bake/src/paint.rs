@@ -1,6 +1,8 @@
 //! The colours of a texture.
 
-use glam::Vec3;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{DVec3, Vec3};
 use mesh::{Mesh, Texture};
 use rayon::prelude::*;
 use render::{InvalidField, Scene};
@@ -21,7 +23,7 @@ const LARGEST_STEP: f32 = 0.01;
 /// that smaller copies of the image have no dark seams. `progress` gets the fraction done, on any
 /// thread. The image has the same bits on any number of threads.
 ///
-/// Returns the share of the texels of charts that no camera sees; these are grey.
+/// Returns the share of the texels of faces that no camera sees; these are grey.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.
@@ -34,21 +36,32 @@ pub fn paint(
     texture: &mut Texture,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<f64, InvalidField> {
-    let seen = seen(scene, &mesh.vertices, &mesh.normals, progress)?;
+    let half = |done: f64| progress(0.5 * done);
+    let seen = seen(scene, &mesh.vertices, &mesh.normals, &half)?;
     let texels = texels(texture);
+    let (done, all) = (AtomicUsize::new(0), texels.len());
     let mut colors = vec![GREY; texels.len()];
     let chunks = texels.par_chunks(CHUNK).zip(colors.par_chunks_mut(CHUNK));
-    let unseen: Vec<usize> =
-        chunks.map(|(texels, colors)| paint_chunk(scene, mesh, &seen, texels, colors)).collect();
-    let mean = colors.iter().map(|c| c.as_dvec3()).sum::<glam::DVec3>() / colors.len() as f64;
+    let unseen: Vec<usize> = chunks
+        .map(|(texels, colors)| {
+            let unseen = paint_chunk(scene, mesh, &seen, texels, colors);
+            let before = done.fetch_add(texels.len(), Ordering::Relaxed);
+            progress(0.5 + 0.5 * (before + texels.len()) as f64 / all as f64);
+            unseen
+        })
+        .collect();
+    let sum: DVec3 = colors.iter().map(|c| c.as_dvec3()).sum();
+    let mean = sum / colors.len().max(1) as f64;
     texture.image.pixels.fill(mean.as_vec3().to_array());
     for (texel, color) in texels.iter().zip(&colors) {
         texture.image.pixels[texel.index] = color.to_array();
     }
-    Ok(unseen.iter().sum::<usize>() as f64 / texels.len().max(1) as f64)
+    let inside = texels.iter().filter(|texel| texel.is_inside).count();
+    Ok(unseen.iter().sum::<usize>() as f64 / inside.max(1) as f64)
 }
 
-/// Writes the colours of some texels, and leaves those that no camera sees. Returns their number.
+/// Writes the colours of some texels, and leaves those that no camera sees. Returns the number of
+/// these in faces.
 fn paint_chunk(
     scene: &Scene<'_, f32>,
     mesh: &Mesh,
@@ -71,7 +84,10 @@ fn paint_chunk(
         let none = all.clone().all(|word| word == 0);
         cameras.extend(all.enumerate().map(|(w, all)| if none { a[w] | b[w] | c[w] } else { all }));
     }
-    mean_radiance(scene, &points, &normals, &cameras, colors)
+    mean_radiance(scene, &points, &normals, &cameras, colors);
+    let is_unseen = |cameras: &[u64]| cameras.iter().all(|word| *word == 0);
+    let of_texels = texels.iter().zip(cameras.chunks(words));
+    of_texels.filter(|(texel, cameras)| texel.is_inside && is_unseen(cameras)).count()
 }
 
 /// Moves points onto the surface by a Newton step, and sets their unit normals to those there.
@@ -91,7 +107,7 @@ fn onto_surface(scene: &Scene<'_, f32>, points: &mut [Vec3], normals: &mut [Vec3
 #[cfg(test)]
 mod tests {
     use field::{Shape, Sphere};
-    use glam::{DVec2, DVec3, Vec2};
+    use glam::{DVec2, Vec2};
     use render::{Analytic, Camera, Formula, UniformBackground};
 
     use super::*;

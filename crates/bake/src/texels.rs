@@ -15,6 +15,8 @@ pub(crate) struct Texel {
     pub(crate) face: usize,
     /// The barycentric coordinates of its point of the face.
     pub(crate) weights: Vec3,
+    /// Whether the centre lies in the face.
+    pub(crate) is_inside: bool,
 }
 
 /// The texels whose centre lies in a face or within [`GUTTER`] texels of one, in the order of the
@@ -35,7 +37,8 @@ pub(crate) fn texels(texture: &Texture) -> Vec<Texel> {
                 let (distance, weights) = nearest_point(corners, center);
                 let index = y as usize * width as usize + x as usize;
                 if distance <= gutter.x && nearest[index].is_none_or(|(d, _)| distance < d) {
-                    nearest[index] = Some((distance, Texel { index, face, weights }));
+                    let is_inside = distance == 0.0;
+                    nearest[index] = Some((distance, Texel { index, face, weights, is_inside }));
                 }
             }
         }

@@ -123,7 +123,8 @@ fn folder_of(path: &Path) -> &Path {
 /// replace. A link is replaced.
 fn refuse_path(path: &Path) -> Result<(), InputError> {
     let refused = |found: String| InputError::new(path, "output", found, "the name of a file");
-    if path.is_dir() || path.file_name().is_none() {
+    let ends_as_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/");
+    if path.is_dir() || path.file_name().is_none() || ends_as_folder {
         return Err(refused("a folder".to_owned()));
     }
     if let Ok(metadata) = path.symlink_metadata()

@@ -212,6 +212,17 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
         assert!((Vec2::new(found.x, 1.0 - found.y) - expected).length() < 1e-6);
     }
     assert_eq!(read_mesh(&path).unwrap().faces, mesh.faces);
+    // The files of an earlier export are replaced, those of another program are not.
+    export_mesh(&path, &mesh, &export).unwrap();
+    std::fs::write(path.with_extension("mtl"), "newmtl mine\n").unwrap();
+    let error = export_mesh(&path, &mesh, &export).unwrap_err().to_string();
+    assert!(error.contains("a shape.mtl: output: found a file of another program"), "{error}");
+    std::fs::write(folder.path().join("b_texture.png"), "mine").unwrap();
+    for (name, word) in [("b.obj", "b_texture.png"), (" c.obj", "name"), ("-s 1.obj", "name")] {
+        let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
+        assert!(error.is::<io::InputError>() && error.to_string().contains(word), "{error}");
+        assert!(!folder.path().join(name).exists());
+    }
     for name in ["a.ply", "a.stl"] {
         let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
         assert!(error.to_string().contains("expected .glb or .obj"), "{error}");

@@ -30,6 +30,7 @@ pub use components::{Components, keep_components, select_faces};
 pub use decimate::decimate;
 pub use extract::{extract, extract_with};
 pub use mesh::Mesh;
+pub use obj::check_textured_obj;
 pub use points::read_points;
 pub use read::read_mesh;
 pub use texture::Texture;

@@ -12,23 +12,58 @@ use crate::{Mesh, Texture};
 /// The end of the name of a textured file's image.
 const IMAGE: &str = "_texture.png";
 
+/// The start of the material files of dsdf.
+const MATERIAL: &str = "# dsdf\nnewmtl baked\n";
+
+/// The names of the material file and of the image of a textured .obj file.
+fn names_beside(path: &Path) -> Result<[String; 2], InputError> {
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    // Readers of .mtl files trim blanks, and take a leading dash as an option.
+    let is_plain = |stem: &&str| {
+        stem.trim() == *stem
+            && !stem.starts_with('-')
+            && !stem.contains(|c: char| c.is_control() || c == '\\')
+    };
+    let stem = stem.filter(is_plain).ok_or_else(|| {
+        let found = "a name that an .mtl file cannot hold";
+        InputError::new(path, "output", found, "letters, digits and underscores")
+    })?;
+    Ok([format!("{stem}.mtl"), format!("{stem}{IMAGE}")])
+}
+
+/// Checks that the files beside a textured .obj file can be written, before the work for them, and
+/// that they replace none of another program.
+///
+/// # Errors
+/// An [`InputError`] if the name is not one that readers of .mtl files understand, one of the files
+/// cannot be written, or one is there and the material file is not dsdf's.
+pub fn check_textured_obj(path: &Path) -> anyhow::Result<()> {
+    let beside = names_beside(path)?.map(|name| path.with_file_name(name));
+    for file in &beside {
+        io::check_output(file)?;
+    }
+    let is_own = std::fs::read(&beside[0]).is_ok_and(|b| b.starts_with(MATERIAL.as_bytes()));
+    match beside.iter().find(|file| file.symlink_metadata().is_ok()) {
+        Some(file) if !is_own => {
+            let expected = "no file, or one that dsdf wrote: choose another name for the mesh";
+            Err(InputError::new(file, "output", "a file of another program", expected).into())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Writes a mesh as an .obj file. The image of a texture goes to a file beside it, and its name to
 /// an .mtl file; both have the name of the .obj file without its extension.
 pub(crate) fn write_obj(path: &Path, mesh: &Mesh, texture: Option<&Texture>) -> anyhow::Result<()> {
     let Some(texture) = texture else {
         return atomic_write(path, |out| write(mesh, None, out));
     };
-    let stem = path.file_stem().and_then(|stem| stem.to_str());
-    let stem = stem.filter(|stem| !stem.contains(char::is_control)).ok_or_else(|| {
-        InputError::new(path, "output", "a name that is no line of text", "letters and digits")
-    })?;
-    let image = format!("{stem}{IMAGE}");
+    check_textured_obj(path)?;
+    let [material, image] = names_beside(path)?;
     io::write_image(&path.with_file_name(&image), &texture.image)?;
-    let material = format!("{stem}.mtl");
     atomic_write(&path.with_file_name(&material), |out| {
         // Without highlights: the image has the light of the photographs in it.
-        let lines = "# dsdf\nnewmtl baked\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\n";
-        Ok(writeln!(out, "{lines}map_Kd {image}")?)
+        Ok(writeln!(out, "{MATERIAL}Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {image}")?)
     })?;
     atomic_write(path, |out| write(mesh, Some((texture, &material)), out))
 }

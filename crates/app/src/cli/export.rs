@@ -7,17 +7,20 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use serde::Serialize;
 
-use super::common::{Global, option_error};
+use super::common::{ARGUMENTS, Global, option_error};
 use super::cut::Subject;
 use bake::{bake, paint, unwrap};
 use fit::{RunCameras, RunFile, Solid};
-use mesh::{Mesh, Texture, decimate, export_mesh};
+use mesh::{Mesh, Texture, check_textured_obj, decimate, export_mesh};
 use pictures::upwards;
 use render::Camera;
 
 /// An upward direction this close to an axis is taken to be the axis, in degrees: cameras that look
 /// down from one side only tilt their mean.
 const SNAP_DEGREES: f64 = 20.0;
+
+/// Bytes of memory for each texel of a texture, while it is painted.
+const MEMORY_PER_TEXEL: u64 = 144;
 
 /// The upward direction without cameras.
 const UP_WITHOUT_CAMERAS: DVec3 = DVec3::Z;
@@ -150,13 +153,20 @@ fn snapped(up: DVec3) -> DVec3 {
 impl Export {
     /// Checks the options before the work.
     pub(super) fn check(&self, output: &Path) -> anyhow::Result<()> {
-        if !(self.scale.is_finite() && self.scale > 0.0) {
-            let expected = "a finite number above 0";
+        if !(1e-12..=1e12).contains(&self.scale) {
+            let expected = "a number from 1e-12 to 1e12";
             return Err(option_error("scale", self.scale.to_string(), expected).into());
         }
         if self.texture.is_some() && !["glb", "obj"].iter().any(|e| has_extension(output, e)) {
             let found = format!("a texture for {}", output.display());
             return Err(option_error("texture", found, "a .glb or an .obj file").into());
+        }
+        if let Some(size) = self.texture {
+            let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
+            io::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
+            if has_extension(output, "obj") {
+                check_textured_obj(output)?;
+            }
         }
         if self.texture.is_some() && self.color == Color::None {
             return Err(option_error("texture", "--color none".to_owned(), "--color auto").into());
@@ -180,6 +190,10 @@ impl Export {
         let Subject { model, file, run, .. } = *subject;
         if let Some(faces) = self.decimate {
             mesh = decimate(&mesh, faces as usize);
+            if mesh.faces.is_empty() {
+                let found = format!("{faces}, which leaves no face of this surface");
+                return Err(option_error("decimate", found, "more faces").into());
+            }
         }
         let is_colored = self.color == Color::Auto && !has_extension(output, "stl");
         let is_turned = has_extension(output, "glb");
@@ -190,12 +204,15 @@ impl Export {
             (false, true) => Some("up is z"),
             (true, true) => Some("no colours, and up is z"),
         };
-        let cameras = lack.map_or_else(Vec::new, |lack| {
-            cameras_of(run, file).unwrap_or_else(|error| {
+        let cameras = match lack.map(|lack| (lack, cameras_of(run, file))) {
+            None => Vec::new(),
+            Some((_, Ok(cameras))) => cameras,
+            Some((_, Err(error))) if self.texture.is_some() => return Err(error),
+            Some((lack, Err(error))) => {
                 global.say(&format!("warning: {lack}: {error:#}"));
                 Vec::new()
-            })
-        });
+            }
+        };
         let mut exported = Exported { color_cameras: None, unseen: None, texture: None, up: None };
         let mut texture = None;
         if is_colored && !cameras.is_empty() {
