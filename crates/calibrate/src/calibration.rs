@@ -8,8 +8,7 @@ use serde::Serialize;
 
 use crate::freedom::{Freedom, OF_LENS, OF_POSE};
 use crate::gauge::Gauge;
-use crate::pose::PoseMap;
-use crate::units::of_lens;
+use crate::units::{of_lens, of_pose};
 
 /// The weight of the prior ½ |correction|², in pixels, per view: a thousandth of the slope of the
 /// loss of a textured photograph that is one pixel off. It holds a view without texture in place.
@@ -60,10 +59,8 @@ pub struct Calibration {
     lenses: Vec<usize>,
     /// The poses of all views, then the lenses, in pixels.
     parameters: Vec<f64>,
-    /// The parameters of each view's pose.
-    poses: Vec<PoseMap>,
-    /// The units of each lens's parameters.
-    units: Vec<[f64; OF_LENS]>,
+    /// World units, radians, … per pixel.
+    units: Vec<f64>,
     gauge: Gauge,
     adam: Adam<f64>,
 }
@@ -79,24 +76,13 @@ impl Calibration {
                 lenses.push(view);
             }
         }
-        let poses = given.iter().map(|camera| PoseMap::new(camera, &sphere)).collect();
-        let units = lenses.iter().map(|first| of_lens(&given[*first])).collect();
+        let mut units: Vec<f64> = given.iter().flat_map(|c| of_pose(c, &sphere)).collect();
+        units.extend(lenses.iter().flat_map(|first| of_lens(&given[*first])));
         let gauge = Gauge::new(&given, &sphere);
-        let count = OF_POSE * given.len() + OF_LENS * lenses.len();
+        let count = units.len();
         let adam = Adam::new(count, vec![Group::new("cameras", 0..count)]);
         let parameters = vec![0.0; count];
-        Calibration {
-            given,
-            sphere,
-            freedom,
-            lens_of,
-            lenses,
-            parameters,
-            poses,
-            units,
-            gauge,
-            adam,
-        }
+        Calibration { given, sphere, freedom, lens_of, lenses, parameters, units, gauge, adam }
     }
 
     /// The calibration without a gauge, for cameras that look at a world that is known.
@@ -171,40 +157,50 @@ impl Calibration {
             if self.freedom.poses {
                 let (turn, _) = self.pose(view);
                 let turn = rotation_vjp(turn, adjoint.rotation);
-                let own = self.poses[view].vjp(turn, adjoint.eye);
-                gradient[OF_POSE * view..][..OF_POSE].copy_from_slice(&own);
+                let own = [turn, adjoint.eye].map(|v| v.to_array()).concat();
+                self.add(&mut gradient, OF_POSE * view, own.into_iter().enumerate());
             }
             let lens = self.lens_of[view];
             let log_focal = self.lens(lens)[0];
             let focal = adjoint.focal.dot(base.focal * log_focal.exp());
             let point = adjoint.principal * self.scale(view, base);
             let own = [focal, point.x, point.y, adjoint.radial.x, adjoint.radial.y];
-            for i in self.freedom.of_lens() {
-                gradient[self.first_of_lens(lens) + i] += own[i] * self.units[lens][i];
-            }
+            let free = self.freedom.of_lens().map(|i| (i, own[i]));
+            self.add(&mut gradient, self.first_of_lens(lens), free);
         }
         gradient.iter_mut().zip(&self.parameters).for_each(|(g, p)| *g += prior * p);
         gradient
     }
 
-    /// The rotation vector and the shift of a view.
-    fn pose(&self, view: usize) -> (DVec3, DVec3) {
-        self.poses[view].pose(self.of(OF_POSE * view))
+    /// Adds adjoints to the gradient from parameter `first` on, in pixels.
+    fn add(
+        &self,
+        gradient: &mut [f64],
+        first: usize,
+        adjoints: impl Iterator<Item = (usize, f64)>,
+    ) {
+        for (i, adjoint) in adjoints {
+            gradient[first + i] += adjoint * self.units[first + i];
+        }
     }
 
-    /// The parameters of a lens in their own units.
+    /// The rotation vector and the shift of a view.
+    fn pose(&self, view: usize) -> (DVec3, DVec3) {
+        let [a, b, c, x, y, z] = self.values::<OF_POSE>(OF_POSE * view);
+        (DVec3::new(a, b, c), DVec3::new(x, y, z))
+    }
+
     fn lens(&self, lens: usize) -> [f64; OF_LENS] {
-        let pixels: [f64; OF_LENS] = self.of(self.first_of_lens(lens));
-        std::array::from_fn(|i| pixels[i] * self.units[lens][i])
+        self.values(self.first_of_lens(lens))
     }
 
     fn first_of_lens(&self, lens: usize) -> usize {
         OF_POSE * self.given.len() + OF_LENS * lens
     }
 
-    /// N parameters from number `first` on.
-    fn of<const N: usize>(&self, first: usize) -> [f64; N] {
-        std::array::from_fn(|i| self.parameters[first + i])
+    /// N parameters in their own units.
+    fn values<const N: usize>(&self, first: usize) -> [f64; N] {
+        std::array::from_fn(|i| self.parameters[first + i] * self.units[first + i])
     }
 
     /// The size of `base` relative to that of the given camera of a view.

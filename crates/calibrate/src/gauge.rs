@@ -5,7 +5,7 @@ use glam::DVec3;
 use render::Camera;
 
 use crate::freedom::OF_POSE;
-use crate::pose::PoseMap;
+use crate::units::of_pose;
 
 /// Motions of the world: three shifts, three turns, and a scaling.
 const MOTIONS: usize = 7;
@@ -15,7 +15,7 @@ const MOTIONS: usize = 7;
 const INDEPENDENT: f64 = 1e-9;
 
 /// An orthonormal basis of the corrections of poses that equal a motion of the world, to first
-/// order, in the parameters of [`PoseMap`].
+/// order, in units of [`of_pose`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Gauge {
     basis: Vec<Vec<f64>>,
@@ -55,7 +55,9 @@ fn motion(number: usize, camera: &Camera, sphere: &Sphere<f64>) -> [f64; OF_POSE
         3..6 => (axis, axis.cross(arm)),
         _ => (DVec3::ZERO, arm),
     };
-    PoseMap::new(camera, sphere).parameters(turn, shift)
+    let units = of_pose(camera, sphere);
+    let all = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z];
+    std::array::from_fn(|i| all[i] / units[i])
 }
 
 fn norm(v: &[f64]) -> f64 {

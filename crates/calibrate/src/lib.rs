@@ -3,7 +3,6 @@
 mod calibration;
 mod freedom;
 mod gauge;
-mod pose;
 mod trial;
 mod units;
 

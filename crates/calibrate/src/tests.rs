@@ -7,7 +7,6 @@ use random::{Purpose, Stream};
 use render::{Camera, CameraAdjoint};
 
 use crate::gauge::Gauge;
-use crate::pose::PoseMap;
 use crate::{Calibration, CalibrationError, Freedom};
 
 const SPHERE: Sphere<f64> = Sphere { center: DVec3::new(0.3, -0.2, 0.5), radius: 1.2 };
@@ -121,8 +120,10 @@ fn the_gauge_is_that_of_motions_and_scalings_of_the_world() {
         let (before, after) =
             (camera.project(point).unwrap(), moved.project(world(point)).unwrap());
         assert_relative_eq!(before, after, epsilon = 1e-9);
+        let units = crate::units::of_pose(camera, &SPHERE);
         let (turn, shift) = (turn.to_scaled_axis(), moved.eye - camera.eye);
-        poses.extend(PoseMap::new(camera, &SPHERE).parameters(turn / h, shift / h));
+        let all = [turn.to_array(), shift.to_array()].concat();
+        poses.extend(all.iter().zip(units).map(|(v, unit)| v / unit / h));
     }
     let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     let before = length(&poses);

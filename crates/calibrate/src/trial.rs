@@ -22,8 +22,9 @@ pub struct Trial {
 /// The residual must fall by this many standard errors.
 const ERRORS: f64 = 3.0;
 
-/// The residual must fall by this share of itself.
-const LEAST_FALL: f64 = 0.02;
+/// The residual must fall by this share of itself. With exact poses it fell by up to 3.1 % of a
+/// small noise; with poses that are off by 0.4° it falls by 11 to 17 %.
+const LEAST_FALL: f64 = 0.05;
 
 impl Trial {
     /// The result, from the mean residuals of each view with the given and with the refined

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub enum RefineCameras {
     /// The cameras stay as given
     None,
-    /// Poses and focal lengths are refined if that explains the photographs better
+    /// Poses are refined if that explains the photographs better
     #[default]
     Auto,
     /// The rotation and the position of each view
@@ -29,8 +29,8 @@ impl RefineCameras {
         let all = Freedom { poses: true, focal: true, lens: true };
         match self {
             RefineCameras::None => None,
-            RefineCameras::Auto | RefineCameras::Focal => Some(Freedom { lens: false, ..all }),
-            RefineCameras::Poses => Some(Freedom::POSES),
+            RefineCameras::Auto | RefineCameras::Poses => Some(Freedom::POSES),
+            RefineCameras::Focal => Some(Freedom { lens: false, ..all }),
             RefineCameras::All => Some(all),
         }
     }

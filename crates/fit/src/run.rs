@@ -34,9 +34,9 @@ use crate::step::{Batch, BatchStats, Gradient, gradient};
 
 mod refinement;
 
-/// The rate at which cameras are refined, in pixels, times the fit's schedule: a fifth of the rate
+/// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.
-const CAMERA_RATE: f64 = 0.02;
+const CAMERA_RATE: f64 = 0.01;
 
 /// The learning rate of the logarithms of exposures, times the fit's schedule.
 const GAIN_RATE: f64 = 0.01;
