@@ -76,7 +76,6 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         (&["--scale", "0"], "--scale"),
         (&["--scale", "inf"], "--scale"),
         (&["--scale", "1e39"], "--scale"),
-        (&["--decimate", "4"], "--decimate"),
         (&["--decimate", "3"], "--decimate"),
         (&["--up", "w"], "--up"),
         (&["--texture", "256"], "--texture"),
