@@ -45,18 +45,21 @@ pub fn bake(
     let mut colors = vec![GREY; points.len()];
     let surface = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK));
     let surface = surface.zip(seen.par_chunks(CHUNK * words(scene)));
-    let unseen: Vec<usize> = surface
-        .zip(colors.par_chunks_mut(CHUNK))
-        .map(|(((points, normals), seen), colors)| {
-            mean_radiance(scene, points, normals, seen, colors)
-        })
-        .collect();
-    Ok(Baked { colors, unseen: unseen.iter().sum() })
+    surface.zip(colors.par_chunks_mut(CHUNK)).for_each(|(((points, normals), seen), colors)| {
+        mean_radiance(scene, points, normals, seen, colors);
+    });
+    let unseen = seen.chunks(words(scene)).filter(|cameras| is_unseen(cameras)).count();
+    Ok(Baked { colors, unseen })
 }
 
 /// The number of words with a bit for each camera.
 pub(crate) fn words(scene: &Scene<'_, f32>) -> usize {
     scene.cameras.len().div_ceil(64).max(1)
+}
+
+/// Whether the words of a point have no camera.
+pub(crate) fn is_unseen(cameras: &[u64]) -> bool {
+    cameras.iter().all(|word| *word == 0)
 }
 
 /// The cameras that see each point: [`words`] words a point, with a bit for each camera.
@@ -85,14 +88,14 @@ pub(crate) fn seen(
 }
 
 /// Writes the mean radiance of some points towards the cameras of `seen`, and leaves the colours of
-/// points without a camera. Returns their number.
+/// points without a camera.
 pub(crate) fn mean_radiance(
     scene: &Scene<'_, f32>,
     points: &[Vec3],
     normals: &[Vec3],
     seen: &[u64],
     colors: &mut [Vec3],
-) -> usize {
+) {
     let mut sums = vec![(DVec3::ZERO, 0u32); points.len()];
     let mut radiance = Vec::new();
     for (camera, view) in scene.cameras.iter().enumerate() {
@@ -112,7 +115,6 @@ pub(crate) fn mean_radiance(
     for (color, (sum, count)) in colors.iter_mut().zip(&sums).filter(|(_, (_, n))| *n > 0) {
         *color = (sum / f64::from(*count)).as_vec3().clamp(Vec3::ZERO, Vec3::ONE);
     }
-    sums.iter().filter(|(_, count)| *count == 0).count()
 }
 
 /// The points that a camera sees, in order.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use render::{InvalidField, Scene};
 
 use crate::GREY;
-use crate::bake::{CHUNK, mean_radiance, seen, words};
+use crate::bake::{CHUNK, is_unseen, mean_radiance, seen, words};
 use crate::texels::{Texel, texels};
 
 /// The farthest that the surface may be from a face, in bounding radii: a longer step to the
@@ -85,7 +85,6 @@ fn paint_chunk(
         cameras.extend(all.enumerate().map(|(w, all)| if none { a[w] | b[w] | c[w] } else { all }));
     }
     mean_radiance(scene, &points, &normals, &cameras, colors);
-    let is_unseen = |cameras: &[u64]| cameras.iter().all(|word| *word == 0);
     let of_texels = texels.iter().zip(cameras.chunks(words));
     of_texels.filter(|(texel, cameras)| texel.is_inside && is_unseen(cameras)).count()
 }

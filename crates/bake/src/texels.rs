@@ -24,7 +24,7 @@ pub(crate) struct Texel {
 pub(crate) fn texels(texture: &Texture) -> Vec<Texel> {
     let (width, height) = (texture.image.width, texture.image.height);
     let size = Vec2::new(width as f32, height as f32);
-    let mut nearest: Vec<Option<(f32, Texel)>> = vec![None; width as usize * height as usize];
+    let mut nearest: Vec<Option<(f32, usize, Vec3)>> = vec![None; width as usize * height as usize];
     for (face, corners) in texture.corners.iter().enumerate() {
         let corners = corners.map(|c| texture.points[c as usize] * size);
         let gutter = Vec2::splat(GUTTER as f32);
@@ -36,14 +36,17 @@ pub(crate) fn texels(texture: &Texture) -> Vec<Texel> {
                 let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                 let (distance, weights) = nearest_point(corners, center);
                 let index = y as usize * width as usize + x as usize;
-                if distance <= gutter.x && nearest[index].is_none_or(|(d, _)| distance < d) {
-                    let is_inside = distance == 0.0;
-                    nearest[index] = Some((distance, Texel { index, face, weights, is_inside }));
+                if distance <= gutter.x && nearest[index].is_none_or(|(d, ..)| distance < d) {
+                    nearest[index] = Some((distance, face, weights));
                 }
             }
         }
     }
-    nearest.into_iter().flatten().map(|(_, texel)| texel).collect()
+    let texel = |(index, nearest): (usize, Option<(f32, usize, Vec3)>)| {
+        let (distance, face, weights) = nearest?;
+        Some(Texel { index, face, weights, is_inside: distance == 0.0 })
+    };
+    nearest.into_iter().enumerate().filter_map(texel).collect()
 }
 
 /// The distance of a point from a triangle, and the barycentric coordinates of the nearest point.

@@ -64,9 +64,9 @@ impl Parts<'_> {
 
 /// Writes the mesh as a .glb file.
 pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> anyhow::Result<()> {
-    let is_open = !mesh.is_closed();
-    let split = export.texture.map(|texture| texture.split(mesh));
-    let mesh = split.as_ref().unwrap_or(mesh);
+    let whole = mesh;
+    let split = export.texture.map(|texture| texture.split(whole));
+    let mesh = split.as_ref().unwrap_or(whole);
     let mut image = export.texture.map_or(Ok(Vec::new()), |texture| io::png(&texture.image))?;
     image.resize(image.len().next_multiple_of(4), 0);
     let parts = Parts {
@@ -80,7 +80,7 @@ pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> an
     let mut document = document(&parts);
     add_nodes(&mut document, mesh.origin, export);
     if mesh.has_colors() || export.texture.is_some() {
-        add_material(&mut document, is_open);
+        add_material(&mut document, !whole.is_closed());
     }
     if export.texture.is_some() {
         add_texture(&mut document, &parts);

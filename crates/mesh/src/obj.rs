@@ -3,10 +3,9 @@
 use std::io::Write;
 use std::path::Path;
 
-use glam::DVec3;
 use io::{InputError, atomic_write};
 
-use crate::write::srgb;
+use crate::write::{is_far, srgb};
 use crate::{Mesh, Texture};
 
 /// The end of the name of a textured file's image.
@@ -80,10 +79,10 @@ fn write(
     }
     let colored = texture.is_none() && mesh.has_colors();
     for (i, v) in mesh.vertices.iter().enumerate() {
-        if mesh.origin == DVec3::ZERO {
+        if is_far(mesh) {
+            let v = mesh.origin + v.as_dvec3();
             write!(out, "v {} {} {}", v.x, v.y, v.z)?;
         } else {
-            let v = mesh.origin + v.as_dvec3();
             write!(out, "v {} {} {}", v.x, v.y, v.z)?;
         }
         if colored {

@@ -77,7 +77,7 @@ pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> anyhow::Result<
 }
 
 /// Whether positions need double precision.
-fn is_far(mesh: &Mesh) -> bool {
+pub(crate) fn is_far(mesh: &Mesh) -> bool {
     mesh.origin != DVec3::ZERO
 }
 

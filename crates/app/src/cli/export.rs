@@ -157,24 +157,30 @@ impl Export {
             let expected = "a number from 1e-12 to 1e12";
             return Err(option_error("scale", self.scale.to_string(), expected).into());
         }
-        if self.texture.is_some() && !["glb", "obj"].iter().any(|e| has_extension(output, e)) {
-            let found = format!("a texture for {}", output.display());
-            return Err(option_error("texture", found, "a .glb or an .obj file").into());
-        }
         if let Some(size) = self.texture {
-            let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
-            io::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
-            if has_extension(output, "obj") {
-                check_textured_obj(output)?;
-            }
-        }
-        if self.texture.is_some() && self.color == Color::None {
-            return Err(option_error("texture", "--color none".to_owned(), "--color auto").into());
+            self.check_texture(size, output)?;
         }
         if self.up.is_some() && !has_extension(output, "glb") {
             let found = format!("an upward direction for {}", output.display());
             let expected = "a .glb file: files of other formats keep the axes of the data set";
             return Err(option_error("up", found, expected).into());
+        }
+        Ok(())
+    }
+
+    /// Checks that a texture of this size can be written with a mesh.
+    fn check_texture(&self, size: u32, output: &Path) -> anyhow::Result<()> {
+        if !["glb", "obj"].iter().any(|e| has_extension(output, e)) {
+            let found = format!("a texture for {}", output.display());
+            return Err(option_error("texture", found, "a .glb or an .obj file").into());
+        }
+        let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
+        io::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
+        if has_extension(output, "obj") {
+            check_textured_obj(output)?;
+        }
+        if self.color == Color::None {
+            return Err(option_error("texture", "--color none".to_owned(), "--color auto").into());
         }
         Ok(())
     }
