@@ -68,6 +68,8 @@ pub fn align(
             counts: SampleCounts { spp: 4, edge_samples: 1 },
             pass: file.options.pass(),
             sharpness: None,
+            depths: None,
+            carves: false,
             seed: stream.at(4).at(step).bits(),
         };
         let adjoints = gradient(&batch)?.cameras;

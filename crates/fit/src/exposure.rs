@@ -4,49 +4,14 @@ use std::path::Path;
 
 use dataset::{Dataset, View};
 use glam::Vec3;
-use io::InputError;
+use io::{InputError, run_json};
 use photometry::{Gains, gain_between};
 use render::render;
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::run_file::RunFile;
-use crate::run_json;
 use crate::solid::Solid;
-
-/// The choice of a model for the exposures of photographs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum ExposureChoice {
-    /// One for each photograph, if they differ visibly
-    #[default]
-    Auto,
-    /// The same for all photographs
-    None,
-    /// One for each photograph and channel
-    PerView,
-}
-
-/// The model for the exposures of photographs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ExposureModel {
-    /// The same for all photographs.
-    Even,
-    /// One for each photograph and channel.
-    PerView,
-}
-
-impl ExposureChoice {
-    /// The model, for photographs whose exposures differ visibly or not.
-    pub(crate) fn resolve(self, differ: bool) -> ExposureModel {
-        match self {
-            ExposureChoice::PerView => ExposureModel::PerView,
-            ExposureChoice::Auto if differ => ExposureModel::PerView,
-            ExposureChoice::Auto | ExposureChoice::None => ExposureModel::Even,
-        }
-    }
-}
 
 /// The content of `exposures.json` in a run folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

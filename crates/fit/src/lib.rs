@@ -3,6 +3,7 @@
 mod alignment;
 mod cameras;
 mod checkpoint;
+mod depths;
 mod downscale;
 mod exposure;
 mod iteration;
@@ -12,21 +13,23 @@ mod options;
 mod run;
 mod run_cameras;
 mod run_file;
-mod run_json;
 mod schedule;
 mod solid;
 mod step;
 
 pub use alignment::align;
-pub use cameras::{CameraDecision, RefineCameras};
-pub use downscale::Limit;
-pub use exposure::{ExposureChoice, ExposureModel, RunExposure, RunExposures, match_exposures};
+pub use calibrate::{CameraDecision, RefineCameras};
+pub use exposure::{RunExposure, RunExposures, match_exposures};
 pub use iteration::Metrics;
 pub use model::Model;
-pub use model_background::{BackgroundChoice, BackgroundKind, ModelBackground};
+pub use model_background::ModelBackground;
 pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};
-pub use photometry::{MaskChoice, MaskUse, check_masks};
+pub use photometry::{
+    BackgroundChoice, BackgroundKind, ExposureChoice, ExposureModel, Limit, MaskChoice, MaskUse,
+    check_masks,
+};
 pub use run::Fit;
 pub use run_cameras::{RunCamera, RunCameras};
 pub use run_file::RunFile;
 pub use solid::Solid;
+pub use stereo::StereoChoice;

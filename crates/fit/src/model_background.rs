@@ -3,67 +3,13 @@
 use std::path::Path;
 
 use background::{Extent, Quadrature, Volume};
-use dataset::Surroundings;
 use glam::{DVec3, Vec3};
 use io::{InputError, atomic_write};
+use photometry::BackgroundKind;
 use random::{Purpose, Stream};
 use render::{Background, UniformBackground};
-use serde::{Deserialize, Serialize};
 
 use crate::run_file::RunFile;
-
-/// The choice of a model for the background.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum BackgroundChoice {
-    /// A constant where the photographs have one uniform background, one colour for each where
-    /// each has a uniform one, and else a volume
-    #[default]
-    Auto,
-    /// One colour, estimated from the photographs
-    Constant,
-    /// One colour for each photograph, estimated from it
-    PerView,
-    /// An environment by direction: right where everything behind the object is far away
-    Direction,
-    /// Everything behind the bounding sphere, near and far
-    Volume,
-}
-
-/// The model for the background.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum BackgroundKind {
-    /// One colour, which is not trained.
-    Constant,
-    /// One colour for each photograph, which is not trained.
-    PerView,
-    /// An environment by direction.
-    Direction,
-    /// Everything behind the bounding sphere.
-    Volume,
-}
-
-impl BackgroundChoice {
-    /// The model for the background of photographs.
-    pub fn resolve(self, found: &Surroundings) -> BackgroundKind {
-        match self {
-            BackgroundChoice::Auto if found.is_common() => BackgroundKind::Constant,
-            BackgroundChoice::Auto if found.is_per_view() => BackgroundKind::PerView,
-            BackgroundChoice::Constant => BackgroundKind::Constant,
-            BackgroundChoice::PerView => BackgroundKind::PerView,
-            BackgroundChoice::Direction => BackgroundKind::Direction,
-            BackgroundChoice::Auto | BackgroundChoice::Volume => BackgroundKind::Volume,
-        }
-    }
-}
-
-impl BackgroundKind {
-    /// Whether the background has trained parameters.
-    pub fn is_trained(self) -> bool {
-        matches!(self, BackgroundKind::Direction | BackgroundKind::Volume)
-    }
-}
 
 /// The background of a model.
 #[derive(Clone, Debug)]

@@ -4,19 +4,18 @@
 use std::path::Path;
 use std::time::Duration;
 
+use calibrate::RefineCameras;
 use estimate::record::Pass;
 use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
 use field::Sphere;
 use glam::DVec3;
 use io::{InputError, check_memory};
 use serde::{Deserialize, Serialize};
+use stereo::StereoChoice;
 use warp::WarpOptions;
 
-use crate::cameras::RefineCameras;
-use crate::exposure::ExposureChoice;
 use crate::model::encoding;
-use crate::model_background::BackgroundChoice;
-use photometry::MaskChoice;
+use photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 
 /// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
@@ -104,6 +103,10 @@ pub struct FitOptions {
     /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish
     #[arg(long, default_value_t = Self::default().soft)]
     pub soft: f64,
+    /// Depths of the photographs, by comparison with their neighbours: they guide the surface, and
+    /// a surface that photographs contradict goes back where none is known
+    #[arg(long, value_enum, default_value_t = Self::default().stereo)]
+    pub stereo: StereoChoice,
     /// Iterations between checkpoints
     #[arg(long, default_value_t = Self::default().checkpoint_every)]
     pub checkpoint_every: u64,
@@ -180,6 +183,7 @@ impl Default for FitOptions {
             warp: WarpOptions::FIT,
             eikonal: 0.1,
             soft: 0.5,
+            stereo: StereoChoice::Auto,
             checkpoint_every: 200,
             preview_every: 500,
         }

@@ -12,8 +12,11 @@ use film::srgb_decode;
 use glam::Vec3;
 use io::{InputError, check_memory};
 use metrics::psnr_where;
-use optim::{Adam, Group};
-use photometry::{Gains, Level, MaskUse, Pixel, as_exposed, pyramid, without_gains};
+use optim::Adam;
+use photometry::{
+    ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, as_exposed, pyramid,
+    without_gains,
+};
 use pictures::write_preview;
 use random::{Purpose, Stream};
 use rayon::prelude::*;
@@ -21,7 +24,7 @@ use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
 use crate::cameras::corrected;
 use crate::checkpoint::State;
-use crate::exposure::ExposureModel;
+use crate::depths::Depths;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
@@ -48,34 +51,11 @@ const LEVELS: usize = 4;
 /// distance 1.05 and 1.01 (see the evidence in `schedule.rs`).
 const NORM_SHARE: f32 = 0.05;
 
-/// Bytes of memory for each pixel of the training views: the photograph and its mask at all levels
-/// of the pyramid, and the lists of pixels. Measured: 79.
-pub(crate) const MEMORY_PER_PIXEL: u64 = 80;
-
-/// The learning rate of a trained background, in units of that of the networks.
-///
-/// At 5, the background explained photographs from one side before the solid did, and the solid
-/// lost: 14.5 dB on held-out views of a skull on a table after 4,000 iterations. At 2 and 1: 20.6
-/// and 21.8 dB (second seed: 21.5 and 21.5 dB).
-const BACKGROUND_RATE: f64 = 1.0;
-
 /// The share of the largest step of a background's feature that smoothing by one neighbour undoes.
 const SMOOTHNESS: f64 = 0.2;
 
 /// Iterations from one smoothing to the next, each of which goes through all features.
 const SMOOTH_EVERY: u64 = 4;
-
-/// The groups of a model's parameters.
-fn groups(model: &Model) -> Vec<Group> {
-    let field = model.field.parameters().len();
-    let shape = field + model.head.parameters().len();
-    let background = shape..shape + model.background.parameters().len();
-    vec![
-        Group::new("field", 0..field),
-        Group::new("radiance", field..shape),
-        Group { rate: BACKGROUND_RATE, ..Group::new("background", background) },
-    ]
-}
 
 /// The checkpoint of a run folder.
 fn checkpoint_path(folder: &Path) -> PathBuf {
@@ -106,7 +86,7 @@ pub struct Fit {
     pub iteration: u64,
     estimator: Box<dyn Estimator<f32>>,
     folder: PathBuf,
-    levels: Vec<Level>,
+    pub(crate) levels: Vec<Level>,
     /// The background of each view, if the photographs have colours of their own.
     colors: Option<BackgroundPerCamera<f32>>,
     /// The exposures of the photographs, if they are fitted.
@@ -118,10 +98,12 @@ pub struct Fit {
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// Wall time of all sessions, in seconds.
-    seconds: f64,
+    pub(crate) seconds: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
     usual_norm: f32,
     held_out_psnr: Option<f64>,
+    /// The depths of the training views, once they were looked for.
+    pub(crate) depths: Option<Depths>,
 }
 
 impl Fit {
@@ -148,7 +130,7 @@ impl Fit {
         let state = if resume { Some(load_state(folder, &file)?) } else { None };
         let model = Model::initial(&file);
         let parameters = model.parameters();
-        let adam = Adam::new(parameters.len(), groups(&model));
+        let adam = Adam::new(parameters.len(), model.groups());
         let pixels: u64 = dataset.train.iter().map(|v| v.image.pixels.len() as u64).sum();
         let found = format!("{pixels} pixels of photographs");
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
@@ -184,6 +166,7 @@ impl Fit {
             seconds: 0.0,
             usual_norm: 0.0,
             held_out_psnr: None,
+            depths: None,
         };
         if let Some(state) = state {
             fit.restore(state)?;
@@ -256,6 +239,7 @@ impl Fit {
         stop: &dyn Fn() -> bool,
         report: &mut dyn FnMut(&Metrics) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
+        self.find_depths(stop, &mut |_, _| {});
         let (begin, before) = (Instant::now(), self.seconds);
         while self.progress() < 1.0 && !stop() {
             let mut metrics = self.step()?;
@@ -351,6 +335,8 @@ impl Fit {
             counts: options.counts(),
             pass: options.pass(),
             sharpness: sharpness(self.progress(), options.soft),
+            depths: self.guide(level),
+            carves: self.carves(),
             seed,
         };
         Ok((gradient(&batch)?, counted.evaluations()))

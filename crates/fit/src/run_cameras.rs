@@ -5,11 +5,9 @@ use std::path::Path;
 use calibrate::{Calibration, Correction};
 use dataset::{Dataset, View};
 use glam::{DMat4, DVec2, DVec3};
-use io::InputError;
+use io::{InputError, run_json};
 use render::Camera;
 use serde::{Deserialize, Serialize};
-
-use crate::run_json;
 
 /// The content of `cameras.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -10,11 +10,10 @@ use io::{InputError, atomic_write};
 use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
-use crate::exposure::ExposureModel;
-use crate::model_background::{BackgroundChoice, BackgroundKind};
 use crate::options::{Check, FitOptions, SPHERE, is_sphere};
-use photometry::BackgroundModel;
-use photometry::{MaskUse, put_over_black};
+use photometry::{
+    BackgroundChoice, BackgroundKind, BackgroundModel, ExposureModel, MaskUse, put_over_black,
+};
 
 /// The content of `fit.toml`: the input of a run. Resuming and evaluating a run read it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

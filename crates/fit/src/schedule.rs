@@ -106,6 +106,20 @@ pub(crate) fn direction_weight(progress: f64, soft: f64) -> f32 {
     if soft > 0.0 { ((progress - soft) / DIRECTION_RISE).clamp(0.0, 1.0) as f32 } else { 1.0 }
 }
 
+/// Carving begins at this part of the soft share of the budget: the colours are known by then. It
+/// ends after this part of the sharp share: the shape recovers after that.
+const CARVING: [f64; 2] = [0.4, 0.3];
+
+/// Whether surfaces that photographs contradict go back.
+pub(crate) fn is_carving(progress: f64, soft: f64) -> bool {
+    progress >= CARVING[0] * soft && !ends_depths(progress, soft)
+}
+
+/// Whether depths are not used any more.
+pub(crate) fn ends_depths(progress: f64, soft: f64) -> bool {
+    progress >= soft + CARVING[1] * (1.0 - soft)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

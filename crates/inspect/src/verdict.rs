@@ -166,8 +166,9 @@ impl Fault {
                  explain it: try --background volume"
             }
             Fault::SmallSphere => {
-                "the bounding sphere cuts the surface off: try a larger one (--bounds), and look \
-                 at the picture of `dsdf inspect`"
+                "the bounding sphere cuts the surface off: a table is always cut, and `dsdf mesh \
+                 --above auto` removes it; if the object is cut, try a larger sphere (--bounds), \
+                 and look at the picture of `dsdf inspect`"
             }
             Fault::FewViews => {
                 "held-out views are much worse than training views: try more photographs"

@@ -14,6 +14,7 @@ mod npy;
 #[cfg(test)]
 mod photo_tests;
 mod regular;
+pub mod run_json;
 
 pub use atomic::{
     atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,

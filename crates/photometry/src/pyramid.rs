@@ -80,7 +80,7 @@ impl Photograph {
     }
 
     /// Whether pixel (x, y) is used, all of it.
-    fn is_used(&self, x: u32, y: u32) -> bool {
+    pub fn is_used(&self, x: u32, y: u32) -> bool {
         self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL)
     }
 }
@@ -152,6 +152,11 @@ impl Level {
     /// The centres of all pixels that are drawn.
     pub fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
         self.foreground.iter().chain(&self.background).map(Pixel::center)
+    }
+
+    /// The number of pixels of all photographs.
+    pub fn photograph_pixels(&self) -> u64 {
+        self.photographs.iter().map(|photograph| photograph.image.pixels.len() as u64).sum()
     }
 
     /// The number of pixels that are drawn.

@@ -64,13 +64,17 @@ pub enum Purpose {
     CameraTrial,
     /// The points through which planes are tried.
     PlaneTrials,
+    /// The planes that the search for depths tries.
+    DepthPlanes,
+    /// The points of a ray in front of a known depth.
+    FreePoints,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 29] = [
+    pub const ALL: [Purpose; 31] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -100,6 +104,8 @@ impl Purpose {
         Purpose::BackgroundPoints,
         Purpose::CameraTrial,
         Purpose::PlaneTrials,
+        Purpose::DepthPlanes,
+        Purpose::FreePoints,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -134,6 +140,8 @@ impl Purpose {
             Purpose::BackgroundPoints => 27,
             Purpose::CameraTrial => 28,
             Purpose::PlaneTrials => 29,
+            Purpose::DepthPlanes => 30,
+            Purpose::FreePoints => 31,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

@@ -2,6 +2,7 @@
 
 use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use glam::DVec3;
+use grids::Grids;
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
@@ -14,7 +15,8 @@ use crate::simd::{Isa, LANES, Pass, Row, dispatch};
 ///
 /// Its inputs are the encoding of the position in the unit ball, then n, then d, as in Yariv et
 /// al., “Multiview Neural Surface Reconstruction by Disentangling Geometry and Appearance”, NeurIPS
-/// 2020, but without its feature vector.
+/// 2020, but without its feature vector. A head with details has features on grids as further
+/// inputs; their adjoints by the position jump between cells.
 ///
 /// Each output y becomes a radiance sigmoid(y)² in [0, 1]. The transfer function of a display is
 /// close to a square root, so the displayed value is close to sigmoid(y): dark and bright parts are
@@ -24,11 +26,18 @@ pub struct RadianceHead<R: Real> {
     pub(crate) encoding: Encoding,
     pub(crate) transform: Transform,
     pub(crate) mlp: Mlp<R>,
+    pub(crate) details: Grids,
+    /// The features at the corners of the grids, level by level.
+    pub(crate) tables: Vec<R>,
     encoder: Encoder<R>,
 }
 
-/// The number of inputs after the encoded position: normal and direction.
+/// The number of inputs after the encoded position: normal and direction. The features of details
+/// come after these.
 pub(crate) const DIRECTIONS: usize = 6;
+
+/// The largest random feature of a grid at the start.
+const FIRST_FEATURES: f64 = 0.01;
 
 impl<R: Lane> RadianceHead<R> {
     /// The number of inputs after the encoded position: normal and direction.
@@ -36,16 +45,21 @@ impl<R: Lane> RadianceHead<R> {
 
     /// A head with random weights, small in the last layer: its first radiance is close to grey.
     ///
+    /// `details` has the number of cells along the side of each grid; none for a head of octaves.
+    ///
     /// The same `seed` gives the same head.
     pub fn new(
         encoding: Encoding,
+        details: &[usize],
         hidden: Vec<usize>,
         activation: Activation,
         transform: Transform,
         seed: u64,
     ) -> Self {
-        let mut head = Self::zero(encoding, &hidden, activation, transform);
-        crate::init::variance_preserving(&mut head.mlp, &mut Random::new(seed));
+        let mut head = Self::zero(encoding, details, &hidden, activation, transform);
+        let mut random = Random::new(seed);
+        crate::init::variance_preserving(&mut head.mlp, &mut random);
+        head.tables.fill_with(|| R::of(FIRST_FEATURES * (2.0 * random.uniform() - 1.0)));
         head.mlp.repack();
         head
     }
@@ -53,12 +67,17 @@ impl<R: Lane> RadianceHead<R> {
     /// A head whose parameters are all zero.
     pub(crate) fn zero(
         encoding: Encoding,
+        details: &[usize],
         hidden: &[usize],
         activation: Activation,
         transform: Transform,
     ) -> Self {
-        let mlp = Mlp::new(encoding.features() + DIRECTIONS, hidden, 3, &[], activation);
-        RadianceHead { encoding, transform, mlp, encoder: Encoder::new(encoding, &transform) }
+        let details = Grids::new(details);
+        let inputs = encoding.features() + DIRECTIONS + details.features();
+        let mlp = Mlp::new(inputs, hidden, 3, &[], activation);
+        let (tables, encoder) =
+            (vec![R::zero(); details.table_length()], Encoder::new(encoding, &transform));
+        RadianceHead { encoding, transform, mlp, details, tables, encoder }
     }
 
     /// The same head for points relative to `origin`, a point in world units.
@@ -69,9 +88,26 @@ impl<R: Lane> RadianceHead<R> {
         self
     }
 
-    /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias.
-    pub fn parameters(&self) -> &[R] {
-        &self.mlp.parameters
+    /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias;
+    /// then the features of details, level by level.
+    pub fn parameters(&self) -> Vec<R> {
+        [&self.mlp.parameters[..], &self.tables].concat()
+    }
+
+    /// The number of inputs and the number of parameters of details with these numbers of cells.
+    pub fn size_of_details(cells: &[usize]) -> (usize, usize) {
+        let details = Grids::new(cells);
+        (details.features(), details.table_length())
+    }
+
+    /// The number of parameters.
+    pub fn parameter_count(&self) -> usize {
+        self.mlp.parameters.len() + self.tables.len()
+    }
+
+    /// The number of features of details: the last parameters.
+    pub fn detail_count(&self) -> usize {
+        self.tables.len()
     }
 
     /// Sets all parameters.
@@ -79,7 +115,9 @@ impl<R: Lane> RadianceHead<R> {
     /// # Panics
     /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
-        self.mlp.parameters.copy_from_slice(parameters);
+        let (weights, tables) = parameters.split_at(self.mlp.parameters.len());
+        self.mlp.parameters.copy_from_slice(weights);
+        self.tables.copy_from_slice(tables);
         self.mlp.repack();
     }
 
@@ -94,6 +132,7 @@ impl<R: Lane> RadianceHead<R> {
         let mut window = Encoder::window(bands);
         window.extend([R::one(); 3]);
         window.extend([direction; 3]);
+        window.resize(self.mlp.features, R::one());
         self.mlp.set_window(window);
     }
 
@@ -117,11 +156,7 @@ impl<R: Lane> RadianceHead<R> {
         surface_adjoint: &mut SurfaceAdjoint<R>,
         parameter_adjoint: &mut [R],
     ) {
-        assert_eq!(
-            parameter_adjoint.len(),
-            self.mlp.parameters.len(),
-            "number of parameter adjoints"
-        );
+        assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
         let points = *points;
         dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, parameter_adjoint });
     }
@@ -132,15 +167,28 @@ impl<R: Lane> RadianceHead<R> {
         let SurfaceBatch { x, normal, direction } = points;
         self.encoder.encode::<I>(x, features);
         let start = self.encoding.features();
+        let (others, details) = features.split_at_mut(start + DIRECTIONS);
+        if self.details.features() > 0 {
+            for l in 0..LANES {
+                let put = |i: usize, value| details[i].0[l] = value;
+                self.details.encode(&self.tables, unit_position(others, l), put);
+            }
+        }
         for l in 0..LANES {
             let at = l.min(x.len() - 1);
             let (n, d) = (normal[at].to_array(), direction[at].to_array());
             for c in 0..3 {
-                features[start + c].0[l] = n[c];
-                features[start + 3 + c].0[l] = d[c];
+                others[start + c].0[l] = n[c];
+                others[start + 3 + c].0[l] = d[c];
             }
         }
     }
+}
+
+/// The position of lane `l` in the unit ball: the first three features.
+#[inline(always)]
+fn unit_position<R: Real>(features: &[Row<R>], l: usize) -> [R; 3] {
+    std::array::from_fn(|c| features[c].0[l])
 }
 
 /// sigmoid(y)² and its derivative.
@@ -191,6 +239,9 @@ impl<R: Lane> Pass for Vjp<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let (mlp, start) = (&self.head.mlp, self.head.encoding.features());
+        let details = &self.head.details;
+        let (parameters, tables) = self.parameter_adjoint.split_at_mut(mlp.parameters.len());
+        let inverse_radius = R::of(self.head.transform.radius.recip());
         let mut s = mlp.scratch(true, false, true);
         for first in (0..self.points.len()).step_by(LANES) {
             let block = first..(first + LANES).min(self.points.len());
@@ -211,11 +262,18 @@ impl<R: Lane> Pass for Vjp<'_, R> {
             };
             let (n_rows, d_rows) = (rows(start), rows(start + 3));
             for (l, i) in block.enumerate() {
-                self.surface_adjoint.x[i] = lane(&x_rows, l);
+                let mut x = lane(&x_rows, l);
+                if details.features() > 0 {
+                    let y = unit_position(&s.features[0], l);
+                    let adjoint = |f: usize| s.adjoint[0][start + DIRECTIONS + f].0[l];
+                    let bar = details.encode_vjp(&self.head.tables, y, adjoint, tables);
+                    x += R::Vec3::from_array(bar) * inverse_radius;
+                }
+                self.surface_adjoint.x[i] = x;
                 self.surface_adjoint.normal[i] = lane(&n_rows, l);
                 self.surface_adjoint.direction[i] = lane(&d_rows, l);
             }
         }
-        mlp.collect_gradient(&s, self.parameter_adjoint);
+        mlp.collect_gradient(&s, parameters);
     }
 }

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
+use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS, entries};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::architecture::{Activation, Architecture, Encoding, Transform};
@@ -97,6 +98,15 @@ impl Metadata {
             Some("relu") => Ok(Activation::Relu),
             _ => Err(self.error("activation", "softplus, sine or relu")),
         }
+    }
+
+    /// The numbers of cells of the grids of details.
+    fn details(&self) -> Result<Vec<usize>> {
+        let expected = "up to 8 numbers from 1 to 4096";
+        let cells = self.list::<usize>("details", expected)?;
+        let holds =
+            cells.len() <= MOST_LEVELS && cells.iter().all(|c| (1..=MOST_CELLS).contains(c));
+        if holds { Ok(cells) } else { Err(self.error("details", expected)) }
     }
 
     fn transform(&self) -> Result<Transform> {
@@ -251,7 +261,13 @@ impl<'a> Model<'a> {
 }
 
 /// The bytes of a file with a perceptron's tensors, in the perceptron's precision.
-fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
+///
+/// `tables` are further tensors, of one vector of features for each entry.
+fn to_bytes<R: Lane>(
+    mlp: &Mlp<R>,
+    tables: &[(String, &[R])],
+    metadata: Metadata,
+) -> Result<Vec<u8>> {
     let single = size_of::<R>() == size_of::<f32>();
     let dtype = if single { Dtype::F32 } else { Dtype::F64 };
     let encode = |v: R| -> Vec<u8> {
@@ -268,6 +284,10 @@ fn to_bytes<R: Lane>(mlp: &Mlp<R>, metadata: Metadata) -> Result<Vec<u8>> {
             .iter()
             .flat_map(|b| encode(*b));
         tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias.collect()));
+    }
+    for (name, table) in tables {
+        let data = table.iter().flat_map(|v| encode(*v)).collect();
+        tensors.push((name.clone(), vec![table.len() / FEATURES, FEATURES], data));
     }
     let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
     let views: std::result::Result<Vec<_>, _> = tensors
@@ -327,7 +347,7 @@ impl<R: Lane> Network<R> {
         let a = &self.architecture;
         let mut metadata = Metadata::from_parts(a.encoding, a.activation, &self.transform, &a.skip);
         metadata.0.insert("scale".to_owned(), self.scale.to_string());
-        to_bytes(&self.mlp, metadata)
+        to_bytes(&self.mlp, &[], metadata)
     }
 }
 
@@ -335,6 +355,11 @@ impl<R: Lane> Network<R> {
 const HEAD_INPUTS: &str = "position normal direction";
 /// The metadata entry `output` of a radiance head: the map from outputs to radiance.
 const HEAD_OUTPUT: &str = "sigmoid_squared";
+
+/// The name of the tensor with the features of a level of details.
+fn table_name(level: usize) -> String {
+    format!("details.{level}")
+}
 
 impl<R: Lane> RadianceHead<R> {
     /// Reads a radiance head from the bytes of its file.
@@ -352,10 +377,24 @@ impl<R: Lane> RadianceHead<R> {
             return Err(metadata.error("output", HEAD_OUTPUT));
         }
         let encoding = metadata.encoding()?;
-        let hidden = model.hidden(encoding.features() + DIRECTIONS, &[])?;
-        let mut head =
-            RadianceHead::zero(encoding, &hidden, metadata.activation()?, metadata.transform()?);
+        let cells = metadata.details()?;
+        let details = Grids::new(&cells);
+        let hidden = model.hidden(encoding.features() + DIRECTIONS + details.features(), &[])?;
+        let (activation, transform) = (metadata.activation()?, metadata.transform()?);
+        let mut head = RadianceHead::zero(encoding, &cells, &hidden, activation, transform);
         model.fill(&mut head.mlp)?;
+        let mut rest = &mut head.tables[..];
+        for (l, cells) in cells.into_iter().enumerate() {
+            let (name, expected) = (table_name(l), vec![entries(cells), FEATURES]);
+            let (shape, numbers) = model.tensor(&name, expected.len())?;
+            if shape != expected {
+                let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
+                return Err(ModelError::Tensor { name, found, expected });
+            }
+            let (table, others) = rest.split_at_mut(numbers.len());
+            table.iter_mut().zip(numbers).for_each(|(p, v)| *p = R::of(v));
+            rest = others;
+        }
         Ok(head)
     }
 
@@ -369,7 +408,17 @@ impl<R: Lane> RadianceHead<R> {
             Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);
         metadata.0.insert("inputs".to_owned(), HEAD_INPUTS.to_owned());
         metadata.0.insert("output".to_owned(), HEAD_OUTPUT.to_owned());
-        debug_assert_eq!(self.mlp.features, self.encoding.features() + DIRECTIONS);
-        to_bytes(&self.mlp, metadata)
+        let mut tables = Vec::new();
+        if self.details.features() > 0 {
+            let cells: Vec<String> = self.details.cells().map(|cells| cells.to_string()).collect();
+            metadata.0.insert("details".to_owned(), cells.join(","));
+            let mut rest = &self.tables[..];
+            for (l, cells) in self.details.cells().enumerate() {
+                let (table, others) = rest.split_at(FEATURES * entries(cells));
+                tables.push((table_name(l), table));
+                rest = others;
+            }
+        }
+        to_bytes(&self.mlp, &tables, metadata)
     }
 }

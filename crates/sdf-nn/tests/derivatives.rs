@@ -359,9 +359,12 @@ fn assert_close(adjoint: f64, f: impl Fn(f64) -> f64) {
 }
 
 /// A radiance head with random parameters, also in the last layer and the biases.
+///
+/// The last level of its details has more corners than entries.
 fn head(activation: Activation) -> RadianceHead<f64> {
-    let encoding = Encoding::Frequency { bands: 3 };
-    let mut head = RadianceHead::<f64>::new(encoding, vec![13, 9], activation, TRANSFORM, 3);
+    let (encoding, details) = (Encoding::Frequency { bands: 3 }, [3, 7, 50]);
+    let hidden = vec![13, 9];
+    let mut head = RadianceHead::<f64>::new(encoding, &details, hidden, activation, TRANSFORM, 3);
     let random: Vec<f64> =
         head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
     head.set_parameters(&random);
@@ -390,7 +393,12 @@ fn adjoints_of_the_head_match_finite_differences() {
                 });
             }
         }
-        for j in (0..theta.len()).step_by(7) {
+        // Most features belong to no point.
+        let weights = theta.len() - head.detail_count();
+        let met = (weights..theta.len()).filter(|j| theta[*j] != 0.0);
+        let met: Vec<usize> = met.collect();
+        assert!(met.len() > 500 && met.last().is_some_and(|j| *j > theta.len() - 10_000));
+        for j in (0..weights).step_by(7).chain(met.into_iter().step_by(5)) {
             assert_close(theta[j], |h| {
                 let (mut head, mut p) = (head.clone(), head.parameters().to_vec());
                 p[j] += h;

@@ -1,6 +1,6 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
-use calibrate::{Calibration, Trial};
+use calibrate::{Calibration, CameraDecision, RefineCameras, Trial};
 use glam::Vec3;
 use io::InputError;
 use photometry::{Gains, Pixel, photometric, without_gains};
@@ -8,7 +8,7 @@ use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
 use super::{Fit, scene};
-use crate::cameras::{CameraDecision, RefineCameras, calibration, corrected};
+use crate::cameras::{calibration, corrected};
 use crate::checkpoint::{Optimised, Refinement};
 use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;

@@ -5,6 +5,7 @@ use estimate::{Estimator, SampleCounts};
 use glam::{DVec2, DVec3, Vec3};
 use random::{Purpose, Stream};
 use render::{Sample, Scene};
+use stereo::Guide;
 
 use photometry::{Level, Pixel, photometric, squared_error};
 
@@ -38,6 +39,10 @@ pub(crate) struct Batch<'a> {
     /// The sharpness of the surface, per bounding radius, while it is soft; `None` for a surface of
     /// its own.
     pub(crate) sharpness: Option<f32>,
+    /// The depths of the photographs, which guide a soft surface.
+    pub(crate) depths: Option<Guide<'a>>,
+    /// Whether surfaces that photographs contradict go back.
+    pub(crate) carves: bool,
     /// The seed of this iteration.
     pub(crate) seed: u64,
 }
@@ -115,8 +120,9 @@ impl<'a> Chunk<'a> {
         self.pixels.iter().enumerate().map(place).collect()
     }
 
-    /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
-    pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> Vec3 {
+    /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance, and the
+    /// loss.
+    pub(super) fn add_loss(&mut self, radiance: [f32; 3], p: Pixel) -> (Vec3, f32) {
         let view = p.view as usize;
         let photograph = &self.batch.level.photographs[view];
         let behind = self.batch.behind.get(view).copied().unwrap_or_default();
@@ -131,6 +137,6 @@ impl<'a> Chunk<'a> {
         if let Some(sum) = self.gains.get_mut(view) {
             *sum += (adjoint * shown).as_dvec3();
         }
-        adjoint * gain
+        (adjoint * gain, loss)
     }
 }

@@ -101,6 +101,8 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
             counts: SampleCounts { spp: 32, edge_samples: 8 },
             pass: Pass::Limited(1e6),
             sharpness: None,
+            depths: None,
+            carves: false,
             seed,
         };
         let sum = gradient(&batch).unwrap().parameters;

@@ -1,6 +1,7 @@
 //! The gradient of one iteration: the photometric term and the eikonal term over a batch of
 //! pixels.
 
+mod carve;
 mod chunk;
 mod eikonal;
 mod photometric;

@@ -21,10 +21,13 @@ impl Chunk<'_> {
         background: &mut [f32],
     ) {
         let n = primary.samples.len();
-        let mut delta = vec![Vec3::ZERO; n];
+        let (mut delta, mut losses) = (vec![Vec3::ZERO; n], vec![None; n]);
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
-            delta[i] = self.add_loss(primary.samples[i].radiance.into(), *pixel);
+            let (adjoint, loss) = self.add_loss(primary.samples[i].radiance.into(), *pixel);
+            (delta[i], losses[i]) = (adjoint, Some(loss));
         }
+        let hits = primary.hits.iter().map(|hit| hit.sample).zip(primary.surface.x.iter().copied());
+        self.carve(&hits.filter(|(i, _)| !crossed[*i]).collect::<Vec<_>>(), &losses);
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);
@@ -58,7 +61,7 @@ impl Chunk<'_> {
         let delta: Vec<Vec3> = pixels
             .iter()
             .zip(&record.radiance)
-            .map(|(p, radiance)| self.add_loss((*radiance).into(), *p))
+            .map(|(p, radiance)| self.add_loss((*radiance).into(), *p).0)
             .collect();
         if let Some(cameras) = &mut self.adjoints.cameras {
             // The pixels of the record are a part of the chunk's.

@@ -121,7 +121,7 @@ pub(crate) fn fields() -> BoxedStrategy<Tensors> {
 pub(crate) fn heads() -> BoxedStrategy<Tensors> {
     architectures()
         .prop_map(|Architecture { encoding, hidden, activation, .. }| {
-            let head = RadianceHead::<f32>::new(encoding, hidden, activation, UNIT, 1);
+            let head = RadianceHead::<f32>::new(encoding, &[2, 3], hidden, activation, UNIT, 1);
             Tensors::of(&head.to_safetensors().unwrap_or_default())
         })
         .boxed()

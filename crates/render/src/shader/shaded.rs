@@ -45,7 +45,7 @@ pub trait Shader<R: Real>: Send + Sync {
 
 impl<R: Precision> Shader<R> for RadianceHead<R> {
     fn parameter_count(&self) -> usize {
-        self.parameters().len()
+        RadianceHead::parameter_count(self)
     }
     fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
         RadianceHead::radiance(self, points, rgb);

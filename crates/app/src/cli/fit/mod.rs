@@ -166,11 +166,12 @@ fn iterate(
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
-    let bar = progress::start(global);
     let mut last: Option<Metrics> = None;
     let done = Cell::new(fitting.iteration);
     let stop =
         || global.interrupt.requested() || segment.stop_after.is_some_and(|n| done.get() >= n);
+    progress::find_depths(fitting, &stop, global);
+    let bar = progress::start(global);
     fitting.run(&stop, &mut |metrics| {
         done.set(metrics.iteration);
         metrics_file.write(metrics)?;

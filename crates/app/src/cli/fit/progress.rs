@@ -2,12 +2,26 @@
 
 use crate::cli::common::Global;
 use crate::cli::progress::Progress;
-use fit::Metrics;
+use fit::{Fit, Metrics};
 
 /// The progress of a fit on standard error: a bar on a terminal, else a line about every ten
 /// seconds; nothing with `--quiet`.
 pub(super) fn start(global: &Global) -> Progress {
     Progress::new("fit", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet)
+}
+
+/// Finds the depths that guide the fit, with their progress.
+pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
+    let bar = Progress::new("depths", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet);
+    fitting.find_depths(stop, &mut |done, all| {
+        bar.show(done as f64 / all as f64, &|| format!("{done} of {all} photographs"));
+    });
+    bar.finish_and_clear();
+    if let Some(known) = fitting.known_depths() {
+        let unused = if known > 0.0 { "" } else { "; too few to use, or too short a fit" };
+        let share = 100.0 * known;
+        global.say(&format!("depths: known at {share:.0} % of the pixels{unused} (see --stereo)"));
+    }
 }
 
 /// Shows the progress, the number of iterations, the loss, the PSNR (held out if known, else of the

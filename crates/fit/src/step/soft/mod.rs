@@ -24,6 +24,9 @@ const NEGLIGIBLE: f32 = 1e-4;
 /// The least weight of an interval whose middle counts as a point of the surface.
 const SURFACE: f32 = 0.1;
 
+/// The least weight of an interval that can be carved.
+const OPAQUE: f32 = 0.25;
+
 /// The least transmittance at which a ray trains the background.
 const LEAST_TRANSMITTANCE: f32 = 1e-3;
 
@@ -141,7 +144,9 @@ impl Chunk<'_> {
                 radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
         }
         let pixels = self.pixels.iter().zip(&seen);
-        let delta: Vec<Vec3> = pixels.map(|(p, seen)| self.add_loss((*seen).into(), *p)).collect();
+        let (delta, losses): (Vec<Vec3>, Vec<f32>) =
+            pixels.map(|(p, seen)| self.add_loss((*seen).into(), *p)).unzip();
+        let losses: Vec<Option<f32>> = losses.into_iter().map(Some).collect();
         self.add_color_adjoints(&rays, &colored, &delta, shader);
         self.add_opacity_adjoints(&rays, &colors, &background, &delta, sharpness);
         let weighted = delta.iter().zip(&last).map(|(delta, last)| {
@@ -162,6 +167,12 @@ impl Chunk<'_> {
             })
             .collect();
         self.add_eikonal(&near);
+        self.add_guide(&samples);
+        let is_surface = |i: &usize| rays.weights[*i] > OPAQUE;
+        let points = colored.interval.iter().zip(&colored.x).filter(|(i, _)| is_surface(i));
+        let points: Vec<(usize, Vec3)> =
+            points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)).collect();
+        self.carve(&points, &losses);
         Ok(())
     }
 
@@ -213,5 +224,6 @@ impl Chunk<'_> {
     }
 }
 
+mod guide;
 #[cfg(test)]
 mod tests;

@@ -10,14 +10,16 @@ use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, Scene};
+use stereo::{DepthMap, Guide};
 
 use super::*;
 use crate::model::Model;
-use crate::model_background::BackgroundKind;
 use crate::options::FitOptions;
 use crate::run_file::RunFile;
 use crate::step::chunk::Batch;
-use photometry::{BackgroundModel, Level, MaskUse, Pixel, Target, photometric, pyramid};
+use photometry::{
+    BackgroundKind, BackgroundModel, Level, MaskUse, Pixel, Target, photometric, pyramid,
+};
 
 const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
@@ -108,21 +110,11 @@ fn the_gradient_of_a_soft_surface_that_reaches_the_sphere_matches_differences() 
     check_gradient(1.0);
 }
 
-fn check_gradient(initial_radius: f64) {
-    let file = run_file(initial_radius);
-    let (mut model, level, cameras) = (Model::initial(&file), level(), [camera()]);
-    // The colours of the initial head are nearly the same everywhere.
-    let mut parameters = model.parameters();
-    let head = model.field.parameters().len()..;
-    parameters[head].iter_mut().for_each(|p| *p *= 3.0);
-    model.set_parameters(&parameters);
-    let pixels: Vec<Pixel> = (0..SIZE as u16)
-        .flat_map(|y| (0..SIZE as u16).map(move |x| Pixel { view: 0, x, y, count: 1 }))
-        .collect();
-    let batch = Batch {
-        scene: scene(&model, &cameras),
-        level: &level,
-        pixels: &pixels,
+fn batch<'a>(scene: Scene<'a, f32>, level: &'a Level, pixels: &'a [Pixel]) -> Batch<'a> {
+    Batch {
+        scene,
+        level,
+        pixels,
         pixel_count: pixels.len() as f32,
         refines_cameras: false,
         trains_background: true,
@@ -133,8 +125,51 @@ fn check_gradient(initial_radius: f64) {
         counts: SampleCounts { spp: 1, edge_samples: 1 },
         pass: Pass::Sum,
         sharpness: Some(SHARPNESS),
+        depths: None,
+        carves: false,
         seed: 4,
+    }
+}
+
+fn all_pixels() -> Vec<Pixel> {
+    let row = |y| (0..SIZE as u16).map(move |x| Pixel { view: 0, x, y, count: 1 });
+    (0..SIZE as u16).flat_map(row).collect()
+}
+
+#[test]
+fn known_depths_and_contradictions_move_the_surface() {
+    let (model, mut level, cameras) = (Model::initial(&run_file(0.5)), level(), [camera()]);
+    let pixels = all_pixels();
+    // Two pixels of the ball are not as grey as its first radiance.
+    let photograph = &mut level.photographs[0].image.pixels;
+    photograph.fill([0.25; 3]);
+    photograph[5 * SIZE as usize + 5..][..2].fill([1.0; 3]);
+    // The last bias of the field raises f everywhere.
+    let bias = model.field.parameters().len() - 1;
+    let slope = |distance: f32, carves: bool| {
+        let maps = [DepthMap { width: SIZE as usize, distances: vec![distance; 144] }];
+        let depths = Guide { maps: &maps, scale: 1.0 };
+        let batch = batch(scene(&model, &cameras), &level, &pixels);
+        let batch = Batch { depths: Some(depths), carves, sharpness: Some(80.0), ..batch };
+        crate::step::gradient(&batch).unwrap().parameters[bias]
     };
+    // A surface behind or before that of the ball, and no known depth.
+    let (behind, before, unknown) = (slope(5.0, false), slope(2.3, false), slope(0.0, false));
+    assert!(behind < unknown && before > unknown, "{behind}, {before}, {unknown}");
+    let carved = slope(0.0, true);
+    assert!(carved < unknown, "{carved}, {unknown}");
+}
+
+fn check_gradient(initial_radius: f64) {
+    let file = run_file(initial_radius);
+    let (mut model, level, cameras) = (Model::initial(&file), level(), [camera()]);
+    // The colours of the initial head are nearly the same everywhere.
+    let mut parameters = model.parameters();
+    let head = model.field.parameters().len()..;
+    parameters[head].iter_mut().for_each(|p| *p *= 3.0);
+    model.set_parameters(&parameters);
+    let pixels = all_pixels();
+    let batch = batch(scene(&model, &cameras), &level, &pixels);
     let gradient = crate::step::gradient(&batch).unwrap().parameters;
     // `gradient` has two chunks, each with points of its own. Their points are found again here.
     let parts: Vec<(&[Pixel], SoftRays)> = pixels
@@ -152,7 +187,7 @@ fn check_gradient(initial_radius: f64) {
     let start = model.parameters();
     assert_eq!(start.len(), Model::parameter_count(&file));
     let field = model.field.parameters().len();
-    let shape = field + model.head.parameters().len();
+    let shape = field + model.head.parameter_count();
     for (name, range) in
         [("field", 0..field), ("head", field..shape), ("background", shape..start.len())]
     {

@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use io::{InputError, atomic_write};
 use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{InputError, atomic_write};
 
 /// Writes a value to the file `name` of a run folder.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub(crate) fn save(run: &Path, name: &str, value: &impl Serialize) -> anyhow::Result<()> {
+pub fn save(run: &Path, name: &str, value: &impl Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(value)?;
     atomic_write(&run.join(name), |out| Ok(out.write_all(text.as_bytes())?))
 }
@@ -19,7 +20,7 @@ pub(crate) fn save(run: &Path, name: &str, value: &impl Serialize) -> anyhow::Re
 ///
 /// # Errors
 /// If the file is there and cannot be read, or has a wrong entry.
-pub(crate) fn load<T: DeserializeOwned>(
+pub fn load<T: DeserializeOwned>(
     run: &Path,
     name: &str,
     content: &str,
@@ -28,18 +29,13 @@ pub(crate) fn load<T: DeserializeOwned>(
     if !path.exists() {
         return Ok(None);
     }
-    let text = io::read_text(&path, content, &format!("the {content} of a run"))?;
+    let text = crate::read_text(&path, content, &format!("the {content} of a run"))?;
     let value = serde_json::from_str(&text).map_err(|e| wrong(run, name, content, &e))?;
     Ok(Some(value))
 }
 
 /// The error of a file whose content no fit wrote.
-pub(crate) fn wrong(
-    run: &Path,
-    name: &str,
-    content: &str,
-    found: &dyn std::fmt::Display,
-) -> InputError {
+pub fn wrong(run: &Path, name: &str, content: &str, found: &dyn std::fmt::Display) -> InputError {
     let expected = format!("the {content} that a fit wrote");
     InputError::new(run.join(name), content, found, expected)
 }

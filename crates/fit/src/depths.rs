@@ -1,0 +1,128 @@
+//! Depth maps of the photographs, which guide the soft surface.
+
+use std::time::Instant;
+
+use photometry::{Level, Photograph};
+use stereo::{DepthMap, Guide, Stereo, View};
+
+use crate::options::{DEFAULT_ITERATIONS, FitOptions};
+use crate::run::Fit;
+use crate::run_file::RunFile;
+use crate::schedule::{ends_depths, is_carving};
+
+/// Pixels of photographs for each iteration of the budget: the search takes about a tenth of the
+/// fit's time. Larger photographs are searched at a half, a quarter or an eighth of their size, or
+/// not at all.
+const PIXELS_PER_ITERATION: u64 = 240;
+
+/// The most pixels of photographs, whatever the budget is: 32 bytes of memory for each.
+const MOST_PIXELS: u64 = 1 << 23;
+
+/// The share of the pixels that must have a known depth. Without depths nothing tells a wrong
+/// surface from one whose colour is not learned yet, so nothing is carved.
+const LEAST_KNOWN: f64 = 0.02;
+
+/// The assumed number of iterations in a second, for a budget of time: the speed of the machine
+/// itself would give other depths on each machine.
+const ITERATIONS_PER_SECOND: f64 = 100.0;
+
+impl FitOptions {
+    /// The largest number of pixels of photographs that are searched for depths.
+    fn searched_pixels(&self) -> u64 {
+        let of_time = self.time.map(|time| (time.as_secs_f64() * ITERATIONS_PER_SECOND) as u64);
+        let iterations = of_time.or(self.iterations).unwrap_or(DEFAULT_ITERATIONS);
+        iterations.saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
+    }
+}
+
+impl RunFile {
+    /// Whether depths guide the soft surface of the run.
+    pub fn uses_depths(&self) -> bool {
+        self.options.stereo.is_used(self.background_kind.is_trained()) && self.options.soft > 0.0
+    }
+}
+
+/// The depth maps of the training views.
+pub(crate) struct Depths {
+    /// The maps; none if too little is known.
+    maps: Vec<DepthMap>,
+    /// The level of the pyramid that was searched.
+    level: usize,
+    /// The share of the pixels with a known depth.
+    known: f64,
+}
+
+impl Fit {
+    /// Whether this part of the run needs depths that it has not looked for.
+    fn lacks_depths(&self) -> bool {
+        let is_over = ends_depths(self.progress(), self.file.options.soft);
+        self.file.uses_depths() && !is_over && self.depths.is_none()
+    }
+
+    /// Finds the depths that guide the soft surface, if this part of the run needs them. `report`
+    /// gets the number of photographs that are done, and that of all. If `stop` is true, nothing is
+    /// found. The time counts as time of the fit. A resumed run finds them again.
+    ///
+    /// [`Fit::run`] calls it; another call before it shows the progress.
+    pub fn find_depths(&mut self, stop: &dyn Fn() -> bool, report: &mut dyn FnMut(usize, usize)) {
+        if self.lacks_depths() {
+            let begin = Instant::now();
+            self.depths = self.search_depths(stop, report);
+            self.seconds += begin.elapsed().as_secs_f64();
+        }
+    }
+
+    /// The depth maps; `None` if `stop` was true.
+    fn search_depths(
+        &self,
+        stop: &dyn Fn() -> bool,
+        report: &mut dyn FnMut(usize, usize),
+    ) -> Option<Depths> {
+        let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
+        let most = self.file.options.searched_pixels();
+        let fits = |level: &Level| level.photograph_pixels() <= most;
+        let Some(level) = self.levels.iter().position(fits) else { return Some(nothing) };
+        let Level { cameras, photographs, .. } = &self.levels[level];
+        let view = |(camera, photograph)| {
+            let photograph: &Photograph = photograph;
+            View { camera, image: &photograph.image }
+        };
+        let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
+        let mut search = Stereo::new(&views, &self.file.sphere(), self.file.options.seed);
+        loop {
+            let (done, all) = search.progress();
+            report(done, all);
+            if done == all {
+                break;
+            }
+            if stop() {
+                return None;
+            }
+            search.search(rayon::current_num_threads());
+        }
+        let mut maps = search.depth_maps();
+        for (map, photograph) in maps.iter_mut().zip(photographs) {
+            map.forget_unless(|x, y| photograph.is_used(x, y));
+        }
+        let known = maps.iter().map(DepthMap::known).sum::<f64>() / maps.len().max(1) as f64;
+        Some(if known < LEAST_KNOWN { nothing } else { Depths { maps, level, known } })
+    }
+
+    /// The depths that guide an iteration on a level of the pyramid.
+    pub(crate) fn guide(&self, level: usize) -> Option<Guide<'_>> {
+        let Depths { maps, level: own, .. } = self.depths.as_ref()?;
+        let scale = 2f64.powi(level as i32 - *own as i32);
+        (!maps.is_empty()).then_some(Guide { maps, scale })
+    }
+
+    /// Whether this iteration carves.
+    pub(crate) fn carves(&self) -> bool {
+        is_carving(self.progress(), self.file.options.soft)
+    }
+
+    /// The share of the pixels with a known depth, if depths were looked for; 0 if too little is
+    /// known to use it.
+    pub fn known_depths(&self) -> Option<f64> {
+        self.depths.as_ref().map(|depths| depths.known)
+    }
+}

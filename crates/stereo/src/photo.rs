@@ -1,0 +1,111 @@
+//! Photographs as the search reads them: a pinhole in single precision and grey values.
+
+use film::{Film, srgb_encode};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use render::Camera;
+
+/// The largest rounding of a film position, in pixels.
+const ROUNDING: f32 = 0.01;
+
+/// A photograph of a view.
+pub(crate) struct Photo {
+    pub(crate) eye: Vec3,
+    right: Vec3,
+    down: Vec3,
+    forward: Vec3,
+    focal: Vec2,
+    principal: Vec2,
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Grey values in display units, row-major.
+    grey: Vec<f32>,
+}
+
+impl Photo {
+    pub(crate) fn new(camera: &Camera, image: &Film) -> Self {
+        let grey = |p: &[f32; 3]| srgb_encode(p.iter().sum::<f32>() / 3.0);
+        Photo {
+            eye: camera.eye.as_vec3(),
+            right: camera.right.as_vec3(),
+            down: -camera.up.as_vec3(),
+            forward: camera.forward.as_vec3(),
+            focal: camera.focal.as_vec2(),
+            principal: camera.principal.as_vec2(),
+            width: image.width as usize,
+            height: image.height as usize,
+            grey: image.pixels.par_iter().map(grey).collect(),
+        }
+    }
+
+    /// The number of a pixel in row-major order.
+    pub(crate) fn index(&self, x: usize, y: usize) -> usize {
+        y * self.width + x
+    }
+
+    /// The grey value of a pixel.
+    pub(crate) fn grey(&self, x: usize, y: usize) -> f32 {
+        self.grey[self.index(x, y)]
+    }
+
+    /// The vector along the ray through film position `u`, of length 1 along the optical axis.
+    pub(crate) fn ray(&self, u: Vec2) -> Vec3 {
+        let p = (u - self.principal) / self.focal;
+        self.forward + self.right * p.x + self.down * p.y
+    }
+
+    /// The film position of a point, if it is in front of the camera.
+    pub(crate) fn project(&self, x: Vec3) -> Option<Vec2> {
+        let r = x - self.eye;
+        let depth = r.dot(self.forward);
+        let along = Vec2::new(r.dot(self.right), r.dot(self.down));
+        (depth > 0.0).then(|| self.principal + self.focal * along / depth)
+    }
+
+    /// The depth of a point along the optical axis.
+    pub(crate) fn depth(&self, x: Vec3) -> f32 {
+        (x - self.eye).dot(self.forward)
+    }
+
+    /// The pixel of a film position, if it is on the film.
+    pub(crate) fn pixel(&self, u: Vec2) -> Option<[usize; 2]> {
+        let inside =
+            u.x >= 0.0 && u.y >= 0.0 && u.x < self.width as f32 && u.y < self.height as f32;
+        inside.then(|| [(u.x as usize).min(self.width - 1), (u.y as usize).min(self.height - 1)])
+    }
+
+    /// Whether a film position and all others within `margin` pixels have neighbours on the film.
+    pub(crate) fn has_around(&self, u: Vec2, margin: f32) -> bool {
+        let margin = margin + 0.5 + ROUNDING;
+        let [x, y] = [self.width, self.height].map(|side| side as f32 - margin);
+        u.x >= margin && u.y >= margin && u.x < x && u.y < y
+    }
+
+    /// The grey values at film positions whose four nearest pixels are on the film, interpolated.
+    ///
+    /// One loop for the places, one for the pixels and one for the values: the first and the last
+    /// are vector code.
+    #[inline(always)]
+    pub(crate) fn sample<const N: usize>(&self, x: &[f32; N], y: &[f32; N]) -> [f32; N] {
+        let (mut at, mut a, mut b) = ([0; N], [0.0; N], [0.0; N]);
+        for k in 0..N {
+            let (x, y) = (x[k] - 0.5, y[k] - 0.5);
+            let (i, j) = (x as i32, y as i32);
+            (a[k], b[k]) = (x - i as f32, y - j as f32);
+            at[k] = j * self.width as i32 + i;
+        }
+        let mut corners = [[0.0; N]; 4];
+        for k in 0..N {
+            let at = at[k] as usize;
+            let (upper, lower) = (&self.grey[at..at + 2], &self.grey[at + self.width..][..2]);
+            (corners[0][k], corners[1][k]) = (upper[0], upper[1]);
+            (corners[2][k], corners[3][k]) = (lower[0], lower[1]);
+        }
+        let [p, q, r, s] = &corners;
+        std::array::from_fn(|k| {
+            let upper = p[k] + a[k] * (q[k] - p[k]);
+            let lower = r[k] + a[k] * (s[k] - r[k]);
+            upper + b[k] * (lower - upper)
+        })
+    }
+}
