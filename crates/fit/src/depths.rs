@@ -37,7 +37,7 @@ impl FitOptions {
 
 impl RunFile {
     /// Whether depths guide the soft surface of the run.
-    pub fn uses_depths(&self) -> bool {
+    fn uses_depths(&self) -> bool {
         self.options.stereo.is_used(self.background_kind.is_trained()) && self.options.soft > 0.0
     }
 }

@@ -16,17 +16,21 @@ impl Chunk<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
     /// its surface there. `points` are the numbers of pixels with their points. `losses` has one
     /// loss for each pixel; pixels without a loss do not count.
-    pub(super) fn carve(&mut self, points: &[(usize, Vec3)], losses: &[Option<f32>]) {
+    pub(super) fn carve(
+        &mut self,
+        points: impl Iterator<Item = (usize, Vec3)>,
+        losses: &[Option<f32>],
+    ) {
         let Some(depths) = self.batch.depths.filter(|_| self.batch.carves) else { return };
         let scene = &self.batch.scene;
         let counts = self.pixels.iter().map(|p| f32::from(p.count));
         let pushes = pushes(losses.iter().copied().zip(counts));
         let (radius, near) = (scene.radius(), f64::from(NEAR * scene.radius()));
-        for (pixel, x) in points.iter().filter(|(pixel, _)| pushes[*pixel] > 0.0) {
+        for (pixel, x) in points.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
             if !depths.is_surface(scene.cameras, x.as_dvec3(), near) {
-                let weight = self.share * f32::from(self.pixels[*pixel].count);
-                let alpha = -STRENGTH * pushes[*pixel] * weight / radius;
-                self.adjoints.push(PointAdjoint { pixel: 0, x: *x, alpha, c: Vec3::ZERO });
+                let weight = self.share * f32::from(self.pixels[pixel].count);
+                let alpha = -STRENGTH * pushes[pixel] * weight / radius;
+                self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
             }
         }
     }

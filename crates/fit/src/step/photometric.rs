@@ -27,7 +27,7 @@ impl Chunk<'_> {
             (delta[i], losses[i]) = (adjoint, Some(loss));
         }
         let hits = primary.hits.iter().map(|hit| hit.sample).zip(primary.surface.x.iter().copied());
-        self.carve(&hits.filter(|(i, _)| !crossed[*i]).collect::<Vec<_>>(), &losses);
+        self.carve(hits.filter(|(i, _)| !crossed[*i]), &losses);
         let shares = (0..n as u32).map(|pixel| Share { pixel, weight: 1.0 }).collect();
         let area = Area { primary, shares, warp: None };
         area.vjp(&self.batch.scene, &delta, self.batch.pass, shader, &mut self.adjoints);

@@ -144,9 +144,10 @@ impl Chunk<'_> {
                 radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
         }
         let pixels = self.pixels.iter().zip(&seen);
-        let (delta, losses): (Vec<Vec3>, Vec<f32>) =
-            pixels.map(|(p, seen)| self.add_loss((*seen).into(), *p)).unzip();
-        let losses: Vec<Option<f32>> = losses.into_iter().map(Some).collect();
+        let (delta, losses): (Vec<Vec3>, Vec<Option<f32>>) = pixels
+            .map(|(p, seen)| self.add_loss((*seen).into(), *p))
+            .map(|(adjoint, loss)| (adjoint, Some(loss)))
+            .unzip();
         self.add_color_adjoints(&rays, &colored, &delta, shader);
         self.add_opacity_adjoints(&rays, &colors, &background, &delta, sharpness);
         let weighted = delta.iter().zip(&last).map(|(delta, last)| {
@@ -170,9 +171,7 @@ impl Chunk<'_> {
         self.add_guide(&samples);
         let is_surface = |i: &usize| rays.weights[*i] > OPAQUE;
         let points = colored.interval.iter().zip(&colored.x).filter(|(i, _)| is_surface(i));
-        let points: Vec<(usize, Vec3)> =
-            points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)).collect();
-        self.carve(&points, &losses);
+        self.carve(points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)), &losses);
         Ok(())
     }
 
