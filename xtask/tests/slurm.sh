@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs the smoke sweep through real Slurm and directly, and compares the results.
-# An argument names the program of the cells; without one, the sweep builds it.
+# An argument names the program of the cells, which has `xtask` beside it; without one, both are
+# built.
 #
 # The script starts a cluster of this machine alone, on localhost, with its configuration, state
 # and logs in a temporary folder. It submits the script of `cargo xtask ablate --slurm`: an array of
@@ -11,7 +12,11 @@
 # differs, the status is 1.
 set -euo pipefail
 program=()
-[ $# -eq 0 ] || program=(--binary "$(realpath "$1")")
+xtask=(cargo xtask)
+if [ $# -gt 0 ]; then
+    program=(--binary "$(realpath "$1")")
+    xtask=("$(dirname "${program[1]}")/xtask")
+fi
 cd "$(dirname "$0")/../.."
 PATH=$PATH:/usr/local/sbin:/usr/sbin:/sbin
 # This may run inside a job of another cluster: its variables must have no effect.
@@ -104,10 +109,10 @@ idle() { [ "$(sinfo -h -o %T 2>&1)" = idle ]; }
 within 60 idle || skip "the node does not become idle"
 timeout 60 sbatch --wait --output=/dev/null --wrap=true >/dev/null 2>"$work/sbatch.log" || skip "no job runs"
 
-cargo xtask ablate smoke "${program[@]}" -o "$work/direct" || fail "the direct sweep"
+"${xtask[@]}" ablate smoke "${program[@]}" -o "$work/direct" || fail "the direct sweep"
 # The folder's name needs quotes. The submission is from a folder outside of the workspace.
 array="$work/it's 4%a"
-cargo xtask ablate smoke "${program[@]}" -o "$array" --slurm --shards 2 --jobs 1 || fail "writing submit.sh"
+"${xtask[@]}" ablate smoke "${program[@]}" -o "$array" --slurm --shards 2 --jobs 1 || fail "writing submit.sh"
 (cd "$work" && bash "$array/submit.sh") || fail "submit.sh"
 done_all() { left=$(squeue -h -o '%i %j %T %r') && [ -z "$left" ]; }
 within 900 done_all || fail "jobs are not done: ${left:-no answer}"

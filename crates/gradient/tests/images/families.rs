@@ -53,7 +53,7 @@ fn lit(random: &mut Random, sdf: &Value, side: u32) -> Value {
 
 /// A white solid in front of black. The smooth part of its derivatives is zero.
 fn white(random: &mut Random) -> Value {
-    let mut scene = lit(random, &json!(null), 6);
+    let mut scene = lit(random, &json!(null), 5);
     scene["appearance"] = json!({"type": "constant", "radiance": [1, 1, 1]});
     scene["background"] = json!([0, 0, 0]);
     scene
@@ -163,7 +163,7 @@ fn check_family(name: &str, wrt: &[&str], scenes: u64, make: impl Fn(&mut Random
             let sdf = make(&mut random);
             let scene = lit(&mut random, &sdf, 12);
             // `contour` takes most of the time.
-            let methods = [("refined", SPP), ("contour", 1024)];
+            let methods = [("refined", SPP), ("contour", 640)];
             let methods = if seed == 1 { &methods[..] } else { &methods[..1] };
             check_solid(&format!("{name} {seed}"), &scene, wrt, methods)
         })
