@@ -5,6 +5,8 @@
 //! resolutions, interpolated linearly. A level with more corners than entries shares entries by a
 //! hash of the corner's indices (their equation 4); a surface meets few of the corners.
 
+use std::ops::Range;
+
 use field::Real;
 
 /// Features of an entry.
@@ -32,7 +34,7 @@ struct Level {
 }
 
 /// The number of entries of a level with this many cells along a side.
-pub fn entries(cells: usize) -> usize {
+fn entries(cells: usize) -> usize {
     (cells + 1).pow(3).min(MOST_ENTRIES)
 }
 
@@ -124,9 +126,14 @@ impl Grids {
         FEATURES * self.levels.len()
     }
 
+    /// The place of each level in the tables: [`FEATURES`] numbers for each of its entries.
+    pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.levels.iter().map(|l| l.start..l.start + FEATURES * entries(l.cells))
+    }
+
     /// The number of numbers in the tables of all levels.
     pub fn table_length(&self) -> usize {
-        self.cells().map(|cells| FEATURES * entries(cells)).sum()
+        self.ranges().last().map_or(0, |range| range.end)
     }
 
     /// Passes the number and the value of each feature of a point of the unit ball to `put`.

@@ -2,4 +2,4 @@
 
 mod grids;
 
-pub use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS, entries};
+pub use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
-use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS, entries};
+use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::architecture::{Activation, Architecture, Encoding, Transform};
@@ -383,17 +383,14 @@ impl<R: Lane> RadianceHead<R> {
         let (activation, transform) = (metadata.activation()?, metadata.transform()?);
         let mut head = RadianceHead::zero(encoding, &cells, &hidden, activation, transform);
         model.fill(&mut head.mlp)?;
-        let mut rest = &mut head.tables[..];
-        for (l, cells) in cells.into_iter().enumerate() {
-            let (name, expected) = (table_name(l), vec![entries(cells), FEATURES]);
+        for (l, range) in details.ranges().enumerate() {
+            let (name, expected) = (table_name(l), vec![range.len() / FEATURES, FEATURES]);
             let (shape, numbers) = model.tensor(&name, expected.len())?;
             if shape != expected {
                 let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
                 return Err(ModelError::Tensor { name, found, expected });
             }
-            let (table, others) = rest.split_at_mut(numbers.len());
-            table.iter_mut().zip(numbers).for_each(|(p, v)| *p = R::of(v));
-            rest = others;
+            head.tables[range].iter_mut().zip(numbers).for_each(|(p, v)| *p = R::of(v));
         }
         Ok(head)
     }
@@ -412,12 +409,8 @@ impl<R: Lane> RadianceHead<R> {
         if self.details.features() > 0 {
             let cells: Vec<String> = self.details.cells().map(|cells| cells.to_string()).collect();
             metadata.0.insert("details".to_owned(), cells.join(","));
-            let mut rest = &self.tables[..];
-            for (l, cells) in self.details.cells().enumerate() {
-                let (table, others) = rest.split_at(FEATURES * entries(cells));
-                tables.push((table_name(l), table));
-                rest = others;
-            }
+            let of_level = |(l, range)| (table_name(l), &self.tables[range]);
+            tables.extend(self.details.ranges().enumerate().map(of_level));
         }
         to_bytes(&self.mlp, &tables, metadata)
     }
