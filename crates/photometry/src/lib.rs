@@ -7,6 +7,7 @@ mod exposure_choice;
 mod gains;
 mod loss;
 mod masks;
+mod overexposed;
 mod pyramid;
 
 pub use background::BackgroundModel;

@@ -10,7 +10,7 @@ use field::Sphere;
 use glam::{Vec2, Vec3};
 use random::Stream;
 
-use crate::patch::{Patch, Plane, WORST};
+use crate::patch::{Patch, Plane, WORST, is_ambiguous};
 use crate::photo::Photo;
 
 /// Random planes of a pixel at the start.
@@ -52,14 +52,14 @@ pub(crate) struct Search<'a> {
     photo: &'a Photo,
     neighbours: &'a [&'a Photo],
     stream: Stream,
-    /// The range of inverse depths of each pixel whose ray meets the ball.
+    /// The range of inverse depths of each pixel that is searched.
     ranges: Vec<Option<[f32; 2]>>,
     found: Vec<Option<Found>>,
 }
 
 impl<'a> Search<'a> {
     /// The planes of a photograph's pixels, row-major: those whose rays meet the ball, and whose
-    /// patches have a pattern. The depth of a plane can be behind the ball.
+    /// patches have a pattern in two directions. The depth of a plane can be behind the ball.
     pub(crate) fn run(
         photo: &'a Photo,
         neighbours: &'a [&'a Photo],
@@ -67,8 +67,11 @@ impl<'a> Search<'a> {
         stream: Stream,
     ) -> Vec<Option<Found>> {
         let (width, height) = (photo.width, photo.height);
-        let all = (0..width * height).map(|i| middle(i % width, i / width));
-        let ranges = all.map(|u| range(photo, ball, photo.ray(u))).collect();
+        let range = |x, y| {
+            let found = range(photo, ball, photo.ray(middle(x, y)))?;
+            (!is_ambiguous(photo, x, y)).then_some(found)
+        };
+        let ranges = (0..width * height).map(|i| range(i % width, i / width)).collect();
         let found = vec![None; width * height];
         let mut search = Search { photo, neighbours, stream, ranges, found };
         search.visit_all(|_| true, |search, x, y| search.start(x, y));

@@ -14,8 +14,8 @@ const NEAR: f32 = 0.03;
 
 impl Chunk<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
-    /// its surface there. `points` are the numbers of pixels with their points. `losses` has one
-    /// loss for each pixel; pixels without a loss do not count.
+    /// its surface there, or it is overexposed. `points` are the numbers of pixels with their
+    /// points. `losses` has one loss for each pixel; pixels without a loss do not count.
     pub(super) fn carve(
         &mut self,
         points: impl Iterator<Item = (usize, Vec3)>,
@@ -27,7 +27,10 @@ impl Chunk<'_> {
         let pushes = pushes(losses.iter().copied().zip(counts));
         let (radius, near) = (scene.radius(), f64::from(NEAR * scene.radius()));
         for (pixel, x) in points.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
-            if !depths.is_surface(scene.cameras, x.as_dvec3(), near) {
+            let (view, at) = (self.pixels[pixel].view as usize, x.as_dvec3());
+            let is_kept = depths.is_surface(scene.cameras, at, near)
+                || self.batch.level.is_overexposed(scene.cameras, view, at);
+            if !is_kept {
                 let weight = self.share * f32::from(self.pixels[pixel].count);
                 let alpha = -STRENGTH * pushes[pixel] * weight / radius;
                 self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
