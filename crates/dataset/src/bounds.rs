@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::background::UNIFORM;
 use crate::carve::visual_hull_sphere;
+use crate::distant::share_of_distant;
 use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
 
@@ -18,6 +19,10 @@ const MARGIN: f64 = 1.1;
 /// The photographs have backgrounds of different colours if the spread of all is this many times
 /// that of one.
 const DIFFERENT: f32 = 3.0;
+
+/// The least share of a background that must be far away, so that all of it counts as such: the
+/// floor of a landscape is near.
+const DISTANT: f32 = 0.9;
 
 /// The least number of surface points from which a sphere is estimated.
 const LEAST_POINTS: usize = 50;
@@ -79,6 +84,9 @@ pub struct Surroundings {
     pub background: BackgroundEstimate,
     /// A uniform background of each training view.
     pub backgrounds: Vec<BackgroundEstimate>,
+    /// The share of the background, 0 to 1, that photographs show alike along equal directions, if
+    /// it is not uniform: 1 if all of it is far away.
+    pub distant: f32,
 }
 
 impl Surroundings {
@@ -86,7 +94,7 @@ impl Surroundings {
         let of_view = |view| BackgroundEstimate::of_view(view, &sphere);
         let backgrounds = views.par_iter().map(of_view).collect();
         let background = BackgroundEstimate::estimate(views, &sphere);
-        Surroundings { sphere, source, background, backgrounds }
+        Surroundings { sphere, source, background, backgrounds, distant: 0.0 }
     }
 
     /// The confidence, 0 to 1, that each view has a uniform background, of a colour of its own: one
@@ -115,6 +123,11 @@ impl Surroundings {
         let of_views = spreads.get(spreads.len() / 2).copied().unwrap_or(f32::INFINITY);
         let differ = !self.background.is_uniform() || self.background.spread > DIFFERENT * of_views;
         self.confidence_of_views() >= UNIFORM && differ
+    }
+
+    /// Whether everything behind the object is far away.
+    pub fn is_distant(&self) -> bool {
+        self.distant >= DISTANT
     }
 
     /// The background of each training view: the common one if all views agree well enough.
@@ -158,7 +171,11 @@ pub fn surroundings(
         .or_else(|| sphere_of_masks(views).filter(|_| use_masks))
         .or_else(|| sphere_of_evidence(dataset))
         .unwrap_or_else(|| (framed(views), SphereSource::Cameras));
-    Surroundings::new(views, sphere, source)
+    let found = Surroundings::new(views, sphere, source);
+    if found.is_uniform() {
+        return found;
+    }
+    Surroundings { distant: share_of_distant(views, &sphere), ..found }
 }
 
 /// The sphere that the median camera sees whole.

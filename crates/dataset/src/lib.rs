@@ -3,6 +3,7 @@
 mod background;
 mod bounds;
 mod carve;
+mod distant;
 mod load;
 mod split;
 #[cfg(test)]

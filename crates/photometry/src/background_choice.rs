@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum BackgroundChoice {
     /// A constant where the photographs have one uniform background, one colour for each where
-    /// each has a uniform one, and else a volume
+    /// each has a uniform one, a direction where all of it is far away, and else a volume
     #[default]
     Auto,
     /// One colour, estimated from the photographs
@@ -41,6 +41,7 @@ impl BackgroundChoice {
         match self {
             BackgroundChoice::Auto if found.is_common() => BackgroundKind::Constant,
             BackgroundChoice::Auto if found.is_per_view() => BackgroundKind::PerView,
+            BackgroundChoice::Auto if found.is_distant() => BackgroundKind::Direction,
             BackgroundChoice::Constant => BackgroundKind::Constant,
             BackgroundChoice::PerView => BackgroundKind::PerView,
             BackgroundChoice::Direction => BackgroundKind::Direction,
