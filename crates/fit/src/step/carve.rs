@@ -2,7 +2,7 @@
 
 use estimate::record::PointAdjoint;
 use glam::Vec3;
-use stereo::pushes;
+use stereo::{PixelLoss, pushes};
 
 use super::chunk::Chunk;
 
@@ -14,17 +14,15 @@ const NEAR: f32 = 0.03;
 
 impl Chunk<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
-    /// its surface there, or it is overexposed. `points` are the numbers of pixels with their
-    /// points. `losses` has one loss for each pixel; pixels without a loss do not count.
+    /// its surface there, or it is overexposed. `points` have the numbers of their pixels.
     pub(super) fn carve(
         &mut self,
         points: impl Iterator<Item = (usize, Vec3)>,
-        losses: &[Option<f32>],
+        losses: &[Option<PixelLoss>],
     ) {
         let Some(depths) = self.batch.depths.filter(|_| self.batch.carves) else { return };
         let scene = &self.batch.scene;
-        let counts = self.pixels.iter().map(|p| f32::from(p.count));
-        let pushes = pushes(losses.iter().copied().zip(counts));
+        let pushes = pushes(losses);
         let (radius, near) = (scene.radius(), f64::from(NEAR * scene.radius()));
         for (pixel, x) in points.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
             let (view, at) = (self.pixels[pixel].view as usize, x.as_dvec3());
