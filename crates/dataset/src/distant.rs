@@ -1,7 +1,7 @@
 //! Whether the background is far away: photographs show it alike along equal directions.
 
 use field::Sphere;
-use film::{Film, srgb_encode};
+use film::srgb_encode;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use render::Camera;
@@ -12,8 +12,13 @@ use crate::View;
 /// of poses than a pixel of it do not matter.
 const SIDE: u32 = 256;
 
-/// The number of other views, of the nearest optical axes, with which a view is compared.
+/// The number of other views with which a view is compared: those of the nearest optical axes that
+/// [see a near background move](Photo::tells_distance_from).
 const NEIGHBOURS: usize = 8;
+
+/// A background up to this distance from the eye, in radii of the sphere, must move between two
+/// compared photographs: else neighbouring frames of a video would find it far away.
+const NEAR: f64 = 20.0;
 
 /// Half of a patch's side, in pixels, without the middle.
 const HALF: i32 = 3;
@@ -30,22 +35,24 @@ const LEAST_DEVIATION: f64 = 0.01;
 
 /// The least normalised cross-correlation of patches that are alike. The median is 0.998 before a
 /// panorama, 0.13 before another noise in each photograph, and 0.00 before a table.
-const ALIKE: f64 = 0.8;
+const CORRELATED: f64 = 0.8;
 
-/// The least number of compared patches. Views all around an object share few directions.
-const LEAST_PATCHES: usize = 64;
+/// The least number of comparisons. Views all around an object share few directions.
+const LEAST_COMPARISONS: usize = 64;
 
 /// The share of the patches of the background, 0 to 1, that two photographs show alike along equal
-/// directions; 0 if fewer than 64 can be compared.
+/// directions; 0 with fewer than 64 comparisons. Only patches with a pattern count.
 ///
 /// A pixel is compared with that of another view whose ray has the same direction, if both rays
-/// miss the sphere. What is near the object moves between the two.
+/// miss the sphere. A background up to 20 radii from the eyes would move by a patch between the
+/// two.
 pub(crate) fn share_of_distant(views: &[View], sphere: &Sphere<f64>) -> f32 {
     let photos: Vec<Photo> = views.par_iter().map(|view| Photo::new(view, sphere)).collect();
-    let counts: Vec<Counts> = photos.par_iter().map(|photo| photo.compare(&photos)).collect();
+    let counts: Vec<Counts> =
+        photos.par_iter().map(|photo| photo.compare(&photos, sphere.radius)).collect();
     let compared: usize = counts.iter().map(|counts| counts.compared).sum();
     let alike: usize = counts.iter().map(|counts| counts.alike).sum();
-    if compared < LEAST_PATCHES { 0.0 } else { alike as f32 / compared as f32 }
+    if compared < LEAST_COMPARISONS { 0.0 } else { alike as f32 / compared as f32 }
 }
 
 /// Numbers of patches.
@@ -57,6 +64,7 @@ struct Counts {
 
 /// A reduced photograph.
 struct Photo {
+    eye: DVec3,
     /// The camera, with its eye at the origin.
     camera: Camera,
     /// Grey values in display units, row-major.
@@ -69,19 +77,14 @@ impl Photo {
     fn new(view: &View, sphere: &Sphere<f64>) -> Self {
         let (width, height) = (view.image.width, view.image.height);
         let n = width.max(height).div_ceil(SIDE);
-        let image: Film = view.image.downscaled(n);
-        // The last blocks can reach over the border.
-        let camera = Camera {
-            focal: view.camera.focal / f64::from(n),
-            principal: view.camera.principal / f64::from(n),
-            width: image.width,
-            height: image.height,
-            ..view.camera
-        };
+        let image = view.image.downscaled(n);
+        let camera = view.camera.reduced(n, image.width, image.height);
         let grey = |p: &[f32; 3]| f64::from(srgb_encode(p.iter().sum::<f32>() / 3.0));
+        // All pixels of a block must be used.
         let is_used = |x: u32, y: u32| {
-            let [x, y] = [(x * n + n / 2).min(width - 1), (y * n + n / 2).min(height - 1)];
-            view.is_used((y * width + x) as usize)
+            let [mut columns, rows] =
+                [(x, width), (y, height)].map(|(i, side)| i * n..(i * n + n).min(side));
+            columns.all(|x| rows.clone().all(|y| view.is_used((y * width + x) as usize)))
         };
         let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
         let is_background = places.map(|(x, y)| {
@@ -90,7 +93,8 @@ impl Photo {
         });
         let is_background = is_background.collect();
         let grey = image.pixels.iter().map(grey).collect();
-        Photo { camera: camera.about(camera.eye), grey, is_background }
+        let (eye, camera) = (camera.eye, camera.about(camera.eye));
+        Photo { eye, camera, grey, is_background }
     }
 
     fn size(&self) -> [usize; 2] {
@@ -148,9 +152,19 @@ impl Photo {
         has_pattern.then(|| if bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 })
     }
 
-    /// Compares the patches of this photograph with those of its neighbours.
-    fn compare(&self, photos: &[Photo]) -> Counts {
-        let mut others: Vec<&Photo> = photos.iter().filter(|o| !std::ptr::eq(*o, self)).collect();
+    /// Whether a background at the distance [`NEAR`] moves by a patch between this photograph and
+    /// another. `radius` is that of the sphere.
+    fn tells_distance_from(&self, other: &Photo, radius: f64) -> bool {
+        let baseline = (other.eye - self.eye).reject_from_normalized(self.camera.forward).length();
+        let pixels = self.camera.focal.max_element() * baseline / (NEAR * radius);
+        pixels >= f64::from(2 * HALF + 1)
+    }
+
+    /// Compares the patches of this photograph with those of its neighbours. `radius` is that of the
+    /// sphere.
+    fn compare(&self, photos: &[Photo], radius: f64) -> Counts {
+        let others = photos.iter().filter(|other| self.tells_distance_from(other, radius));
+        let mut others: Vec<&Photo> = others.collect();
         let closeness = |other: &Photo| other.camera.forward.dot(self.camera.forward);
         others.sort_by(|a, b| closeness(b).total_cmp(&closeness(a)));
         others.truncate(NEIGHBOURS);
@@ -161,7 +175,7 @@ impl Photo {
         for patch in places.filter_map(|(x, y)| self.patch(x, y)) {
             for correlation in others.iter().filter_map(|other| other.correlation(&patch)) {
                 counts.compared += 1;
-                counts.alike += usize::from(correlation >= ALIKE);
+                counts.alike += usize::from(correlation >= CORRELATED);
             }
         }
         counts
@@ -175,28 +189,44 @@ fn middle(x: usize, y: usize) -> DVec2 {
 
 #[cfg(test)]
 mod tests {
+    use film::Film;
+
     use super::*;
+
+    const SIDE: u32 = 128;
 
     const SPHERE: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.0 };
 
-    fn camera(i: usize) -> Camera {
-        let (focal, middle) = (DVec2::splat(40.0), DVec2::splat(32.0));
-        let eye = DVec3::new((0.5 * i as f64).cos(), (0.5 * i as f64).sin(), 0.3) * 3.0;
-        Camera::look_at(64, 64, focal, middle, eye, DVec3::ZERO, DVec3::Z).unwrap()
+    /// The camera at an angle, in radians, on a circle around the sphere.
+    fn camera(angle: f64) -> Camera {
+        let (focal, middle) = (DVec2::splat(80.0), DVec2::splat(64.0));
+        let eye = DVec3::new(angle.cos(), angle.sin(), 0.3) * 3.0;
+        Camera::look_at(SIDE, SIDE, focal, middle, eye, DVec3::ZERO, DVec3::Z).unwrap()
     }
 
     /// The share before a background that has the grey value `shown`, by the number of the view,
-    /// the eye and the direction of the ray.
-    fn share(shown: &dyn Fn(usize, DVec3, DVec3) -> f64) -> f32 {
+    /// the eye and the direction of the ray. There are 12 views, `step` radians apart.
+    fn share_of(step: f64, shown: &dyn Fn(usize, DVec3, DVec3) -> f64) -> f32 {
         let view = |number: usize| {
-            let camera = camera(number);
-            let pixel = |i: usize| camera.direction(middle(i % 64, i / 64));
-            let pixels = (0..64 * 64).map(|i| shown(number, camera.eye, pixel(i)) as f32);
-            let image = Film::grey(64, 64, pixels);
+            let camera = camera(step * number as f64);
+            let pixel = |i: usize| camera.direction(middle(i % SIDE as usize, i / SIDE as usize));
+            let pixels =
+                (0..(SIDE * SIDE) as usize).map(|i| shown(number, camera.eye, pixel(i)) as f32);
+            let image = Film::grey(SIDE, SIDE, pixels);
             View { name: String::new(), path: Default::default(), camera, image, mask: None }
         };
         let views: Vec<View> = (0..12).map(view).collect();
         share_of_distant(&views, &SPHERE)
+    }
+
+    fn share(shown: &dyn Fn(usize, DVec3, DVec3) -> f64) -> f32 {
+        share_of(0.5, shown)
+    }
+
+    /// The grey value of a direction on a ball around all.
+    fn on_ball(radius: f64, eye: DVec3, direction: DVec3) -> f64 {
+        let (_, far) = Sphere { radius, ..SPHERE }.clip(eye, direction).unwrap();
+        pattern((eye + direction * far) / radius)
     }
 
     fn pattern(x: DVec3) -> f64 {
@@ -209,17 +239,17 @@ mod tests {
         // Another exposure of each photograph.
         let exposed =
             share(&|number, _, direction| (0.6 + 0.1 * number as f64) * pattern(direction));
-        // A ball around all, of 5 and of 500 radii of the sphere.
-        let ball = |radius: f64, eye: DVec3, direction: DVec3| {
-            let ball = Sphere { radius, ..SPHERE };
-            let (_, far) = ball.clip(eye, direction).unwrap();
-            pattern((eye + direction * far) / radius)
-        };
-        let room = share(&|_, eye, direction| ball(5.0, eye, direction));
-        let far = share(&|_, eye, direction| ball(500.0, eye, direction));
+        let room = share(&|_, eye, direction| on_ball(5.0, eye, direction));
+        let far = share(&|_, eye, direction| on_ball(500.0, eye, direction));
         println!("{panorama} {exposed} {room} {far}");
         assert!(panorama > 0.99 && exposed > 0.99 && far > 0.99, "{panorama}, {exposed}, {far}");
         assert!(room < 0.3, "{room}");
+    }
+
+    #[test]
+    fn frames_of_a_video_do_not_tell_the_distance() {
+        assert_eq!(share_of(0.01, &|_, eye, direction| on_ball(5.0, eye, direction)), 0.0);
+        assert_eq!(share_of(0.0, &|_, _, direction| pattern(direction)), 0.0);
     }
 
     #[test]
@@ -233,8 +263,8 @@ mod tests {
         assert_eq!(share(&|_, _, _| 0.5), 0.0);
         assert_eq!(share_of_distant(&[], &SPHERE), 0.0);
         let view = |number: usize| {
-            let camera = camera(number);
-            let image = Film::grey(64, 64, (0..64 * 64).map(|i| (i % 7) as f32 / 7.0));
+            let camera = camera(0.5 * number as f64);
+            let image = Film::grey(SIDE, SIDE, (0..SIDE * SIDE).map(|i| (i % 7) as f32 / 7.0));
             View { name: String::new(), path: Default::default(), camera, image, mask: None }
         };
         let views: Vec<View> = (0..12).map(view).collect();

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum BackgroundChoice {
     /// A constant where the photographs have one uniform background, one colour for each where
-    /// each has a uniform one, a direction where all of it is far away, and else a volume
+    /// each has a uniform one, an environment by direction where everything behind the object is
+    /// far away, and else a volume
     #[default]
     Auto,
     /// One colour, estimated from the photographs

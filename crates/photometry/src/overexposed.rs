@@ -5,24 +5,28 @@ use render::Camera;
 
 use crate::Level;
 
-/// A linear radiance above this is overexposed.
-const OVEREXPOSED: f32 = 0.95;
+/// Linear radiances that are overexposed: near white, the largest value of a photograph with 8 bits.
+/// Larger ones are in photographs of a high dynamic range, which are not clipped.
+const OVEREXPOSED: std::ops::Range<f32> = 0.95..1.001;
 
 /// The cosine of the largest angle between the directions of two views that show a surface alike:
 /// 40 degrees.
-const ALIKE: f64 = 0.766;
+const NEAR: f64 = 0.766;
 
 impl Level {
     /// Whether a photograph from about the direction of a view shows the point x overexposed. The
     /// border of such a highlight moves with the camera. `cameras` are those of the views.
+    ///
+    /// A gap through which a white wall is seen counts, too.
     pub fn is_overexposed(&self, cameras: &[Camera], view: usize, x: DVec3) -> bool {
         let to = |eye: DVec3| (eye - x).normalize();
         let own = to(cameras[view].eye);
         cameras.iter().zip(&self.photographs).any(|(camera, photograph)| {
-            to(camera.eye).dot(own) > ALIKE
+            to(camera.eye).dot(own) > NEAR
                 && camera.project_onto_film(x).is_some_and(|u| {
-                    let shown = photograph.image.at(u.x as u32, u.y as u32);
-                    shown.iter().any(|v| *v > OVEREXPOSED)
+                    let (x, y) = (u.x as u32, u.y as u32);
+                    let shown = photograph.image.at(x, y);
+                    photograph.is_used(x, y) && shown.iter().any(|v| OVEREXPOSED.contains(v))
                 })
         })
     }
@@ -57,11 +61,11 @@ mod tests {
             is_trained: true,
         };
         // One pixel of a view is white in one channel. It shows points up and left of the middle.
-        let is_overexposed = |white: usize, x: DVec3| {
+        let is_overexposed = |white: usize, value: f32, x: DVec3| {
             let view = |number: usize| {
                 let mut image = Film::grey(8, 8, [0.5; 64]);
                 if number == white {
-                    image.pixels[3 * 8 + 3][1] = 1.0;
+                    image.pixels[3 * 8 + 3][1] = value;
                 }
                 let (name, path) = (String::new(), "0.png".into());
                 View { name, path, camera: cameras[number], image, mask: None }
@@ -72,7 +76,10 @@ mod tests {
         };
         let (own, near, far) = (0, 1, 2);
         let x = DVec3::new(-0.1, 0.1, 0.0);
-        assert!(is_overexposed(own, x) && is_overexposed(near, x) && !is_overexposed(far, x));
-        assert!(!is_overexposed(own, DVec3::new(0.1, 0.1, 0.0)));
+        assert!(is_overexposed(own, 1.0, x) && is_overexposed(near, 1.0, x));
+        assert!(!is_overexposed(far, 1.0, x));
+        assert!(!is_overexposed(own, 1.0, DVec3::new(0.1, 0.1, 0.0)));
+        // High dynamic range.
+        assert!(!is_overexposed(own, 3.0, x));
     }
 }

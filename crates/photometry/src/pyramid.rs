@@ -132,19 +132,12 @@ impl Level {
     fn halved(&self, model: &BackgroundModel) -> Self {
         let photographs: Vec<Photograph> =
             self.photographs.iter().map(Photograph::halved).collect();
-        // If a side is odd, its last pixel averages fewer pixels. The camera is scaled by exactly
-        // 1/2.
+        // If a side is odd, its last pixel averages fewer pixels.
         let cameras = self
             .cameras
             .iter()
             .zip(&photographs)
-            .map(|(c, Photograph { image, .. })| Camera {
-                width: image.width,
-                height: image.height,
-                focal: c.focal / 2.0,
-                principal: c.principal / 2.0,
-                ..*c
-            })
+            .map(|(c, Photograph { image, .. })| c.reduced(2, image.width, image.height))
             .collect();
         Level::new(cameras, photographs, model)
     }

@@ -138,6 +138,14 @@ impl Camera {
         Camera { eye: self.eye - origin, ..*self }
     }
 
+    /// The same camera with a film of `width` × `height` pixels, each of which covers n × n. The
+    /// last ones can reach over the border.
+    #[must_use]
+    pub fn reduced(&self, n: u32, width: u32, height: u32) -> Self {
+        let n = f64::from(n);
+        Camera { width, height, focal: self.focal / n, principal: self.principal / n, ..*self }
+    }
+
     /// The same camera with a film of `width` × `height` pixels over the same field of view.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let scale = DVec2::new(

@@ -38,6 +38,10 @@ fn mean(losses: &[Option<PixelLoss>], weight: impl Fn(&PixelLoss) -> f32) -> f32
 
 /// The pushes of the surfaces of pixels, 0 to 1. Pixels without a loss do not count.
 ///
+/// A surface is pushed where its pixel's loss is above four times the mean of all pixels. It is also
+/// pushed where the loss is above four times the mean of surfaces and above half the mean of the
+/// background. From twice the least loss on, the push is 1.
+///
 /// A surface that closes the space between the legs of an animal has a large error in each
 /// photograph, but no derivative opens it: behind it is the inside of the solid.
 pub fn pushes(losses: &[Option<PixelLoss>]) -> Vec<f32> {
@@ -94,9 +98,9 @@ mod tests {
         };
         assert_eq!(of(1.0, 0.45), 0.0);
         assert!((of(1.0, 0.6) - 0.2).abs() < 1e-5);
-        // Four times the mean of surfaces, where the background is explained.
-        let surface = (9.0 * 0.01 + 0.06) / 10.0;
+        // Four times the mean of all pixels, where the background is explained: 0.05 here.
         assert_eq!(of(0.01, 0.039), 0.0);
-        assert!(of(0.01, 0.06) > 0.0 && 0.06 > 4.0 * (surface + 0.01) / 2.0);
+        let least = 4.0 * (19.0 * 0.01 + 0.06) / 20.0;
+        assert!((of(0.01, 0.06) - (0.06 / least - 1.0)).abs() < 1e-5);
     }
 }

@@ -73,7 +73,8 @@ pub(crate) struct Patch {
     variance: f32,
 }
 
-/// Whether the patch around a pixel leaves the film, or has a pattern in one direction only.
+/// Whether the patch around a pixel with one more pixel leaves the film, or has a pattern in one
+/// direction only, or none.
 ///
 /// The outline of a smooth solid is another curve of its surface in each photograph. A comparison
 /// of photographs puts it behind the surface, and other photographs agree.

@@ -14,7 +14,7 @@ const NEAR: f32 = 0.03;
 
 impl Chunk<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
-    /// its surface there, or it is overexposed. `points` have the numbers of their pixels.
+    /// its surface there, or it is overexposed. Each point has the number of its pixel.
     pub(super) fn carve(
         &mut self,
         points: impl Iterator<Item = (usize, Vec3)>,
