@@ -84,8 +84,8 @@ pub struct Surroundings {
     pub background: BackgroundEstimate,
     /// A uniform background of each training view.
     pub backgrounds: Vec<BackgroundEstimate>,
-    /// The share of the background, 0 to 1, that photographs show alike along equal directions: 1 if
-    /// all of it is far away. Only parts with a pattern count. 0 before uniform backgrounds.
+    /// The share of the background, 0 to 1, that photographs show alike along equal directions: 1
+    /// if all of it is far away. Only parts with a pattern count. 0 before uniform backgrounds.
     pub distant: f32,
 }
 

@@ -160,8 +160,8 @@ impl Photo {
         pixels >= f64::from(2 * HALF + 1)
     }
 
-    /// Compares the patches of this photograph with those of its neighbours. `radius` is that of the
-    /// sphere.
+    /// Compares the patches of this photograph with those of its neighbours. `radius` is that of
+    /// the sphere.
     fn compare(&self, photos: &[Photo], radius: f64) -> Counts {
         let others = photos.iter().filter(|other| self.tells_distance_from(other, radius));
         let mut others: Vec<&Photo> = others.collect();

@@ -57,3 +57,31 @@ impl BackgroundKind {
         matches!(self, BackgroundKind::Direction | BackgroundKind::Volume)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use dataset::{BackgroundEstimate, SphereSource};
+    use field::Sphere;
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn auto_takes_what_the_photographs_show() {
+        let of = |confidence: f32, distant: f32| {
+            let background = BackgroundEstimate { confidence, ..BackgroundEstimate::NOTHING };
+            let found = Surroundings {
+                sphere: Sphere { center: DVec3::ZERO, radius: 1.0 },
+                source: SphereSource::Cameras,
+                background,
+                backgrounds: vec![background; 3],
+                distant,
+            };
+            assert_eq!(BackgroundChoice::Volume.resolve(&found), BackgroundKind::Volume);
+            BackgroundChoice::Auto.resolve(&found)
+        };
+        assert_eq!(of(1.0, 0.0), BackgroundKind::Constant);
+        assert_eq!(of(0.0, 0.95), BackgroundKind::Direction);
+        assert_eq!(of(0.0, 0.85), BackgroundKind::Volume);
+    }
+}

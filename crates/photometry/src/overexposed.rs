@@ -5,8 +5,8 @@ use render::Camera;
 
 use crate::Level;
 
-/// Linear radiances that are overexposed: near white, the largest value of a photograph with 8 bits.
-/// Larger ones are in photographs of a high dynamic range, which are not clipped.
+/// Linear radiances that are overexposed: near white, the largest value of a photograph with 8
+/// bits. Larger ones are in photographs of a high dynamic range, which are not clipped.
 const OVEREXPOSED: std::ops::Range<f32> = 0.95..1.001;
 
 /// The cosine of the largest angle between the directions of two views that show a surface alike:

@@ -9,7 +9,7 @@ mod patch;
 mod photo;
 mod search;
 
-pub use carve::{PixelLoss, pushes};
+pub use carve::pushes;
 pub use choice::StereoChoice;
 pub use depth::{DepthMap, Stereo, View};
 pub use guide::{Guide, GuidedRay, guide};

@@ -2,7 +2,7 @@
 
 use estimate::record::PointAdjoint;
 use glam::Vec3;
-use stereo::{PixelLoss, pushes};
+use stereo::pushes;
 
 use super::chunk::Chunk;
 
@@ -14,15 +14,17 @@ const NEAR: f32 = 0.03;
 
 impl Chunk<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
-    /// its surface there, or it is overexposed. Each point has the number of its pixel.
+    /// its surface there, or it is overexposed. Each point has the number of its pixel. `losses`
+    /// has one loss for each pixel; pixels without a loss do not count.
     pub(super) fn carve(
         &mut self,
         points: impl Iterator<Item = (usize, Vec3)>,
-        losses: &[Option<PixelLoss>],
+        losses: &[Option<f32>],
     ) {
         let Some(depths) = self.batch.depths.filter(|_| self.batch.carves) else { return };
         let scene = &self.batch.scene;
-        let pushes = pushes(losses);
+        let counts = self.pixels.iter().map(|p| f32::from(p.count));
+        let pushes = pushes(losses.iter().copied().zip(counts));
         let (radius, near) = (scene.radius(), f64::from(NEAR * scene.radius()));
         for (pixel, x) in points.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
             let (view, at) = (self.pixels[pixel].view as usize, x.as_dvec3());

@@ -6,7 +6,6 @@ use estimate::{SilhouetteMask, Terms};
 use glam::Vec3;
 use random::{Purpose, Stream};
 use render::{InvalidField, Primary};
-use stereo::PixelLoss;
 
 use super::chunk::{Chunk, pixels_of};
 use photometry::Pixel;
@@ -23,12 +22,9 @@ impl Chunk<'_> {
     ) {
         let n = primary.samples.len();
         let (mut delta, mut losses) = (vec![Vec3::ZERO; n], vec![None; n]);
-        let mut opacities = vec![0.0; n];
-        primary.hits.iter().for_each(|hit| opacities[hit.sample] = 1.0);
         for (i, pixel) in self.pixels.iter().enumerate().filter(|(i, _)| !crossed[*i]) {
             let (adjoint, loss) = self.add_loss(primary.samples[i].radiance.into(), *pixel);
-            delta[i] = adjoint;
-            losses[i] = Some(PixelLoss { loss, count: pixel.count.into(), opacity: opacities[i] });
+            (delta[i], losses[i]) = (adjoint, Some(loss));
         }
         let hits = primary.hits.iter().map(|hit| hit.sample).zip(primary.surface.x.iter().copied());
         self.carve(hits.filter(|(i, _)| !crossed[*i]), &losses);

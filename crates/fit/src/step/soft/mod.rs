@@ -10,7 +10,6 @@ use glam::Vec3;
 use opacity::{Chord, ChordPoints, INTERVALS, POINTS, radiance, value_vjp, weights};
 use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, InvalidField, Sample, normals};
-use stereo::PixelLoss;
 use trace::HitAdjoint;
 
 use super::chunk::{Chunk, pixels_of};
@@ -144,12 +143,10 @@ impl Chunk<'_> {
             seen[sample] =
                 radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
         }
-        let pixels = self.pixels.iter().zip(&seen).zip(&last);
-        let (delta, losses): (Vec<Vec3>, Vec<Option<PixelLoss>>) = pixels
-            .map(|((p, seen), last)| {
-                let (adjoint, loss) = self.add_loss((*seen).into(), *p);
-                (adjoint, Some(PixelLoss { loss, count: p.count.into(), opacity: 1.0 - last }))
-            })
+        let pixels = self.pixels.iter().zip(&seen);
+        let (delta, losses): (Vec<Vec3>, Vec<Option<f32>>) = pixels
+            .map(|(p, seen)| self.add_loss((*seen).into(), *p))
+            .map(|(adjoint, loss)| (adjoint, Some(loss)))
             .unzip();
         self.add_color_adjoints(&rays, &colored, &delta, shader);
         self.add_opacity_adjoints(&rays, &colors, &background, &delta, sharpness);
