@@ -296,3 +296,17 @@ fn a_rate_that_overflows_with_the_factor_of_its_group_is_refused() {
     assert_eq!(error, OptimError::Rate { group: String::from("all"), value: f64::INFINITY });
     assert_eq!((p, adam.state().2), ([2.0], 0));
 }
+
+#[test]
+fn the_moments_of_a_parameter_without_a_gradient_end_at_zero() {
+    let mut adam = Adam::<f32>::new(2, vec![Group { beta2: 0.9, ..Group::new("all", 0..2) }]);
+    let mut p = [0.0; 2];
+    adam.step(&mut p, &[1e-3, -1e-3], 0.01).unwrap();
+    for _ in 0..2000 {
+        adam.step(&mut p, &[0.0, -1e-3], 0.01).unwrap();
+    }
+    let (first, second, _) = adam.state();
+    assert_eq!((first[0], second[0]), (0.0, 0.0));
+    assert_relative_eq!(first[1], -1e-3, max_relative = 1e-4);
+    assert_relative_eq!(second[1], 1e-6, max_relative = 1e-4);
+}

@@ -6,6 +6,9 @@ use rayon::prelude::*;
 /// small.
 const LANES: usize = 16;
 
+/// The length of the part of a sum that a thread adds up at a time.
+const PART: usize = 1 << 14;
+
 /// The sum of vectors of `length` numbers, to which `work` adds the part of each chunk 0..chunks.
 ///
 /// Chunks are dealt round-robin to 16 partial sums. Each partial sum is filled in the order of its
@@ -20,7 +23,7 @@ pub fn ordered_sum<R, T, E>(
     work: impl Fn(usize, &mut [R]) -> Result<T, E> + Sync,
 ) -> Result<(Vec<R>, Vec<T>), E>
 where
-    R: num_traits::Float + std::ops::AddAssign + Send,
+    R: num_traits::Float + std::ops::AddAssign + Send + Sync,
     T: Send,
     E: Send,
 {
@@ -34,15 +37,21 @@ where
             Ok((sum, values?))
         })
         .collect();
-    let mut total = vec![R::zero(); length];
-    let mut values = Vec::new();
+    let (mut sums, mut values) = (Vec::new(), Vec::new());
     for lane in lanes {
         let (sum, lane_values) = lane?;
-        for (total, part) in total.iter_mut().zip(sum) {
-            *total += part;
-        }
+        sums.push(sum);
         values.push(lane_values.into_iter());
     }
+    let mut sums = sums.into_iter();
+    let (mut total, others) = (sums.next().unwrap_or_else(|| vec![R::zero(); length]), sums);
+    let others: Vec<Vec<R>> = others.collect();
+    total.par_chunks_mut(PART).enumerate().for_each(|(number, total)| {
+        for sum in &others {
+            let part = &sum[number * PART..][..total.len()];
+            total.iter_mut().zip(part).for_each(|(total, part)| *total += *part);
+        }
+    });
     let ordered = (0..chunks).filter_map(|chunk| values[chunk % LANES].next()).collect();
     Ok((total, ordered))
 }
