@@ -21,6 +21,8 @@ pub(crate) struct Crossing<R: Real> {
     pub(crate) film_gradient: [R; 2],
     /// ΔL: the radiance inside the silhouette minus the radiance outside, linear RGB.
     pub(crate) contrast: R::Vec3,
+    /// The coverage inside minus the coverage outside: 1 in front of the background, else 0.
+    pub(crate) coverage: R,
     /// The surface at the silhouette, seen from inside.
     pub(crate) rim: Rim<R>,
     /// Whether the ray just outside meets a surface at a grazing angle.

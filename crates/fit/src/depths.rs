@@ -8,7 +8,7 @@ use stereo::{DepthMap, Guide, Stereo, View};
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 use crate::run::Fit;
 use crate::run_file::RunFile;
-use crate::schedule::{ends_depths, is_carving};
+use schedule::{ends_depths, is_carving};
 
 /// Pixels of photographs for each iteration of the budget: the search takes about a tenth of the
 /// fit's time. Larger photographs are searched at a half, a quarter or an eighth of their size, or

@@ -3,7 +3,7 @@
 use photometry::{Limit, downscale};
 
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
-use crate::schedule::FINEST_SHARE;
+use schedule::FINEST_SHARE;
 
 /// The assumed speed, in draws of pixels a second, for a budget of time. The speed of the machine
 /// itself would give other pixels on each machine.

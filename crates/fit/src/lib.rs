@@ -13,7 +13,6 @@ mod options;
 mod run;
 mod run_cameras;
 mod run_file;
-mod schedule;
 mod solid;
 mod step;
 

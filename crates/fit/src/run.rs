@@ -29,11 +29,11 @@ use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
 use crate::run_file::RunFile;
-use crate::schedule::{
-    background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
-};
 use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, Gradient, gradient};
+use schedule::{
+    background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
+};
 
 mod refinement;
 
@@ -48,7 +48,7 @@ const GAIN_RATE: f64 = 0.01;
 const LEVELS: usize = 4;
 
 /// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
-/// distance 1.05 and 1.01 (see the evidence in `schedule.rs`).
+/// distance 1.05 and 1.01 (see the evidence in the crate `schedule`).
 const NORM_SHARE: f32 = 0.05;
 
 /// The share of the largest step of a background's feature that smoothing by one neighbour undoes.

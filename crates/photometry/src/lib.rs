@@ -9,6 +9,7 @@ mod loss;
 mod masks;
 mod overexposed;
 mod pyramid;
+mod typical;
 
 pub use background::BackgroundModel;
 pub use background_choice::{BackgroundChoice, BackgroundKind};
@@ -18,3 +19,4 @@ pub use gains::{Gains, GainsError, as_exposed, gain_between, without_gains};
 pub use loss::{Target, photometric, squared_error};
 pub use masks::{MaskChoice, MaskUse, check_masks, put_over_black};
 pub use pyramid::{Level, Photograph, Pixel, pyramid};
+pub use typical::TypicalLosses;

@@ -4,7 +4,7 @@ use field::Real;
 use render::{Primary, Scene};
 
 use crate::adjoints::Adjoints;
-use crate::area::Area;
+use crate::area::{Area, Share};
 use crate::border::Border;
 use crate::pass::Pass;
 use crate::silhouettes::Silhouettes;
@@ -69,5 +69,26 @@ impl<R: Real> Record<R> {
             border.vjp(delta, pass, out);
         }
         self.silhouettes.vjp(scene, delta, out);
+    }
+
+    /// The coverage of every pixel from the same samples: the share of its area, weighted by the
+    /// filter, in which the object is visible.
+    pub fn coverage(&self) -> Vec<R> {
+        let mut coverage = vec![R::zero(); self.radiance.len()];
+        for area in &self.area {
+            for hit in &area.primary.hits {
+                let Share { pixel, weight } = area.shares[hit.sample];
+                coverage[pixel as usize] += weight;
+            }
+        }
+        coverage
+    }
+
+    /// VJP of θ ↦ the coverage of the pixels, by points of silhouettes. `delta` has one adjoint per
+    /// pixel. The cameras get no adjoint. See [`SilhouettePoint::coverage`] for the estimators.
+    ///
+    /// [`SilhouettePoint::coverage`]: crate::SilhouettePoint::coverage
+    pub fn coverage_vjp(&self, delta: &[R], out: &mut Adjoints<R>) {
+        self.silhouettes.coverage_vjp(delta, out);
     }
 }

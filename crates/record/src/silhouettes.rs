@@ -15,6 +15,9 @@ pub struct SilhouettePoint<R: Real> {
     /// −∂(pixel value)/∂f at the point: the increase of the pixel's value as f falls, linear RGB
     /// per world unit.
     pub rgb: R::Vec3,
+    /// −∂(coverage of the pixel)/∂f at the point, per world unit; zero where the object is on both
+    /// sides, and for estimators that do not tell.
+    pub coverage: R,
 }
 
 /// The silhouette points of a batch of pixels.
@@ -31,9 +34,9 @@ impl<R: Real> Default for Silhouettes<R> {
 }
 
 impl<R: Real> Silhouettes<R> {
-    /// Adds a point x at which −∂(value of `pixel`)/∂f is `rgb`.
+    /// Adds a point x at which −∂(value of `pixel`)/∂f is `rgb`, without the coverage.
     pub fn push(&mut self, pixel: u32, x: R::Vec3, rgb: R::Vec3) {
-        self.points.push(SilhouettePoint { pixel, x, rgb });
+        self.points.push(SilhouettePoint { pixel, x, rgb, coverage: R::zero() });
     }
 
     /// VJP of (θ; cameras) ↦ the silhouette terms of the pixel values.
@@ -49,6 +52,16 @@ impl<R: Real> Silhouettes<R> {
                 cameras.add_silhouette(scene, point.pixel, point.x, g, alpha(point));
             }
         }
+        self.add(alpha, out);
+    }
+
+    /// VJP of θ ↦ the coverage of the pixels.
+    pub(crate) fn coverage_vjp(&self, delta: &[R], out: &mut Adjoints<R>) {
+        self.add(|point| -delta[point.pixel as usize] * point.coverage, out);
+    }
+
+    /// Adds the points with these coefficients of f.
+    fn add(&self, alpha: impl Fn(&SilhouettePoint<R>) -> R, out: &mut Adjoints<R>) {
         for point in &self.points {
             let SilhouettePoint { pixel, x, .. } = *point;
             out.push(PointAdjoint { pixel, x, alpha: alpha(point), c: R::Vec3::zero() });

@@ -1,20 +1,20 @@
-//! The schedule of a fit: functions of the progress, the spent fraction of the budget.
+#![doc = include_str!("../README.md")]
 
 use optim::Schedule;
 
-// Evidence, here and for the other constants of this crate: one constant changed at a time, 1000
-// iterations on the demo's scene and on the stool of the sweeps (24 views of 128 × 128 pixels), two
-// seeds each, before fits had a soft surface. "Distance" is the geometric mean of the four Chamfer
-// distances, relative to that of the values in the code; its standard error is about 0.05. So a
-// value within 0.9 to 1.1 cannot be told apart from the chosen one. docs/rooms.md compares the soft
-// part, its sharpness, the levels and the octaves.
+// Evidence, here and for constants of the crates `fit` and `photometry` that refer to it: one
+// constant changed at a time, 1000 iterations on the demo's scene and on the stool of the sweeps
+// (24 views of 128 × 128 pixels), two seeds each, before fits had a soft surface. "Distance" is the
+// geometric mean of the four Chamfer distances, relative to that of the values in the code; its
+// standard error is about 0.05. So a value within 0.9 to 1.1 cannot be told apart from the chosen
+// one. docs/rooms.md compares the soft part, its sharpness, the levels and the octaves.
 
 /// The progress at which each finer level of the pyramid starts, the finest last: the shape must be
 /// fine while the surface is soft.
 const LEVEL_ENDS: [f64; 3] = [0.05, 0.12, 0.25];
 
 /// The share of the budget that is spent on the finest level.
-pub(crate) const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
+pub const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
 
 /// On the finest level, one draw stands for a group of this many certain background pixels: their
 /// rays miss by then, and have no gradient. Groups of 4 and 16: distance 0.97 and 0.95.
@@ -25,7 +25,7 @@ const BACKGROUND_GROUP: usize = 8;
 const COARSE_GROUP: usize = 4;
 
 /// The number of background pixels that one draw stands for.
-pub(crate) fn background_group(progress: f64) -> usize {
+pub fn background_group(progress: f64) -> usize {
     if progress >= LEVEL_ENDS[2] { BACKGROUND_GROUP } else { COARSE_GROUP }
 }
 
@@ -44,13 +44,13 @@ const FINAL_RATE: f64 = 0.03;
 const WARM_UP: f64 = 0.01;
 
 /// The level of a pyramid of `levels` levels: the coarsest at the start, 0 at the end.
-pub(crate) fn level(progress: f64, levels: usize) -> usize {
+pub fn level(progress: f64, levels: usize) -> usize {
     let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
     remaining.min(levels - 1)
 }
 
 /// The learning rate as a fraction of the largest: a short rise, then half a period of a cosine.
-pub(crate) fn learning_rate(progress: f64) -> f64 {
+pub fn learning_rate(progress: f64) -> f64 {
     Schedule::WarmUpCosine { warm_up: WARM_UP, last: FINAL_RATE }.fraction(progress)
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn learning_rate(progress: f64) -> f64 {
 ///
 /// The window of Park, Sinha, Barron, Bouaziz, Goldman, Seitz and Martin-Brualla, "Nerfies:
 /// Deformable Neural Radiance Fields", ICCV 2021.
-pub(crate) fn band_window(progress: f64, bands: usize) -> Vec<f32> {
+pub fn band_window(progress: f64, bands: usize) -> Vec<f32> {
     let on = FIRST_BANDS + (bands as f64 - FIRST_BANDS).max(0.0) * (progress / BANDS_ON).min(1.0);
     (0..bands)
         .map(|b| {
@@ -75,7 +75,7 @@ const SHARPNESS: [f64; 2] = [16.0, 200.0];
 
 /// The sharpness of the surface, per bounding radius, if it is soft for a share `soft` of the
 /// budget; `None` once it is sharp.
-pub(crate) fn sharpness(progress: f64, soft: f64) -> Option<f32> {
+pub fn sharpness(progress: f64, soft: f64) -> Option<f32> {
     let [from, to] = SHARPNESS;
     (progress < soft).then(|| (from * (to / from).powf(progress / soft)) as f32)
 }
@@ -89,7 +89,7 @@ pub(crate) fn sharpness(progress: f64, soft: f64) -> Option<f32> {
 const SOFT_BATCH: f64 = 0.6;
 
 /// The share of the batch that is drawn, if the surface is soft for a share `soft` of the budget.
-pub(crate) fn batch_share(progress: f64, soft: f64) -> f64 {
+pub fn batch_share(progress: f64, soft: f64) -> f64 {
     if progress < soft { SOFT_BATCH } else { 1.0 }
 }
 
@@ -102,7 +102,7 @@ const DIRECTION_RISE: f64 = 0.1;
 ///
 /// Radiance that depends on the direction could paint the background, as each camera sees it, on a
 /// soft sheet in front of the object.
-pub(crate) fn direction_weight(progress: f64, soft: f64) -> f32 {
+pub fn direction_weight(progress: f64, soft: f64) -> f32 {
     if soft > 0.0 { ((progress - soft) / DIRECTION_RISE).clamp(0.0, 1.0) as f32 } else { 1.0 }
 }
 
@@ -111,12 +111,12 @@ pub(crate) fn direction_weight(progress: f64, soft: f64) -> f32 {
 const CARVING: [f64; 2] = [0.4, 0.3];
 
 /// Whether surfaces that photographs contradict go back.
-pub(crate) fn is_carving(progress: f64, soft: f64) -> bool {
+pub fn is_carving(progress: f64, soft: f64) -> bool {
     progress >= CARVING[0] * soft && !ends_depths(progress, soft)
 }
 
 /// Whether depths are not used any more.
-pub(crate) fn ends_depths(progress: f64, soft: f64) -> bool {
+pub fn ends_depths(progress: f64, soft: f64) -> bool {
     progress >= soft + CARVING[1] * (1.0 - soft)
 }
 

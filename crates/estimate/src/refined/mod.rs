@@ -24,7 +24,7 @@ use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use creases::add_crease;
 use crossings::{Crossings, crossings};
 use face_changes::{FaceChanges, face_changes};
-use record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
+use record::{FilmLine, Record, SegmentEnd, SilhouettePoint, Stratification, add_smooth_part};
 use survey::{mark_corners, sample_unmarked};
 
 /// Area samples in pixels without silhouettes, and random lines on the film in the others.
@@ -187,13 +187,16 @@ fn silhouette_end<R: Real>(crossing: &Crossing<R>) -> SegmentEnd {
     }
 }
 
-/// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing.
+/// Adds ΔL |n_axis|/|∇_u m|, times the weight of the line, at the points of a crossing, and the
+/// same of the coverage.
 fn add_crossing<R: Real>(line: &FilmLine, crossing: &Crossing<R>, record: &mut Record<R>) {
     let [x, y] = crossing.film_gradient;
     let square = (x * x + y * y).max(R::min_positive_value());
     let share = R::of(line.share);
-    let rgb = crossing.contrast * (crossing.film_gradient[line.axis].abs() / square * share);
-    for (point, weight) in crossing.points.into_iter().zip(crossing.weights) {
-        record.silhouettes.push(line.pixel, point, rgb * weight);
+    let speed = crossing.film_gradient[line.axis].abs() / square * share;
+    let (rgb, coverage) = (crossing.contrast * speed, crossing.coverage * speed);
+    for (x, weight) in crossing.points.into_iter().zip(crossing.weights) {
+        let (rgb, coverage) = (rgb * weight, coverage * weight);
+        record.silhouettes.points.push(SilhouettePoint { pixel: line.pixel, x, rgb, coverage });
     }
 }

@@ -84,6 +84,7 @@ pub(super) fn visible<R: Real>(
             weights: tangency.weights,
             film_gradient: du.map(|du| tangency.gradient.dot(R::Vec3::of(du)) * tangency.t),
             contrast: -outside.samples[i].radiance,
+            coverage: if depth.is_finite() { R::zero() } else { R::one() },
             rim: Rim {
                 t: tangency.t,
                 x: point,

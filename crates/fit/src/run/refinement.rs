@@ -166,7 +166,7 @@ impl Fit {
     }
 
     fn trial_pixels(&self, draws: std::ops::Range<u64>, stream: Stream) -> Vec<Pixel> {
-        let every = crate::schedule::background_group(1.0);
+        let every = schedule::background_group(1.0);
         draws.map(|i| self.levels[0].draw(i, every, stream)).collect()
     }
 

@@ -92,10 +92,10 @@ fn add_terms(
     chunk.stats.pixels += pixels_of(chunk.pixels);
     let crossed = near_silhouettes(&chunk.batch.scene, &primary, SilhouetteMargin::LARGE);
     chunk.add_eikonal(&chunk.hit_points(&primary));
-    chunk.add_smooth_pixels(primary, &crossed, shader, background);
+    let typical = chunk.add_smooth_pixels(primary, &crossed, shader, background);
     let edge: Vec<Pixel> =
         chunk.pixels.iter().zip(&crossed).filter(|(_, c)| **c).map(|(p, _)| *p).collect();
-    chunk.add_silhouette_pixels(&edge, shader, background)
+    chunk.add_silhouette_pixels(&edge, typical, shader, background)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 mod agreement;
 mod cameras;
+mod coverage;
 mod extremes;
 mod families;
 mod far;
