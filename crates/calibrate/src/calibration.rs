@@ -50,18 +50,18 @@ pub struct Correction {
 /// All parameters are in pixels: a change by 1 moves an image by about one pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
-    given: Vec<Camera>,
+    pub(crate) given: Vec<Camera>,
     sphere: Sphere<f64>,
-    freedom: Freedom,
+    pub(crate) freedom: Freedom,
     /// The lens of each view.
-    lens_of: Vec<usize>,
+    pub(crate) lens_of: Vec<usize>,
     /// The first view of each lens.
-    lenses: Vec<usize>,
+    pub(crate) lenses: Vec<usize>,
     /// The poses of all views, then the lenses, in pixels.
-    parameters: Vec<f64>,
+    pub(crate) parameters: Vec<f64>,
     /// World units, radians, … per pixel.
-    units: Vec<f64>,
-    gauge: Gauge,
+    pub(crate) units: Vec<f64>,
+    pub(crate) gauge: Gauge,
     adam: Adam<f64>,
 }
 
@@ -93,15 +93,26 @@ impl Calibration {
 
     /// The corrected form of `base`, the camera of a view at some size.
     pub fn apply(&self, view: usize, base: &Camera) -> Camera {
-        let (turn, shift) = self.pose(view);
-        let [log_focal, x, y, k1, k2] = self.lens(self.lens_of[view]);
-        let turn = DQuat::from_scaled_axis(turn);
+        let pose = self.values(OF_POSE * view);
+        self.moved(view, base, pose, self.lens(self.lens_of[view]))
+    }
+
+    /// The form of `base`, the camera of a view at some size, with these corrections of the pose
+    /// and the lens, in their own units.
+    pub(crate) fn moved(
+        &self,
+        view: usize,
+        base: &Camera,
+        [a, b, c, shift @ ..]: [f64; OF_POSE],
+        [log_focal, x, y, k1, k2]: [f64; OF_LENS],
+    ) -> Camera {
+        let turn = DQuat::from_scaled_axis(DVec3::new(a, b, c));
         let [right, up, forward] = [base.right, base.up, base.forward].map(|v| turn * v);
         Camera {
             right,
             up,
             forward,
-            eye: base.eye + shift,
+            eye: base.eye + DVec3::from(shift),
             focal: base.focal * log_focal.exp(),
             principal: base.principal + DVec2::new(x, y) * self.scale(view, base),
             radial: base.radial + DVec2::new(k1, k2),
@@ -190,16 +201,16 @@ impl Calibration {
         (DVec3::new(a, b, c), DVec3::new(x, y, z))
     }
 
-    fn lens(&self, lens: usize) -> [f64; OF_LENS] {
+    pub(crate) fn lens(&self, lens: usize) -> [f64; OF_LENS] {
         self.values(self.first_of_lens(lens))
     }
 
-    fn first_of_lens(&self, lens: usize) -> usize {
+    pub(crate) fn first_of_lens(&self, lens: usize) -> usize {
         OF_POSE * self.given.len() + OF_LENS * lens
     }
 
     /// N parameters in their own units.
-    fn values<const N: usize>(&self, first: usize) -> [f64; N] {
+    pub(crate) fn values<const N: usize>(&self, first: usize) -> [f64; N] {
         std::array::from_fn(|i| self.parameters[first + i] * self.units[first + i])
     }
 
@@ -221,6 +232,13 @@ impl Calibration {
             Correction { degrees: turn.length().to_degrees(), shift: shift.to_array(), pixels }
         };
         self.given.iter().zip(&cameras).enumerate().map(of_view).collect()
+    }
+
+    /// The median motion of the image of the bounding sphere's centre, in pixels.
+    pub(crate) fn median_pixels(&self) -> f64 {
+        let mut pixels: Vec<f64> = self.corrections().iter().map(|c| c.pixels).collect();
+        pixels.sort_by(f64::total_cmp);
+        pixels[pixels.len() / 2]
     }
 
     /// The parameters, the running means of the gradient and of its square, and the number of

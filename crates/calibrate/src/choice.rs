@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Freedom, Trial};
+use crate::{Freedom, Matching, Trial};
 
 /// The cameras that a fit refines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -10,7 +10,7 @@ use crate::{Freedom, Trial};
 pub enum RefineCameras {
     /// The cameras stay as given
     None,
-    /// Poses are refined if that explains the photographs better
+    /// Poses, and focal lengths by places of points, if that explains the photographs better
     #[default]
     Auto,
     /// The rotation and the position of each view
@@ -38,6 +38,8 @@ impl RefineCameras {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum CameraDecision {
+    /// By places of points, before the fit.
+    Matching(Matching),
     /// By a trial.
     Trial(Trial),
     /// The cameras stay as given: the fit has too few iterations for a trial.
@@ -53,6 +55,7 @@ impl CameraDecision {
     /// The decision in one line.
     pub fn text(&self) -> String {
         match self {
+            CameraDecision::Matching(matching) => matching.text(),
             CameraDecision::Trial(trial) => trial.text(),
             CameraDecision::TooShort { iterations, least } => format!(
                 "cameras: kept as given, without a trial: it needs {least} iterations before it, \

@@ -1,15 +1,20 @@
 #![doc = include_str!("../README.md")]
 
+mod bundle;
 mod calibration;
 mod choice;
 mod freedom;
 mod gauge;
+mod matching;
+mod solve;
 mod trial;
 mod units;
 
+pub use bundle::{Observation, Residuals, Track};
 pub use calibration::{Calibration, CalibrationError, Correction};
 pub use choice::{CameraDecision, RefineCameras};
 pub use freedom::Freedom;
+pub use matching::Matching;
 pub use trial::Trial;
 
 #[cfg(test)]

@@ -36,10 +36,8 @@ impl Trial {
         let fall = given - refined;
         let variance = falls.iter().map(|f| (f - fall) * (f - fall)).sum::<f64>() / n;
         let noise = (variance / (n - 1.0).max(1.0)).sqrt();
-        let mut pixels: Vec<f64> = calibration.corrections().iter().map(|c| c.pixels).collect();
-        pixels.sort_by(f64::total_cmp);
         let is_kept = fall > ERRORS * noise && fall > LEAST_FALL * given;
-        Trial { given, refined, noise, pixels: pixels[pixels.len() / 2], is_kept }
+        Trial { given, refined, noise, pixels: calibration.median_pixels(), is_kept }
     }
 
     /// The result in one line.

@@ -10,7 +10,7 @@ use crate::freedom::{OF_LENS, OF_POSE};
 const NEAREST: f64 = 0.1;
 
 /// Half of the frame's longer side, in pixels.
-fn half_frame(camera: &Camera) -> f64 {
+pub(crate) fn half_frame(camera: &Camera) -> f64 {
     0.5 * f64::from(camera.width.max(camera.height))
 }
 

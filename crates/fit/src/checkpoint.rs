@@ -65,6 +65,8 @@ pub(crate) enum Refinement {
     Given,
     /// The cameras are refined: the parameters of their calibration.
     Refined(Optimised),
+    /// The cameras were adjusted before the fit and stay: the same parameters.
+    Adjusted(Optimised),
 }
 
 /// The name of the tensor of [`Refinement::Refined`], and of the metadata entry of the refinement.
@@ -113,6 +115,7 @@ impl State {
             Refinement::Undecided => ("undecided", None),
             Refinement::Given => ("given", None),
             Refinement::Refined(cameras) => ("refined", Some(cameras)),
+            Refinement::Adjusted(cameras) => ("adjusted", Some(cameras)),
         };
         metadata.insert(CAMERAS.to_owned(), word.to_owned());
         for (name, optimised) in [(CAMERAS, cameras), (EXPOSURES, self.exposures.as_ref())] {
@@ -195,11 +198,15 @@ fn read_refinement(
     metadata: &HashMap<String, String>,
     tensors: &SafeTensors<'_>,
 ) -> Result<Refinement, InputError> {
+    let cameras = || read_optimised(path, CAMERAS, metadata, tensors);
     match metadata.get(CAMERAS).map_or("nothing", String::as_str) {
         "undecided" => Ok(Refinement::Undecided),
         "given" => Ok(Refinement::Given),
-        "refined" => Ok(Refinement::Refined(read_optimised(path, CAMERAS, metadata, tensors)?)),
-        other => Err(InputError::new(path, CAMERAS, other, "undecided, given or refined")),
+        "refined" => Ok(Refinement::Refined(cameras()?)),
+        "adjusted" => Ok(Refinement::Adjusted(cameras()?)),
+        other => {
+            Err(InputError::new(path, CAMERAS, other, "undecided, given, refined or adjusted"))
+        }
     }
 }
 

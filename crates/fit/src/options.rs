@@ -43,7 +43,8 @@ pub struct FitOptions {
     /// Model for the background
     #[arg(long, value_enum, default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
-    /// Refinement of the cameras in the second half of the budget
+    /// Refinement of the cameras: by places of points before the fit, or by the loss in its second
+    /// half
     #[arg(long, value_enum, default_value_t = Self::default().refine_cameras)]
     pub refine_cameras: RefineCameras,
     /// Model for the exposures of the photographs

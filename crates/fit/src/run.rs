@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use background::Volume;
-use calibrate::Calibration;
+use calibrate::{Calibration, CameraDecision};
 use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -35,6 +35,7 @@ use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
+mod matching;
 mod refinement;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
@@ -92,9 +93,13 @@ pub struct Fit {
     /// The exposures of the photographs, if they are fitted.
     gains: Option<Gains>,
     /// The corrections of the cameras, once these are refined.
-    calibration: Option<Calibration>,
+    pub(crate) calibration: Option<Calibration>,
+    /// Whether the corrections were found before the fit and stay.
+    cameras_are_fixed: bool,
+    /// The decision about the cameras that was made before the next iteration.
+    decision: Option<CameraDecision>,
     /// Whether it is decided if cameras are refined.
-    refinement_decided: bool,
+    pub(crate) refinement_decided: bool,
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// Wall time of all sessions, in seconds.
@@ -160,6 +165,8 @@ impl Fit {
             colors,
             gains,
             calibration: None,
+            cameras_are_fixed: false,
+            decision: None,
             refinement_decided: false,
             adam,
             parameters,
@@ -280,7 +287,7 @@ impl Fit {
             Volume::smooth(&mut self.parameters[shape..], step as f32);
         }
         self.model.set_parameters(&self.parameters);
-        if let Some(calibration) = &mut self.calibration {
+        if let Some(calibration) = self.calibration.as_mut().filter(|_| !self.cameras_are_fixed) {
             calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;
         }
         if let Some(own) = &mut self.gains {
@@ -327,7 +334,7 @@ impl Fit {
             pixels,
             pixel_count,
             trains_background: self.file.background_kind.is_trained(),
-            refines_cameras: calibration.is_some(),
+            refines_cameras: calibration.is_some() && !self.cameras_are_fixed,
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             gains: &factors,
             eikonal: options.eikonal as f32,

@@ -4,7 +4,7 @@ use crate::photo::Photo;
 use crate::search::{Found, middle};
 
 /// The largest cost of a plane that counts: a correlation of 0.7.
-const LARGEST_COST: f32 = 0.3;
+pub(crate) const LARGEST_COST: f32 = 0.3;
 
 /// The photographs that must agree with a depth.
 const AGREEING: usize = 2;

@@ -17,7 +17,7 @@ use crate::search::{Found, Search};
 const ANGLES: [f32; 2] = [3.0, 60.0];
 
 /// The photographs that are compared with a depth.
-const COMPARED: usize = 10;
+pub(crate) const COMPARED: usize = 10;
 
 /// A photograph with its camera, which must have no radial distortion.
 #[derive(Clone, Copy)]
@@ -67,11 +67,11 @@ impl DepthMap {
 ///
 /// The same seed gives the same bits on any number of threads.
 pub struct Stereo {
-    photos: Vec<Photo>,
+    pub(crate) photos: Vec<Photo>,
     ball: Sphere<f32>,
     stream: Stream,
     /// The planes of the photographs that were searched.
-    found: Vec<Vec<Option<Found>>>,
+    pub(crate) found: Vec<Vec<Option<Found>>>,
 }
 
 impl Stereo {
@@ -116,7 +116,7 @@ impl Stereo {
 
     /// The photographs whose cameras are nearest to that of `own` by angle, without those that are
     /// too near or too far.
-    fn nearest(&self, own: usize, count: usize) -> Vec<usize> {
+    pub(crate) fn nearest(&self, own: usize, count: usize) -> Vec<usize> {
         let direction = |i: usize| (self.photos[i].eye - self.ball.center).normalize_or_zero();
         let angle = |i: usize| direction(own).angle_between(direction(i)).to_degrees();
         let others = (0..self.photos.len()).filter(|i| *i != own).map(|i| (angle(i), i));

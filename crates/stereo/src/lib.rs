@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod align;
 mod carve;
 mod check;
 mod choice;
@@ -8,8 +9,10 @@ mod guide;
 mod patch;
 mod photo;
 mod search;
+mod tracks;
 
 pub use carve::pushes;
 pub use choice::StereoChoice;
 pub use depth::{DepthMap, Stereo, View};
 pub use guide::{Guide, GuidedRay, guide};
+pub use tracks::Places;

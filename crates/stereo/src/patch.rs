@@ -73,18 +73,21 @@ pub(crate) struct Patch {
     variance: f32,
 }
 
-/// Whether the patch around a pixel with one more pixel leaves the film, or has a pattern in one
-/// direction only, or none.
+/// The structure tensor of a patch: sums of products of differences of grey values.
 ///
-/// The outline of a smooth solid is another curve of its surface in each photograph. A comparison
-/// of photographs puts it behind the surface, and other photographs agree.
-///
-/// The structure tensor of Harris and Stephens, "A Combined Corner and Edge Detector", Alvey Vision
-/// Conference 1988.
-pub(crate) fn is_ambiguous(photo: &Photo, x: usize, y: usize) -> bool {
+/// Harris and Stephens, "A Combined Corner and Edge Detector", Alvey Vision Conference 1988.
+pub(crate) struct Pattern {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+}
+
+/// The pattern of the patch around a pixel; `None` if the patch with one more pixel leaves the
+/// film.
+pub(crate) fn pattern(photo: &Photo, x: usize, y: usize) -> Option<Pattern> {
     let reach = HALF as usize + 1;
     if x < reach || y < reach || x + reach >= photo.width || y + reach >= photo.height {
-        return true;
+        return None;
     }
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for y in y + 1 - reach..y + reach {
@@ -94,7 +97,23 @@ pub(crate) fn is_ambiguous(photo: &Photo, x: usize, y: usize) -> bool {
             (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
         }
     }
-    4.0 * (xx * yy - xy * xy) <= LEAST_ACROSS * (xx + yy).powi(2)
+    Some(Pattern { xx, xy, yy })
+}
+
+impl Pattern {
+    /// Whether it has one direction only, or is none.
+    ///
+    /// The outline of a smooth solid is another curve of its surface in each photograph. A
+    /// comparison of photographs puts it behind the surface, and other photographs agree.
+    pub(crate) fn is_ambiguous(&self) -> bool {
+        4.0 * (self.xx * self.yy - self.xy * self.xy) <= LEAST_ACROSS * (self.xx + self.yy).powi(2)
+    }
+
+    /// The strength across its main direction: det/trace, about the smaller eigenvalue.
+    pub(crate) fn across(&self) -> f32 {
+        let trace = (self.xx + self.yy).max(f32::MIN_POSITIVE);
+        (self.xx * self.yy - self.xy * self.xy) / trace
+    }
 }
 
 impl Patch {

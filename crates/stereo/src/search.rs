@@ -10,7 +10,7 @@ use field::Sphere;
 use glam::{Vec2, Vec3};
 use random::Stream;
 
-use crate::patch::{Patch, Plane, WORST, is_ambiguous};
+use crate::patch::{Patch, Plane, WORST, pattern};
 use crate::photo::Photo;
 
 /// Random planes of a pixel at the start.
@@ -69,7 +69,7 @@ impl<'a> Search<'a> {
         let (width, height) = (photo.width, photo.height);
         let range = |x, y| {
             let found = range(photo, ball, photo.ray(middle(x, y)))?;
-            (!is_ambiguous(photo, x, y)).then_some(found)
+            pattern(photo, x, y).filter(|pattern| !pattern.is_ambiguous()).map(|_| found)
         };
         let ranges = (0..width * height).map(|i| range(i % width, i / width)).collect();
         let found = vec![None; width * height];

@@ -38,6 +38,9 @@ impl Fit {
     /// Starts the refinement of the cameras once it is time. Returns the decision, if it was open
     /// and was made now.
     pub(super) fn start_refinement(&mut self) -> anyhow::Result<Option<CameraDecision>> {
+        if let Some(decision) = self.decision.take() {
+            return Ok(Some(decision));
+        }
         let options = &self.file.options;
         let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
         let is_time = self.progress() >= options.soft + (1.0 - options.soft) * AFTER_SOFT;
@@ -66,7 +69,11 @@ impl Fit {
     /// The state of the refinement, for a checkpoint.
     pub(super) fn refinement(&self) -> Refinement {
         match &self.calibration {
-            Some(calibration) => Refinement::Refined(Optimised::new(calibration.state())),
+            Some(calibration) => {
+                let state = Optimised::new(calibration.state());
+                let is_fixed = self.cameras_are_fixed;
+                if is_fixed { Refinement::Adjusted(state) } else { Refinement::Refined(state) }
+            }
             None if self.refinement_decided => Refinement::Given,
             None => Refinement::Undecided,
         }
@@ -75,12 +82,16 @@ impl Fit {
     /// Restores the state of a checkpoint.
     pub(super) fn restore_refinement(&mut self, state: Refinement) -> anyhow::Result<()> {
         self.refinement_decided = state != Refinement::Undecided;
-        if let Refinement::Refined(cameras) = state {
+        self.cameras_are_fixed = matches!(state, Refinement::Adjusted(_));
+        if let Refinement::Refined(cameras) | Refinement::Adjusted(cameras) = state {
             let path = super::checkpoint_path(&self.folder);
             let wrong = |found: &dyn std::fmt::Display, expected: &str| {
                 InputError::new(&path, "cameras", found, expected)
             };
-            let Some(freedom) = self.file.options.refine_cameras.freedom() else {
+            let is_fixed = self.cameras_are_fixed;
+            let by_loss = self.file.options.refine_cameras.freedom();
+            let freedom = if is_fixed { self.freedom_by_places() } else { by_loss };
+            let Some(freedom) = freedom else {
                 return Err(wrong(&"refined", "given, by refine_cameras of fit.toml").into());
             };
             let mut calibration = calibration(&self.dataset.train, self.file.sphere(), freedom);

@@ -1,0 +1,239 @@
+//! Bundle adjustment: cameras and points together, from the places where photographs show points.
+//!
+//! Triggs, McLauchlan, Hartley and Fitzgibbon, "Bundle Adjustment: A Modern Synthesis", 1999:
+//! damped Gauss-Newton steps on robust residuals, in which the points are eliminated.
+
+use glam::{DMat3, DVec2, DVec3};
+use render::Camera;
+
+use crate::Calibration;
+use crate::freedom::{OF_LENS, OF_POSE};
+use crate::solve::{Row, System};
+use crate::units::half_frame;
+
+/// The place of a point in a photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// The view.
+    pub view: usize,
+    /// The place, in pixels of the film of the given camera.
+    pub u: DVec2,
+}
+
+/// The places of one point in two photographs or more.
+pub type Track = Vec<Observation>;
+
+/// The result of an adjustment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residuals {
+    /// The number of observations whose points are in front of their cameras.
+    pub observations: usize,
+    /// The median distance of an observation from the image of its point, in pixels.
+    pub median: f64,
+}
+
+/// The residuals, in pixels, from which on observations lose weight: large at first, so that wrong
+/// cameras are not taken for wrong observations.
+const SCALES: [f64; 6] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12];
+
+/// Steps with each of them.
+const STEPS: usize = 10;
+
+/// A step that lowers the cost by less than this share of it is the last with its scale.
+const LEAST_FALL: f64 = 1e-5;
+
+/// The damping of the first step, relative to the curvature of each parameter.
+const DAMPING: f64 = 1e-4;
+
+/// The largest damping. A step that is still refused is the last.
+const MOST_DAMPING: f64 = 1e4;
+
+/// The standard deviation of an observation, in pixels, which the prior is compared with.
+const PLACE: f64 = 0.05;
+
+/// The standard deviation of the prior of a pose: about a degree, and a fiftieth of the distance.
+const POSE: f64 = 0.02;
+
+/// The standard deviation of the prior of a lens, as a share of half of the frame.
+const LENS: f64 = 0.05;
+
+/// The change of a parameter over which derivatives are taken, in pixels.
+const CHANGE: f64 = 1e-4;
+
+impl Calibration {
+    /// Moves the free parameters to where the images of points lie on their observations, and
+    /// returns the residuals. The points are found on the way. Without a free parameter, the
+    /// residuals are those of the best points.
+    ///
+    /// Observations weigh by Cauchy's function of their residuals, so wrong ones count little. A
+    /// weak prior holds the parameters to zero.
+    ///
+    /// # Panics
+    /// If a track names a view that is not there.
+    pub fn adjust(&mut self, tracks: &[Track]) -> Residuals {
+        let mut points: Vec<Option<DVec3>> = tracks.iter().map(|t| self.triangulated(t)).collect();
+        for scale in SCALES {
+            let mut damping = DAMPING;
+            let mut cost = self.cost(tracks, &points, scale);
+            for _ in 0..STEPS {
+                let system = self.system(tracks, &points, scale);
+                let before = cost;
+                while damping <= MOST_DAMPING {
+                    let (step, of_points) = system.step(damping);
+                    let mut moved = self.clone();
+                    moved.parameters.iter_mut().zip(&step).for_each(|(p, s)| *p += s);
+                    let shifted = |(x, s): (&Option<DVec3>, &DVec3)| x.map(|x| x + *s);
+                    let next: Vec<_> = points.iter().zip(&of_points).map(shifted).collect();
+                    let new = moved.cost(tracks, &next, scale);
+                    if new < cost {
+                        (cost, points, damping) = (new, next, damping * 0.1);
+                        *self = moved;
+                        break;
+                    }
+                    damping *= 10.0;
+                }
+                if before - cost <= LEAST_FALL * before {
+                    break;
+                }
+            }
+        }
+        let residuals = self.residuals(tracks, &points);
+        if self.freedom.poses {
+            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
+        }
+        residuals
+    }
+
+    /// The point that is nearest to the rays of a track; `None` if they are nearly parallel.
+    fn triangulated(&self, track: &Track) -> Option<DVec3> {
+        let (mut sum, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        for Observation { view, u } in track {
+            let camera = self.apply(*view, &self.given[*view]);
+            let d = camera.direction(*u);
+            let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+            sum += across;
+            right += across * camera.eye;
+        }
+        // For two rays at the angle a, the determinant is about 2 sin² a.
+        (sum.determinant() > 1e-4).then(|| sum.inverse() * right)
+    }
+
+    /// The residuals of all observations, with the numbers of their tracks.
+    fn differences<'a>(
+        &'a self,
+        tracks: &'a [Track],
+        points: &'a [Option<DVec3>],
+    ) -> impl Iterator<Item = DVec2> + 'a {
+        let cameras = self.cameras();
+        let known = tracks.iter().zip(points).filter_map(|(track, x)| Some((track, (*x)?)));
+        known.flat_map(move |(track, x)| {
+            let seen = |o: &Observation| Some(cameras[o.view].project(x)? - o.u);
+            track.iter().filter_map(seen).collect::<Vec<_>>()
+        })
+    }
+
+    fn residuals(&self, tracks: &[Track], points: &[Option<DVec3>]) -> Residuals {
+        let mut all: Vec<f64> = self.differences(tracks, points).map(DVec2::length).collect();
+        all.sort_by(f64::total_cmp);
+        let median = all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY);
+        Residuals { observations: all.len(), median }
+    }
+
+    /// The robust cost with its prior. Points behind a camera count as if far off.
+    fn cost(&self, tracks: &[Track], points: &[Option<DVec3>], scale: f64) -> f64 {
+        let cameras = self.cameras();
+        let square = scale * scale;
+        let far = 1e4f64;
+        let known = tracks.iter().zip(points).filter_map(|(track, x)| Some((track, (*x)?)));
+        let of_track = |(track, x): (&Track, DVec3)| -> f64 {
+            let off = |o: &Observation| {
+                cameras[o.view].project(x).map_or(far, |u| (u - o.u).length().min(far))
+            };
+            track.iter().map(|o| 0.5 * square * (off(o).powi(2) / square).ln_1p()).sum()
+        };
+        let prior = self.parameters.iter().zip(self.prior()).map(|(p, w)| 0.5 * w * p * p);
+        known.map(of_track).sum::<f64>() + prior.sum::<f64>()
+    }
+
+    /// The weight of the prior of each parameter, per square pixel.
+    fn prior(&self) -> Vec<f64> {
+        let pose =
+            |camera: &Camera| [(PLACE / (POSE * camera.focal.max_element())).powi(2); OF_POSE];
+        let lens = |first: &usize| {
+            let camera = &self.given[*first];
+            [(PLACE / (LENS * half_frame(camera))).powi(2); OF_LENS]
+        };
+        let poses = self.given.iter().flat_map(pose);
+        poses.chain(self.lenses.iter().flat_map(lens)).collect()
+    }
+
+    /// The numbers of the free parameters of a view, each with its cameras before and after.
+    fn around(&self, view: usize) -> Vec<(usize, [Camera; 2])> {
+        let (first, of_lens) = (OF_POSE * view, self.first_of_lens(self.lens_of[view]));
+        let (pose, lens) = (self.values(first), self.lens(self.lens_of[view]));
+        let pair = |number: usize, change: &dyn Fn(f64) -> Camera| {
+            let size = CHANGE * self.units[number];
+            (number, [-size, size].map(change))
+        };
+        let base = &self.given[view];
+        let of_pose = (0..if self.freedom.poses { OF_POSE } else { 0 }).map(|i| {
+            pair(first + i, &|size| {
+                let mut pose = pose;
+                pose[i] += size;
+                self.moved(view, base, pose, lens)
+            })
+        });
+        let of_lens = self.freedom.of_lens().map(|i| {
+            pair(of_lens + i, &|size| {
+                let mut lens = lens;
+                lens[i] += size;
+                self.moved(view, base, pose, lens)
+            })
+        });
+        of_pose.chain(of_lens).collect()
+    }
+
+    /// The linear system of a step.
+    fn system(&self, tracks: &[Track], points: &[Option<DVec3>], scale: f64) -> System {
+        // The free parameters of each view, with its cameras on both sides of a change of each.
+        let around: Vec<Vec<(usize, [Camera; 2])>> =
+            (0..self.given.len()).map(|view| self.around(view)).collect();
+        let cameras = self.cameras();
+        let mut rows = Vec::new();
+        for (point, (track, x)) in tracks.iter().zip(points).enumerate() {
+            let Some(x) = *x else { continue };
+            for Observation { view, u } in track {
+                let camera = &cameras[*view];
+                let Some(seen) = camera.project(x) else { continue };
+                let residual = seen - *u;
+                // A point moves by about a tenth of a thousandth of a pixel.
+                let step = CHANGE * (x - camera.eye).length() * camera.pixel_angle();
+                let slope = |a: Option<DVec2>, b: Option<DVec2>, step: f64| {
+                    a.zip(b).map_or(DVec2::ZERO, |(a, b)| (b - a) / (2.0 * step))
+                };
+                let by_point = DVec3::AXES.map(|axis| {
+                    let [a, b] = [-step, step].map(|step| camera.project(x + axis * step));
+                    slope(a, b, step)
+                });
+                let by_camera = around[*view]
+                    .iter()
+                    .map(|(number, [a, b])| (*number, slope(a.project(x), b.project(x), CHANGE)));
+                let weight = 1.0 / (1.0 + residual.length_squared() / (scale * scale));
+                rows.push(Row {
+                    point,
+                    residual,
+                    weight,
+                    by_point,
+                    by_camera: by_camera.collect(),
+                });
+            }
+        }
+        let priors = self.prior();
+        let pull = priors.iter().zip(&self.parameters).map(|(w, p)| w * p).collect();
+        System::new(rows, points.len(), priors, pull)
+    }
+}
+
+#[cfg(test)]
+#[path = "bundle_tests.rs"]
+mod tests;

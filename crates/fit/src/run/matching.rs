@@ -1,0 +1,64 @@
+//! Cameras that are adjusted before the fit, from places of the same points in the photographs.
+
+use calibrate::{
+    Calibration, CameraDecision, Freedom, Matching, Observation, RefineCameras, Track,
+};
+use glam::DVec2;
+use stereo::Places;
+
+use super::Fit;
+use crate::cameras::calibration;
+
+/// The least number of places for each view. With fewer, a trial decides later.
+const LEAST_PLACES: usize = 40;
+
+impl Fit {
+    /// The parameters of cameras that places can adjust. Places fix focal lengths well, unlike the
+    /// photometric loss.
+    pub(crate) fn freedom_by_places(&self) -> Option<Freedom> {
+        let choice = self.file.options.refine_cameras;
+        let freedom = choice.freedom()?;
+        Some(Freedom { focal: freedom.focal || choice == RefineCameras::Auto, ..freedom })
+    }
+
+    /// The cameras that are adjusted to places of points in the photographs of a level of the
+    /// pyramid, and how much better they are. `None` if cameras are not refined, or if there are
+    /// too few places.
+    pub(crate) fn match_cameras(
+        &self,
+        level: usize,
+        places: Vec<Places>,
+    ) -> Option<(Calibration, Matching)> {
+        let freedom = self.freedom_by_places()?;
+        let scale = 2f64.powi(level as i32);
+        let photographs = &self.levels[level].photographs;
+        let observation = |(view, u): (usize, DVec2)| {
+            let is_used = photographs[view].is_used(u.x as u32, u.y as u32);
+            is_used.then_some(Observation { view, u: u * scale })
+        };
+        let track = |places: Places| places.into_iter().filter_map(observation).collect();
+        let tracks: Vec<Track> = places.into_iter().map(track).collect();
+        let count = tracks.iter().map(Vec::len).sum::<usize>();
+        if count < LEAST_PLACES * self.dataset.train.len() {
+            return None;
+        }
+        let start = |freedom| calibration(&self.dataset.train, self.file.sphere(), freedom);
+        let fixed = Freedom { poses: false, focal: false, lens: false };
+        let given = start(fixed).adjust(&tracks);
+        let mut adjusted = start(freedom);
+        let refined = adjusted.adjust(&tracks);
+        let matching = Matching::of(given, refined, &adjusted);
+        Some((adjusted, matching))
+    }
+
+    /// Takes the adjusted cameras if they are kept. If they are not, cameras are refined by the
+    /// loss only if that was asked for.
+    pub(crate) fn decide_cameras(&mut self, adjusted: Calibration, matching: Matching) {
+        let is_asked = self.file.options.refine_cameras != RefineCameras::Auto;
+        if matching.is_kept {
+            (self.calibration, self.cameras_are_fixed) = (Some(adjusted), true);
+        }
+        self.refinement_decided = matching.is_kept || !is_asked;
+        self.decision = self.refinement_decided.then_some(CameraDecision::Matching(matching));
+    }
+}
