@@ -55,7 +55,8 @@ fn tracks(noise: f64) -> Vec<Track> {
     (0..300).map(track).filter(|track: &Track| track.len() > 1).collect()
 }
 
-/// The mean angle, in degrees, between the relative rotations of pairs of cameras and the true ones.
+/// The mean angle, in degrees, between the rotations from the first camera to the others and the
+/// true ones.
 fn rotation_error(cameras: &[Camera]) -> f64 {
     let turn = |a: &Camera, b: &Camera| {
         let pose = |c: &Camera| DMat3::from_cols(c.right, c.up, c.forward);

@@ -12,6 +12,10 @@ use crate::cameras::calibration;
 /// The least number of places for each view. With fewer, a trial decides later.
 const LEAST_PLACES: usize = 40;
 
+/// The most places of all views; of more, every second or third point is left out. An adjustment
+/// takes seconds then.
+const MOST_PLACES: usize = 20_000;
+
 impl Fit {
     /// The parameters of cameras that places can adjust. Places fix focal lengths well, unlike the
     /// photometric loss.
@@ -37,8 +41,9 @@ impl Fit {
             is_used.then_some(Observation { view, u: u * scale })
         };
         let track = |places: Places| places.into_iter().filter_map(observation).collect();
-        let tracks: Vec<Track> = places.into_iter().map(track).collect();
-        let count = tracks.iter().map(Vec::len).sum::<usize>();
+        let count = places.iter().map(Vec::len).sum::<usize>();
+        let every = count.div_ceil(MOST_PLACES).max(1);
+        let tracks: Vec<Track> = places.into_iter().step_by(every).map(track).collect();
         if count < LEAST_PLACES * self.dataset.train.len() {
             return None;
         }
