@@ -7,6 +7,7 @@ use glam::{DMat3, DVec2, DVec3};
 use render::Camera;
 
 use crate::Calibration;
+use crate::calibration::MOST;
 use crate::freedom::{OF_LENS, OF_POSE};
 use crate::solve::{Row, System};
 use crate::units::half_frame;
@@ -85,7 +86,7 @@ impl Calibration {
                     let shifted = |(x, s): (&Option<DVec3>, &DVec3)| x.map(|x| x + *s);
                     let next: Vec<_> = points.iter().zip(&of_points).map(shifted).collect();
                     let new = moved.cost(tracks, &next, scale);
-                    if new < cost {
+                    if new < cost && moved.parameters.iter().all(|p| p.abs() <= MOST) {
                         (cost, points, damping) = (new, next, damping * 0.1);
                         *self = moved;
                         break;
@@ -118,7 +119,7 @@ impl Calibration {
         (sum.determinant() > 1e-4).then(|| sum.inverse() * right)
     }
 
-    /// The residuals of all observations, with the numbers of their tracks.
+    /// The residuals of all observations whose points are in front of their cameras.
     fn differences<'a>(
         &'a self,
         tracks: &'a [Track],

@@ -15,7 +15,7 @@ use crate::units::{of_lens, of_pose};
 const PRIOR: f64 = 1e-5;
 
 /// The largest correction of one parameter, in pixels: what is farther off is no correction.
-const MOST: f64 = 1000.0;
+pub(crate) const MOST: f64 = 1000.0;
 
 /// The reason why a state or a step was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

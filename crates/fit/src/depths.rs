@@ -21,8 +21,7 @@ const PIXELS_PER_ITERATION: u64 = 240;
 const MOST_PIXELS: u64 = 1 << 23;
 
 /// Adjustments of the cameras, each by the planes that the search finds with those of the one
-/// before. On `spot_room` with poses that are off by 0.40 degrees, one leaves 0.16 degrees, two
-/// 0.07, and four 0.07 (with the least scale of 0.5 pixels).
+/// before. docs/rooms.md compares numbers of them.
 const ROUNDS: usize = 2;
 
 /// The share of the pixels that must have a known depth. Without depths nothing tells a wrong
@@ -93,7 +92,9 @@ impl Fit {
         let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
         let Some(level) = self.levels.iter().position(fits) else { return Some(nothing) };
         let freedom = self.freedom_by_places().filter(|_| !self.refinement_decided);
-        let mut search = self.search(level, self.calibration.as_ref(), stop, report)?;
+        // Cameras that the loss refines moved after the search of a run without an interruption.
+        let fixed = self.calibration.as_ref().filter(|_| self.cameras_are_fixed);
+        let mut search = self.search(level, fixed, stop, report)?;
         let mut adjusted = None;
         for _ in 0..if freedom.is_some() { ROUNDS } else { 0 } {
             let Some(of_places) = self.match_cameras(level, search.tracks()) else { break };

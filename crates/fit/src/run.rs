@@ -95,7 +95,7 @@ pub struct Fit {
     /// The corrections of the cameras, once these are refined.
     pub(crate) calibration: Option<Calibration>,
     /// Whether the corrections were found before the fit and stay.
-    cameras_are_fixed: bool,
+    pub(crate) cameras_are_fixed: bool,
     /// The decision about the cameras that was made before the next iteration.
     decision: Option<CameraDecision>,
     /// Whether it is decided if cameras are refined.

@@ -179,9 +179,10 @@ impl<R: Float + Send + Sync> Adam<R> {
     ) -> Result<(), OptimError> {
         self.check_length("parameters", parameters.len())?;
         self.check_length("gradient", gradient.len())?;
-        self.groups.iter().try_for_each(|group| check_group(group, gradient, rate))?;
+        let exponent = i32::try_from(self.steps + 1).unwrap_or(i32::MAX);
+        let check = |group| check_group(group, gradient, rate, exponent);
+        self.groups.iter().try_for_each(check)?;
         self.steps += 1;
-        let exponent = i32::try_from(self.steps).unwrap_or(i32::MAX);
         for group in &self.groups {
             let (step, range) = (Step::new(group, rate, exponent), group.range.clone());
             let moments = self.first[range.clone()]
@@ -249,8 +250,14 @@ fn assert_groups(length: usize, groups: &[Group]) {
     }
 }
 
-/// Refuses a step if a gradient of this group, its square, or the rate is not finite.
-fn check_group<R: Float>(group: &Group, gradient: &[R], rate: R) -> Result<(), OptimError> {
+/// Refuses a step if a gradient of this group, its square, or the rate over the bias of the mean is
+/// not finite.
+fn check_group<R: Float>(
+    group: &Group,
+    gradient: &[R],
+    rate: R,
+    exponent: i32,
+) -> Result<(), OptimError> {
     let own = &gradient[group.range.clone()];
     let is_finite = |g: &R| (*g * *g).is_finite();
     // Without an early end, the check of a part is vector code.
@@ -261,8 +268,9 @@ fn check_group<R: Float>(group: &Group, gradient: &[R], rate: R) -> Result<(), O
         let (name, index) = (group.name.clone(), group.range.start + at);
         return Err(OptimError::NotFinite { group: name, index, value: double(own[at]) });
     }
+    let is_finite = Step::new(group, rate, exponent).rate.is_finite();
     let rate = rate * constant(group.rate);
-    if rate.is_finite() {
+    if is_finite {
         Ok(())
     } else {
         Err(OptimError::Rate { group: group.name.clone(), value: double(rate) })

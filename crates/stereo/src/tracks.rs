@@ -16,7 +16,7 @@ const CELL: usize = 8;
 /// photograph and back.
 const BACK: f32 = 0.15;
 
-/// The places of a track, at least: two give no residual across the other's ray.
+/// The places of a track, at least: two have a residual across the ray of each other.
 const LEAST: usize = 2;
 
 /// The places of one point: for each photograph that shows it, its number and the film position, in

@@ -12,16 +12,16 @@ use crate::cameras::calibration;
 /// The least number of places for each view. With fewer, a trial decides later.
 const LEAST_PLACES: usize = 40;
 
-/// The most places of all views; of more, every second or third point is left out. An adjustment
+/// The most places of all views, about; of more, every second or third point is used. An adjustment
 /// takes seconds then.
 const MOST_PLACES: usize = 20_000;
 
 impl Fit {
     /// The parameters of cameras that places can adjust. Places fix focal lengths well, unlike the
-    /// photometric loss.
+    /// photometric loss. None if distortion is refined: the search for depths has no distortion.
     pub(crate) fn freedom_by_places(&self) -> Option<Freedom> {
         let choice = self.file.options.refine_cameras;
-        let freedom = choice.freedom()?;
+        let freedom = choice.freedom().filter(|freedom| !freedom.lens)?;
         Some(Freedom { focal: freedom.focal || choice == RefineCameras::Auto, ..freedom })
     }
 
@@ -41,12 +41,15 @@ impl Fit {
             is_used.then_some(Observation { view, u: u * scale })
         };
         let track = |places: Places| places.into_iter().filter_map(observation).collect();
-        let count = places.iter().map(Vec::len).sum::<usize>();
-        let every = count.div_ceil(MOST_PLACES).max(1);
-        let tracks: Vec<Track> = places.into_iter().step_by(every).map(track).collect();
-        if count < LEAST_PLACES * self.dataset.train.len() {
+        let mut tracks: Vec<Track> = places.into_iter().map(track).collect();
+        tracks.retain(|track| track.len() > 1);
+        let count = tracks.iter().map(Vec::len).sum::<usize>();
+        let least = LEAST_PLACES * self.dataset.train.len();
+        if count < least {
             return None;
         }
+        let every = count.div_ceil(MOST_PLACES.max(least));
+        let tracks: Vec<Track> = tracks.into_iter().step_by(every).collect();
         let start = |freedom| calibration(&self.dataset.train, self.file.sphere(), freedom);
         let fixed = Freedom { poses: false, focal: false, lens: false };
         let given = start(fixed).adjust(&tracks);
