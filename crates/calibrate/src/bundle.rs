@@ -72,7 +72,9 @@ impl Calibration {
     /// # Panics
     /// If a track names a view that is not there.
     pub fn adjust(&mut self, tracks: &[Track]) -> Residuals {
-        let mut points: Vec<Option<DVec3>> = tracks.iter().map(|t| self.triangulated(t)).collect();
+        let cameras = self.cameras();
+        let mut points: Vec<Option<DVec3>> =
+            tracks.iter().map(|track| triangulated(track, &cameras)).collect();
         for scale in SCALES {
             let mut damping = DAMPING;
             let mut cost = self.cost(tracks, &points, scale);
@@ -105,36 +107,11 @@ impl Calibration {
         residuals
     }
 
-    /// The point that is nearest to the rays of a track; `None` if they are nearly parallel.
-    fn triangulated(&self, track: &Track) -> Option<DVec3> {
-        let (mut sum, mut right) = (DMat3::ZERO, DVec3::ZERO);
-        for Observation { view, u } in track {
-            let camera = self.apply(*view, &self.given[*view]);
-            let d = camera.direction(*u);
-            let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-            sum += across;
-            right += across * camera.eye;
-        }
-        // For two rays at the angle a, the determinant is about 2 sin² a.
-        (sum.determinant() > 1e-4).then(|| sum.inverse() * right)
-    }
-
-    /// The residuals of all observations whose points are in front of their cameras.
-    fn differences<'a>(
-        &'a self,
-        tracks: &'a [Track],
-        points: &'a [Option<DVec3>],
-    ) -> impl Iterator<Item = DVec2> + 'a {
-        let cameras = self.cameras();
-        let known = tracks.iter().zip(points).filter_map(|(track, x)| Some((track, (*x)?)));
-        known.flat_map(move |(track, x)| {
-            let seen = |o: &Observation| Some(cameras[o.view].project(x)? - o.u);
-            track.iter().filter_map(seen).collect::<Vec<_>>()
-        })
-    }
-
     fn residuals(&self, tracks: &[Track], points: &[Option<DVec3>]) -> Residuals {
-        let mut all: Vec<f64> = self.differences(tracks, points).map(DVec2::length).collect();
+        let cameras = self.cameras();
+        let distance =
+            |(o, x): (&Observation, DVec3)| Some((cameras[o.view].project(x)? - o.u).length());
+        let mut all: Vec<f64> = observed(tracks, points).filter_map(distance).collect();
         all.sort_by(f64::total_cmp);
         let median = all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY);
         Residuals { observations: all.len(), median }
@@ -145,15 +122,12 @@ impl Calibration {
         let cameras = self.cameras();
         let square = scale * scale;
         let far = 1e4f64;
-        let known = tracks.iter().zip(points).filter_map(|(track, x)| Some((track, (*x)?)));
-        let of_track = |(track, x): (&Track, DVec3)| -> f64 {
-            let off = |o: &Observation| {
-                cameras[o.view].project(x).map_or(far, |u| (u - o.u).length().min(far))
-            };
-            track.iter().map(|o| 0.5 * square * (off(o).powi(2) / square).ln_1p()).sum()
+        let robust = |(o, x): (&Observation, DVec3)| {
+            let off = cameras[o.view].project(x).map_or(far, |u| (u - o.u).length().min(far));
+            0.5 * square * (off.powi(2) / square).ln_1p()
         };
         let prior = self.parameters.iter().zip(self.prior()).map(|(p, w)| 0.5 * w * p * p);
-        known.map(of_track).sum::<f64>() + prior.sum::<f64>()
+        observed(tracks, points).map(robust).sum::<f64>() + prior.sum::<f64>()
     }
 
     /// The weight of the prior of each parameter, per square pixel.
@@ -233,6 +207,29 @@ impl Calibration {
         let pull = priors.iter().zip(&self.parameters).map(|(w, p)| w * p).collect();
         System::new(rows, points.len(), priors, pull)
     }
+}
+
+/// The point that is nearest to the rays of a track; `None` if they are nearly parallel.
+fn triangulated(track: &Track, cameras: &[Camera]) -> Option<DVec3> {
+    let (mut sum, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for Observation { view, u } in track {
+        let camera = &cameras[*view];
+        let d = camera.direction(*u);
+        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+        sum += across;
+        right += across * camera.eye;
+    }
+    // For two rays at the angle a, the determinant is about 2 sin² a.
+    (sum.determinant() > 1e-4).then(|| sum.inverse() * right)
+}
+
+/// All observations of known points, each with its point.
+fn observed<'a>(
+    tracks: &'a [Track],
+    points: &'a [Option<DVec3>],
+) -> impl Iterator<Item = (&'a Observation, DVec3)> {
+    let known = tracks.iter().zip(points).filter_map(|(track, x)| Some((track, (*x)?)));
+    known.flat_map(|(track, x)| track.iter().map(move |o| (o, x)))
 }
 
 #[cfg(test)]

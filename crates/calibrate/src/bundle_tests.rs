@@ -73,8 +73,7 @@ fn rotation_error(cameras: &[Camera]) -> f64 {
 #[test]
 fn wrong_cameras_and_a_wrong_focal_length_become_right() {
     let (given, tracks) = (wrong(0.4), tracks(0.02));
-    let fixed = Freedom { poses: false, focal: false, lens: false };
-    let before = Calibration::new(given.clone(), SPHERE, fixed).adjust(&tracks);
+    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks);
     let mut calibration = Calibration::new(given.clone(), SPHERE, FOCAL);
     let after = calibration.adjust(&tracks);
     let cameras = calibration.cameras();

@@ -20,6 +20,9 @@ pub struct Freedom {
 }
 
 impl Freedom {
+    /// Nothing.
+    pub const NONE: Freedom = Freedom { poses: false, focal: false, lens: false };
+
     /// Poses alone.
     pub const POSES: Freedom = Freedom { poses: true, focal: false, lens: false };
 

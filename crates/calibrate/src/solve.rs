@@ -49,7 +49,6 @@ impl Row {
 /// The normal equations of a step, as products with the rows.
 pub(crate) struct System {
     rows: Vec<Row>,
-    points: usize,
     /// The curvature of the prior of each parameter.
     prior: Vec<f64>,
     /// The slope of the prior.
@@ -71,14 +70,14 @@ impl System {
                 &row.by_point.map(|slope| row.of_point(slope).to_array()),
             );
         }
-        System { rows, points, prior, pull, curvature, of_points }
+        System { rows, prior, pull, curvature, of_points }
     }
 
     /// The step of the parameters and that of the points, with curvatures raised by the share
     /// `damping`.
     pub(crate) fn step(&self, damping: f64) -> (Vec<f64>, Vec<DVec3>) {
         let inverse: Vec<DMat3> = self.of_points.iter().map(|c| inverse(*c, damping)).collect();
-        let mut pulls = vec![DVec3::ZERO; self.points];
+        let mut pulls = vec![DVec3::ZERO; self.of_points.len()];
         for row in &self.rows {
             pulls[row.point] += row.of_point(row.residual);
         }
@@ -101,7 +100,7 @@ impl System {
         let mut out: Vec<f64> =
             diagonal.zip(v).map(|((prior, c), v)| (prior + damping * c) * v).collect();
         let moves: Vec<DVec2> = self.rows.iter().map(|row| row.along(v)).collect();
-        let mut of_points = vec![DVec3::ZERO; self.points];
+        let mut of_points = vec![DVec3::ZERO; self.of_points.len()];
         for (row, u) in self.rows.iter().zip(&moves) {
             of_points[row.point] += row.of_point(*u);
         }

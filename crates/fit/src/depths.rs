@@ -96,8 +96,10 @@ impl Fit {
         let fixed = self.calibration.as_ref().filter(|_| self.cameras_are_fixed);
         let mut search = self.search(level, fixed, stop, report)?;
         let mut adjusted = None;
-        for _ in 0..if freedom.is_some() { ROUNDS } else { 0 } {
-            let Some(of_places) = self.match_cameras(level, search.tracks()) else { break };
+        for freedom in std::iter::repeat_n(freedom, ROUNDS).flatten() {
+            let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {
+                break;
+            };
             if !of_places.1.is_kept {
                 adjusted.get_or_insert(of_places);
                 break;

@@ -26,14 +26,13 @@ impl Fit {
     }
 
     /// The cameras that are adjusted to places of points in the photographs of a level of the
-    /// pyramid, and how much better they are. `None` if cameras are not refined, or if there are
-    /// too few places.
+    /// pyramid, and how much better they are. `None` if there are too few places.
     pub(crate) fn match_cameras(
         &self,
         level: usize,
+        freedom: Freedom,
         places: Vec<Places>,
     ) -> Option<(Calibration, Matching)> {
-        let freedom = self.freedom_by_places()?;
         let scale = 2f64.powi(level as i32);
         let photographs = &self.levels[level].photographs;
         let observation = |(view, u): (usize, DVec2)| {
@@ -51,8 +50,7 @@ impl Fit {
         let every = count.div_ceil(MOST_PLACES.max(least));
         let tracks: Vec<Track> = tracks.into_iter().step_by(every).collect();
         let start = |freedom| calibration(&self.dataset.train, self.file.sphere(), freedom);
-        let fixed = Freedom { poses: false, focal: false, lens: false };
-        let given = start(fixed).adjust(&tracks);
+        let given = start(Freedom::NONE).adjust(&tracks);
         let mut adjusted = start(freedom);
         let refined = adjusted.adjust(&tracks);
         let matching = Matching::of(given, refined, &adjusted);
