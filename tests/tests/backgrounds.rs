@@ -41,6 +41,24 @@ fn a_resumed_fit_trains_its_background_with_the_same_bits() {
 }
 
 #[test]
+fn a_fit_resumed_after_a_grouping_of_pixels_has_the_same_bits() {
+    let folder = Folder::new();
+    folder.write("transforms.json", &dataset(&folder));
+    let (data, whole, parts) = (folder.path(""), folder.path("whole"), folder.path("parts"));
+    // Pixels are grouped by the surface at a progress of 0.5, 0.6 and 0.8.
+    let options = ["--batch", "32", "--bounds", "0,0,0,1", "--iterations", "12"];
+    let fit = ["fit", &data, "--background", "direction"];
+    dsdf_ok(&[&fit[..], &options[..], &["-o", &whole]].concat());
+    dsdf_ok(&[&fit[..], &options[..], &["-o", &parts, "--stop-after", "9"]].concat());
+    let state = |run: &str| fs::read(format!("{run}/checkpoint/state.safetensors")).unwrap();
+    let has_grouping = |run: &str| state(run).windows(10).any(|w| w == b"\"grouping\"");
+    assert!(has_grouping(&parts), "a grouping in the checkpoint");
+    dsdf_ok(&["fit", "--resume", "-o", &parts]);
+    let model = |run: &str| fs::read(format!("{run}/model.safetensors")).unwrap();
+    assert!(model(&whole) == model(&parts), "other bits after a resumption");
+}
+
+#[test]
 fn a_scene_shows_the_background_of_a_run() {
     let folder = Folder::new();
     for kind in KINDS {

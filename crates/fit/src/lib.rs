@@ -2,7 +2,6 @@
 
 mod alignment;
 mod cameras;
-mod checkpoint;
 mod depths;
 mod downscale;
 mod exposure;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
+use checkpoint::{Grouping, State};
 use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -23,7 +24,6 @@ use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
 use crate::cameras::corrected;
-use crate::checkpoint::State;
 use crate::depths::Depths;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
@@ -35,6 +35,7 @@ use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
+mod grouping;
 mod matching;
 mod refinement;
 
@@ -100,6 +101,8 @@ pub struct Fit {
     decision: Option<CameraDecision>,
     /// Whether it is decided if cameras are refined.
     pub(crate) refinement_decided: bool,
+    /// The last grouping of the pixels by the surface.
+    grouping: Option<Grouping>,
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// Wall time of all sessions, in seconds.
@@ -168,6 +171,7 @@ impl Fit {
             cameras_are_fixed: false,
             decision: None,
             refinement_decided: false,
+            grouping: None,
             adam,
             parameters,
             seconds: 0.0,
@@ -192,7 +196,8 @@ impl Fit {
         self.usual_norm = state.usual_norm;
         self.held_out_psnr = state.held_out_psnr;
         self.restore_exposures(state.exposures.as_ref())?;
-        self.restore_refinement(state.refinement)
+        self.restore_refinement(state.refinement)?;
+        Ok(self.restore_grouping(state.grouping)?)
     }
 
     /// Writes the checkpoint and the model files.
@@ -212,6 +217,7 @@ impl Fit {
             steps,
             refinement: self.refinement(),
             exposures: self.exposures_state(),
+            grouping: self.grouping.clone(),
         };
         state.save(&checkpoint_path(&self.folder))?;
         self.save_cameras()?;
@@ -274,6 +280,7 @@ impl Fit {
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = level(self.progress(), self.levels.len());
         let trial = self.start_refinement()?;
+        self.group_pixels()?;
         let (Gradient { parameters: mut gradient, cameras, gains, stats }, evaluations) =
             self.gradient(level)?;
         let background = self.model.background.parameters().len();
@@ -469,15 +476,15 @@ impl Fit {
                 Ok(primary) => (!primary.hits.is_empty()).then_some(Ok(true)),
                 Err(error) => Some(Err(error)),
             };
-            samples.par_chunks(VISIBLE_CHUNK).find_map_first(hit).unwrap_or(Ok(false))
+            samples.par_chunks(TRACED_CHUNK).find_map_first(hit).unwrap_or(Ok(false))
         };
         let coarsest = self.levels.len() - 1;
         Ok(any_hit(&self.levels[coarsest])? || (coarsest > 0 && any_hit(&self.levels[0])?))
     }
 }
 
-/// Rays that a thread traces together in [`Fit::has_visible_surface`].
-const VISIBLE_CHUNK: usize = 1024;
+/// Rays that a thread traces together.
+const TRACED_CHUNK: usize = 1024;
 
 /// Points at which the slope of the field is taken: a hundredth of the evaluations of an iteration.
 pub(crate) const SLOPE_POINTS: u64 = 128;

@@ -52,12 +52,17 @@ impl BackgroundModel {
         let certain: Vec<bool> = all()
             .map(|(x, y)| known && self.probability(view, photograph, x, y) > CERTAIN)
             .collect();
-        let margin = (width.max(height) / MARGIN).max(1);
-        let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
-        // A square is a row of columns: test the columns first, then the rows.
-        let columns: Vec<bool> = all()
-            .map(|(x, y)| near(y, height).all(|y| certain[(y * width + x) as usize]))
-            .collect();
-        all().map(|(x, y)| near(x, width).all(|x| columns[(y * width + x) as usize])).collect()
+        with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
     }
+}
+
+/// For each pixel of an image, row-major, whether it and all pixels in the square with this margin
+/// around it are flagged.
+pub(crate) fn with_margin(flags: &[bool], [width, height]: [u32; 2], margin: u32) -> Vec<bool> {
+    let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
+    // A square is a row of columns: test the columns first, then the rows.
+    let columns: Vec<bool> =
+        all().map(|(x, y)| near(y, height).all(|y| flags[(y * width + x) as usize])).collect();
+    all().map(|(x, y)| near(x, width).all(|x| columns[(y * width + x) as usize])).collect()
 }

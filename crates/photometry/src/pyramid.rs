@@ -7,7 +7,7 @@ use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
-use crate::background::BackgroundModel;
+use crate::background::{BackgroundModel, with_margin};
 use crate::loss::Target;
 use crate::masks::MaskUse;
 
@@ -26,7 +26,8 @@ pub struct Level {
     /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
     foreground: Vec<Pixel>,
     /// The pixels of all views that are certain background: in front of a uniform background, those
-    /// that show it; if the background is trained, those whose rays miss the bounding sphere.
+    /// that show it; if the background is trained, those whose rays miss the bounding sphere, and
+    /// later those that are far from the surface.
     background: Vec<Pixel>,
 }
 
@@ -140,6 +141,61 @@ impl Level {
             .map(|(c, Photograph { image, .. })| c.reduced(2, image.width, image.height))
             .collect();
         Level::new(cameras, photographs, model)
+    }
+
+    /// Takes the pixels that are far from the surface for certain background, and no others: one
+    /// draw can stand for several of them. `is_far` has a flag for each pixel of the photographs at
+    /// 1/`factor` of their width and height, rounded up: view after view, row-major.
+    ///
+    /// # Panics
+    /// If the number of flags is wrong.
+    pub fn group(&mut self, is_far: &[bool], factor: u32) {
+        let mut begins = vec![0];
+        let widths: Vec<usize> = self
+            .photographs
+            .iter()
+            .map(|photograph| {
+                let [width, height] = photograph.size().map(|side| side.div_ceil(factor) as usize);
+                begins.push(begins[begins.len() - 1] + width * height);
+                width
+            })
+            .collect();
+        assert_eq!(begins.last(), Some(&is_far.len()), "one flag for each pixel");
+        let is_far = |pixel: &Pixel| {
+            let [x, y] = [pixel.x, pixel.y].map(|v| (u32::from(v) / factor) as usize);
+            let view = pixel.view as usize;
+            is_far[begins[view] + y * widths[view] + x]
+        };
+        let mut pixels =
+            [std::mem::take(&mut self.foreground), std::mem::take(&mut self.background)].concat();
+        pixels.sort_unstable_by_key(|pixel| (pixel.view, pixel.y, pixel.x));
+        (self.background, self.foreground) = pixels.into_iter().partition(is_far);
+    }
+
+    /// For each pixel of the photographs, view after view, row-major, whether it and all pixels in
+    /// a square with this margin around it are flagged.
+    ///
+    /// # Panics
+    /// If the number of flags is wrong.
+    pub fn with_margin(&self, flags: &[bool], margin: u32) -> Vec<bool> {
+        let mut rest = flags;
+        let flags = self.photographs.iter().flat_map(|photograph| {
+            let (own, others) = rest.split_at(photograph.image.pixels.len());
+            rest = others;
+            with_margin(own, photograph.size(), margin)
+        });
+        flags.collect()
+    }
+
+    /// The centres of all pixels of the photographs, view after view, row-major.
+    pub fn all_centers(&self) -> impl Iterator<Item = Sample> + '_ {
+        let of_view = |(view, photograph): (usize, &Photograph)| {
+            let [width, height] = photograph.size();
+            let pixel = move |(x, y)| Pixel { view: view as u32, x, y, count: 1 };
+            let all = (0..height as u16).flat_map(move |y| (0..width as u16).map(move |x| (x, y)));
+            all.map(move |place| pixel(place).center())
+        };
+        self.photographs.iter().enumerate().flat_map(of_view)
     }
 
     /// The centres of all pixels that are drawn.
@@ -291,6 +347,46 @@ mod tests {
         };
         assert_eq!(columns(MaskUse::LeaveOut), [31, 16]);
         assert_eq!(columns(MaskUse::None), [0, 0]);
+    }
+
+    #[test]
+    fn grouped_pixels_are_those_of_the_flags_and_a_margin_shrinks_them() {
+        let camera = |side: u32| {
+            let (focal, middle) = (DVec2::splat(2.0), DVec2::splat(f64::from(side) / 2.0));
+            Camera::look_at(side, side, focal, middle, DVec3::Z * 3.0, DVec3::ZERO, DVec3::Y)
+        };
+        let model = BackgroundModel {
+            bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
+            estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            is_trained: true,
+        };
+        let level = |sides: [u32; 2]| {
+            let photograph =
+                |side| Photograph { image: Film::new(side, side), coverage: None, used: None };
+            let cameras = sides.map(|side| camera(side).unwrap()).to_vec();
+            Level::new(cameras, sides.map(photograph).into(), &model)
+        };
+        // Photographs of 3 × 3 and 5 × 5 pixels have 2 × 2 and 3 × 3 flags.
+        let mut finest = level([3, 5]);
+        for far in 0..13 {
+            let flags: Vec<bool> = (0..13).map(|i| i == far).collect();
+            finest.group(&flags, 2);
+            assert_eq!(finest.pixel_count(), 9 + 25);
+            let of = |p: &Pixel| match p.view {
+                0 => p.y / 2 * 2 + p.x / 2,
+                _ => 4 + p.y / 2 * 3 + p.x / 2,
+            };
+            assert!(!finest.background.is_empty());
+            assert!(finest.background.iter().all(|p| of(p) == far));
+            assert!(finest.foreground.iter().all(|p| of(p) != far));
+        }
+        let coarse = level([2, 3]);
+        assert_eq!(coarse.all_centers().count(), 13);
+        assert_eq!(coarse.all_centers().nth(6).unwrap().u, DVec2::new(2.5, 0.5));
+        let flags: Vec<bool> = (0..13).map(|i| i != 4).collect();
+        let inside = coarse.with_margin(&flags, 1);
+        let expected = |i| i < 4 || [6, 9, 10, 11, 12].contains(&i);
+        assert_eq!(inside, (0..13).map(expected).collect::<Vec<bool>>());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
 use calibrate::{Calibration, CameraDecision, RefineCameras, Trial};
+use checkpoint::{Optimised, Refinement};
 use glam::Vec3;
 use io::InputError;
 use photometry::{Gains, Pixel, photometric, without_gains};
@@ -9,7 +10,6 @@ use render::{InvalidField, Sample};
 
 use super::{Fit, scene};
 use crate::cameras::{calibration, corrected};
-use crate::checkpoint::{Optimised, Refinement};
 use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
 use crate::step::Gradient;

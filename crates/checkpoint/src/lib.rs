@@ -1,4 +1,4 @@
-//! The state of a fit between two iterations, in one file.
+#![doc = include_str!("../README.md")]
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -10,46 +10,58 @@ use io::{InputError, atomic_write};
 /// The state of a fit between two iterations. Random numbers are functions of the seed and the
 /// iteration, so there is no random generator in it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct State {
+pub struct State {
     /// The number of finished iterations.
-    pub(crate) iteration: u64,
+    pub iteration: u64,
     /// Wall time of all sessions, in seconds.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
-    pub(crate) usual_norm: f32,
+    pub usual_norm: f32,
     /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
-    pub(crate) held_out_psnr: Option<f64>,
+    pub held_out_psnr: Option<f64>,
     /// The parameters of the field, then those of the radiance head.
-    pub(crate) parameters: Vec<f32>,
+    pub parameters: Vec<f32>,
     /// Adam's first moments, one per parameter.
-    pub(crate) first: Vec<f32>,
+    pub first: Vec<f32>,
     /// Adam's second moments, one per parameter.
-    pub(crate) second: Vec<f32>,
+    pub second: Vec<f32>,
     /// The number of Adam's steps.
-    pub(crate) steps: u64,
+    pub steps: u64,
     /// The refinement of the cameras.
-    pub(crate) refinement: Refinement,
+    pub refinement: Refinement,
     /// The exposures of the photographs, if they are fitted.
-    pub(crate) exposures: Option<Optimised>,
+    pub exposures: Option<Optimised>,
+    /// The last grouping of the pixels by the surface, if there was one.
+    pub grouping: Option<Grouping>,
+}
+
+/// The pixels that the surface was far from at some time of a fit.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Grouping {
+    /// The number of groupings so far, this one included.
+    pub number: u64,
+    /// For each pixel of the photographs at the traced size, view after view, row-major, whether
+    /// it is far from the surface.
+    pub is_far: Vec<bool>,
 }
 
 /// Parameters in double precision with their optimiser.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Optimised {
+pub struct Optimised {
     /// The parameters, then the first and the second moments of Adam.
-    pub(crate) numbers: Vec<f64>,
+    pub numbers: Vec<f64>,
     /// The number of Adam's steps.
-    pub(crate) steps: u64,
+    pub steps: u64,
 }
 
 impl Optimised {
     /// The state of parameters, of both moments, and the number of steps.
-    pub(crate) fn new((parameters, first, second, steps): (&[f64], &[f64], &[f64], u64)) -> Self {
+    pub fn new((parameters, first, second, steps): (&[f64], &[f64], &[f64], u64)) -> Self {
         Optimised { numbers: [parameters, first, second].concat(), steps }
     }
 
     /// The parameters and both moments.
-    pub(crate) fn parts(&self) -> [&[f64]; 3] {
+    pub fn parts(&self) -> [&[f64]; 3] {
         let n = self.numbers.len() / 3;
         [0, 1, 2].map(|i| &self.numbers[i * n..(i + 1) * n])
     }
@@ -57,7 +69,7 @@ impl Optimised {
 
 /// The state of the refinement of cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) enum Refinement {
+pub enum Refinement {
     /// It is not decided yet whether cameras are refined.
     #[default]
     Undecided,
@@ -74,6 +86,9 @@ const CAMERAS: &str = "cameras";
 
 /// The name of the tensor of [`State::exposures`].
 const EXPOSURES: &str = "exposures";
+
+/// The name of the tensor of [`State::grouping`], and of the metadata entry of its number.
+const GROUPING: &str = "grouping";
 
 /// The metadata entry of the number of steps of a tensor of [`Optimised`].
 fn steps_of(name: &str) -> String {
@@ -92,7 +107,7 @@ impl State {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(crate) fn save(&self, path: &Path) -> anyhow::Result<()> {
+    pub fn save(&self, path: &Path) -> anyhow::Result<()> {
         let tensors =
             [("parameters", &self.parameters), ("first", &self.first), ("second", &self.second)];
         let mut views: Vec<_> = tensors
@@ -124,6 +139,11 @@ impl State {
             views.push((name, TensorView::new(Dtype::F64, shape, data)?));
             metadata.insert(steps_of(name), steps.to_string());
         }
+        if let Some(Grouping { number, is_far }) = &self.grouping {
+            let (shape, data) = (vec![is_far.len()], bytemuck::cast_slice(is_far));
+            views.push((GROUPING, TensorView::new(Dtype::BOOL, shape, data)?));
+            metadata.insert(GROUPING.to_owned(), number.to_string());
+        }
         let bytes = safetensors::serialize(views, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
     }
@@ -133,7 +153,7 @@ impl State {
     /// # Errors
     /// If the file cannot be read, is cut short, has another number of parameters, or has a number
     /// that is not finite or out of range.
-    pub(crate) fn load(path: &Path, count: usize) -> anyhow::Result<State> {
+    pub fn load(path: &Path, count: usize) -> anyhow::Result<State> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
         };
@@ -145,10 +165,7 @@ impl State {
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(corrupt)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         let text = |key: &str| metadata.get(key).map_or("nothing", String::as_str);
-        let count_of = |key: &str| {
-            let number = text(key).parse::<u64>().ok().filter(|n| *n <= MOST_STEPS);
-            number.ok_or_else(|| error(key, text(key).to_owned(), "an integer from 0 to 2^53"))
-        };
+        let count_of = |key: &str| read_count(path, key, &metadata);
         let number = |key: &str| {
             let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
             number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
@@ -174,6 +191,7 @@ impl State {
                 None => Ok(numbers),
             }
         };
+        let has = |name: &str| tensors.names().contains(&name);
         Ok(State {
             iteration: count_of("iteration")?,
             seconds: number("seconds")?,
@@ -184,12 +202,25 @@ impl State {
             second: vector("second", 0.0, "finite numbers, 0 or more")?,
             steps: count_of("steps")?,
             refinement: read_refinement(path, &metadata, &tensors)?,
-            exposures: match tensors.names().contains(&EXPOSURES) {
-                true => Some(read_optimised(path, EXPOSURES, &metadata, &tensors)?),
-                false => None,
-            },
+            exposures: has(EXPOSURES)
+                .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
+                .transpose()?,
+            grouping: has(GROUPING)
+                .then(|| read_grouping(path, &metadata, &tensors))
+                .transpose()?,
         })
     }
+}
+
+/// The number of steps of this name in a checkpoint.
+fn read_count(
+    path: &Path,
+    key: &str,
+    metadata: &HashMap<String, String>,
+) -> Result<u64, InputError> {
+    let text = metadata.get(key).map_or("nothing", String::as_str);
+    let number = text.parse::<u64>().ok().filter(|n| *n <= MOST_STEPS);
+    number.ok_or_else(|| InputError::new(path, key, text, "an integer from 0 to 2^53"))
 }
 
 /// The refinement of the cameras in a checkpoint.
@@ -218,10 +249,7 @@ fn read_optimised(
     tensors: &SafeTensors<'_>,
 ) -> Result<Optimised, InputError> {
     let error = |field: &str, found: &str, expected| InputError::new(path, field, found, expected);
-    let key = steps_of(name);
-    let text = metadata.get(&key).map_or("nothing", String::as_str);
-    let steps = text.parse().ok().filter(|n| *n <= MOST_STEPS);
-    let steps = steps.ok_or_else(|| error(&key, text, "an integer from 0 to 2^53"))?;
+    let steps = read_count(path, &steps_of(name), metadata)?;
     let expected = "F64 of shape [3 n]";
     let view = tensors.tensor(name).map_err(|e| error(name, &e.to_string(), expected))?;
     let n = view.data().len() / size_of::<f64>();
@@ -232,96 +260,26 @@ fn read_optimised(
     Ok(Optimised { numbers: bytemuck::allocation::pod_collect_to_vec(view.data()), steps })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_saved_state_loads_with_the_same_bits_and_a_cut_file_is_an_error() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("state.safetensors");
-        let state = State {
-            iteration: 17,
-            seconds: 1.0 / 3.0,
-            usual_norm: 0.1,
-            held_out_psnr: Some(31.4),
-            parameters: vec![1.0, f32::MIN_POSITIVE, -0.0],
-            first: vec![0.1; 3],
-            second: vec![0.2; 3],
-            steps: 16,
-            refinement: Refinement::Refined(Optimised {
-                numbers: vec![0.5, -0.25, 1e-300],
-                steps: 7,
-            }),
-            exposures: Some(Optimised { numbers: vec![0.1; 9], steps: 8 }),
-        };
-        state.save(&path).unwrap();
-        assert_eq!(State::load(&path, 3).unwrap(), state);
-        assert!(State::load(&path, 4).unwrap_err().to_string().contains("parameters"));
-        let whole = std::fs::read(&path).unwrap();
-        for length in 0..whole.len() {
-            std::fs::write(&path, &whole[..length]).unwrap();
-            assert!(State::load(&path, 3).is_err(), "a checkpoint cut at {length} bytes");
-        }
+/// The grouping of a checkpoint.
+fn read_grouping(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<Grouping, InputError> {
+    let error = |found: &str, expected| InputError::new(path, GROUPING, found, expected);
+    let number = read_count(path, GROUPING, metadata)?;
+    let view = tensors.tensor(GROUPING).map_err(|e| error(&e.to_string(), "a tensor"))?;
+    if view.dtype() != Dtype::BOOL || view.shape().len() != 1 {
+        let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+        return Err(error(&found, "BOOL of shape [pixels]"));
     }
-
-    #[test]
-    fn a_negative_mean_square_gradient_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("state.safetensors");
-        let state = State {
-            iteration: 1,
-            seconds: 1.0,
-            usual_norm: 1.0,
-            held_out_psnr: None,
-            parameters: vec![-1.0; 2],
-            first: vec![-1.0; 2],
-            second: vec![0.0, -1.0],
-            steps: 1,
-            refinement: Refinement::Undecided,
-            exposures: None,
-        };
-        state.save(&path).unwrap();
-        let error = State::load(&path, 2).unwrap_err();
-        assert!(error.is::<InputError>(), "{error}");
-        let words = "second: found -1 at element 1, expected finite numbers, 0 or more";
-        assert!(error.to_string().contains(words), "{error}");
-    }
-
-    #[test]
-    fn numbers_out_of_range_are_refused_by_name() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("state.safetensors");
-        let state = State {
-            iteration: 7777,
-            seconds: 5555.5,
-            usual_norm: 0.3333,
-            held_out_psnr: Some(22.22),
-            parameters: vec![0.0],
-            first: vec![0.0],
-            second: vec![0.0],
-            steps: 8888,
-            refinement: Refinement::Given,
-            exposures: None,
-        };
-        state.save(&path).unwrap();
-        let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
-        for (field, value, wrong) in [
-            ("iteration", "7777", ["NaN ", "-5  ", "inf ", "1.5 "]),
-            ("steps", "8888", ["NaN ", "-5  ", "inf ", "    "]),
-            ("seconds", "5555.5", ["NaN   ", "-1e9  ", "inf   ", "1e300 "]),
-            ("usual_norm", "0.3333", ["NaN   ", "-1    ", "inf   ", "x     "]),
-            ("held_out_psnr", "22.22", ["NaN  ", "inf  ", "-inf ", "1e300"]),
-        ] {
-            for wrong in wrong {
-                // The length of the header stays.
-                assert_eq!(wrong.len(), value.len());
-                let padded =
-                    format!("\"{}\"{}", wrong.trim(), " ".repeat(wrong.len() - wrong.trim().len()));
-                std::fs::write(&path, whole.replace(&format!("\"{value}\""), &padded)).unwrap();
-                let error = State::load(&path, 1).unwrap_err().to_string();
-                assert!(error.contains(&format!("{field}: found {}", wrong.trim())), "{error}");
-            }
-        }
-    }
+    let flag = |byte: &u8| match byte {
+        0 => Ok(false),
+        1 => Ok(true),
+        other => Err(error(&other.to_string(), "0 or 1")),
+    };
+    Ok(Grouping { number, is_far: view.data().iter().map(flag).collect::<Result<_, _>>()? })
 }
+
+#[cfg(test)]
+mod tests;
