@@ -138,7 +138,7 @@ fn places_of_points_adjust_wrong_cameras_and_leave_right_ones() {
     );
     assert!(fs::read(parts.join("model.safetensors")).unwrap() == model);
     let (text, _) = fit(&right, &folder.path().join("kept"), &options);
-    assert!(text.contains("cameras: kept as given"), "{text}");
+    assert!(text.contains("cameras: not adjusted before the fit"), "{text}");
     assert!(!folder.path().join("kept/cameras.json").exists());
     let none = ["--background", "volume", "--refine-cameras", "none"];
     let (text, _) = fit(&wrong, &folder.path().join("none"), &none);

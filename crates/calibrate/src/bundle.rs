@@ -6,11 +6,11 @@
 use glam::{DMat3, DVec2, DVec3};
 use render::Camera;
 
-use crate::Calibration;
 use crate::calibration::MOST;
 use crate::freedom::{OF_LENS, OF_POSE};
 use crate::solve::{Row, System};
 use crate::units::half_frame;
+use crate::{Calibration, Freedom};
 
 /// The place of a point in a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,16 +25,19 @@ pub struct Observation {
 pub type Track = Vec<Observation>;
 
 /// The result of an adjustment.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Residuals {
     /// The number of observations whose points are in front of their cameras.
     pub observations: usize,
-    /// The median distance of an observation from the image of its point, in pixels.
+    /// The median distance of an observation from the image of its point, in pixels; infinite
+    /// without an observation.
     pub median: f64,
+    /// The same of each view.
+    pub of_views: Vec<f64>,
 }
 
-/// The residuals, in pixels, from which on observations lose weight: large at first, so that wrong
-/// cameras are not taken for wrong observations.
+/// The residuals, in pixels of the searched photographs, from which on observations lose weight:
+/// large at first, so that wrong cameras are not taken for wrong observations.
 const SCALES: [f64; 6] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12];
 
 /// Steps with each of them.
@@ -49,7 +52,8 @@ const DAMPING: f64 = 1e-4;
 /// The largest damping. A step that is still refused is the last.
 const MOST_DAMPING: f64 = 1e4;
 
-/// The standard deviation of an observation, in pixels, which the prior is compared with.
+/// The standard deviation of an observation, in pixels of the searched photographs, which the prior
+/// is compared with.
 const PLACE: f64 = 0.05;
 
 /// The standard deviation of the prior of a pose: about a degree, and a fiftieth of the distance.
@@ -67,15 +71,30 @@ impl Calibration {
     /// residuals are those of the best points.
     ///
     /// Observations weigh by Cauchy's function of their residuals, so wrong ones count little. A
-    /// weak prior holds the parameters to zero.
+    /// weak prior holds the parameters to zero, and those of a view without an observation stay
+    /// zero up to the gauge. `pixel` is the size of the pixels in which places were searched, in
+    /// pixels of the given cameras: 1 or more.
     ///
     /// # Panics
     /// If a track names a view that is not there.
-    pub fn adjust(&mut self, tracks: &[Track]) -> Residuals {
+    pub fn adjust(&mut self, tracks: &[Track], pixel: f64) -> Residuals {
+        let points = self.move_to(tracks, pixel);
+        if !self.freedom.poses {
+            return self.residuals(tracks, &points);
+        }
+        self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
+        // The gauge moves cameras by a motion of the world up to small terms, and not the points.
+        let mut held = Calibration::new(self.cameras(), self.sphere, Freedom::NONE);
+        let points = held.move_to(tracks, pixel);
+        held.residuals(tracks, &points)
+    }
+
+    /// Moves the free parameters, and returns the points.
+    fn move_to(&mut self, tracks: &[Track], pixel: f64) -> Vec<Option<DVec3>> {
         let cameras = self.cameras();
         let mut points: Vec<Option<DVec3>> =
             tracks.iter().map(|track| triangulated(track, &cameras)).collect();
-        for scale in SCALES {
+        for scale in SCALES.map(|scale| scale * pixel) {
             let mut damping = DAMPING;
             let mut cost = self.cost(tracks, &points, scale);
             for _ in 0..STEPS {
@@ -100,21 +119,23 @@ impl Calibration {
                 }
             }
         }
-        let residuals = self.residuals(tracks, &points);
-        if self.freedom.poses {
-            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
-        }
-        residuals
+        points
     }
 
     fn residuals(&self, tracks: &[Track], points: &[Option<DVec3>]) -> Residuals {
         let cameras = self.cameras();
-        let distance =
-            |(o, x): (&Observation, DVec3)| Some((cameras[o.view].project(x)? - o.u).length());
-        let mut all: Vec<f64> = observed(tracks, points).filter_map(distance).collect();
-        all.sort_by(f64::total_cmp);
-        let median = all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY);
-        Residuals { observations: all.len(), median }
+        let mut of_views = vec![Vec::new(); cameras.len()];
+        for (o, x) in observed(tracks, points) {
+            if let Some(seen) = cameras[o.view].project(x) {
+                of_views[o.view].push((seen - o.u).length());
+            }
+        }
+        let mut all = of_views.concat();
+        Residuals {
+            observations: all.len(),
+            median: median(&mut all),
+            of_views: of_views.iter_mut().map(|own| median(own)).collect(),
+        }
     }
 
     /// The robust cost with its prior. Points behind a camera count as if far off.
@@ -207,6 +228,12 @@ impl Calibration {
         let pull = priors.iter().zip(&self.parameters).map(|(w, p)| w * p).collect();
         System::new(rows, points.len(), priors, pull)
     }
+}
+
+/// The median; infinite for none.
+fn median(numbers: &mut [f64]) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The point that is nearest to the rays of a track; `None` if they are nearly parallel.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::Freedom;
+use crate::Matching;
 use field::Sphere;
 use glam::DQuat;
 use random::{Purpose, Stream};
@@ -73,9 +73,9 @@ fn rotation_error(cameras: &[Camera]) -> f64 {
 #[test]
 fn wrong_cameras_and_a_wrong_focal_length_become_right() {
     let (given, tracks) = (wrong(0.4), tracks(0.02));
-    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks);
+    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0);
     let mut calibration = Calibration::new(given.clone(), SPHERE, FOCAL);
-    let after = calibration.adjust(&tracks);
+    let after = calibration.adjust(&tracks, 1.0);
     let cameras = calibration.cameras();
     println!("{before:?}, {after:?}, {} {}", rotation_error(&given), rotation_error(&cameras));
     println!("focal length {}", cameras[0].focal.x);
@@ -90,7 +90,7 @@ fn right_cameras_stay() {
     // Wrong observations that are off by little still pull a little.
     for (noise, median, degrees) in [(0.1, 0.08, 0.05), (0.0, 0.003, 0.01)] {
         let mut calibration = Calibration::new(truth(), SPHERE, FOCAL);
-        let after = calibration.adjust(&tracks(noise));
+        let after = calibration.adjust(&tracks(noise), 1.0);
         let error = rotation_error(&calibration.cameras());
         println!("{noise}: {after:?}, {error}");
         assert!(after.median < median && error < degrees, "{after:?}, {error}");
@@ -100,10 +100,44 @@ fn right_cameras_stay() {
 #[test]
 fn nothing_seen_changes_nothing() {
     let mut calibration = Calibration::new(wrong(0.4), SPHERE, FOCAL);
-    let found = calibration.adjust(&[]);
-    assert_eq!(found, Residuals { observations: 0, median: f64::INFINITY });
+    let found = calibration.adjust(&[], 1.0);
+    assert_eq!(
+        found,
+        Residuals { observations: 0, median: f64::INFINITY, of_views: vec![f64::INFINITY; 12] }
+    );
     assert_eq!(calibration.cameras(), wrong(0.4));
     // Two rays in one direction have no point.
     let one = Observation { view: 0, u: DVec2::new(160.0, 120.0) };
-    assert_eq!(calibration.adjust(&[vec![one, one]]).observations, 0);
+    assert_eq!(calibration.adjust(&[vec![one, one]], 1.0).observations, 0);
+}
+
+#[test]
+fn places_of_a_searched_pixel_that_is_four_pixels_wide_adjust_cameras_as_well() {
+    // One place in ten is off by up to 30 pixels, the others by up to 0.4.
+    let (given, tracks) = (wrong(0.4), tracks(0.4));
+    let [fine, coarse] = [1.0, 4.0].map(|pixel| {
+        let mut calibration = Calibration::new(given.clone(), SPHERE, FOCAL);
+        calibration.adjust(&tracks, pixel);
+        rotation_error(&calibration.cameras())
+    });
+    println!("{fine} {coarse}");
+    assert!(coarse < 0.16 && coarse < fine, "{fine} {coarse}");
+}
+
+#[test]
+fn one_wrong_view_is_found_and_a_view_without_places_stays() {
+    let mut given = truth();
+    (given[3], given[7]) = (wrong(0.4)[3], wrong(0.4)[7]);
+    let seen = |o: &Observation| o.view != 7;
+    let tracks: Vec<Track> =
+        tracks(0.02).iter().map(|t| t.iter().copied().filter(seen).collect()).collect();
+    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0);
+    let mut calibration = Calibration::new(given.clone(), SPHERE, Freedom::POSES);
+    let after = calibration.adjust(&tracks, 1.0);
+    println!("{before:?}, {after:?}");
+    assert!(before.of_views[3] > 0.5 && after.of_views[3] < 0.03);
+    assert_eq!(after.of_views[7], f64::INFINITY);
+    assert!(calibration.corrections()[7].pixels < 0.1, "{:?}", calibration.corrections()[7]);
+    let matching = Matching::of(&before, &after, &calibration);
+    assert!(matching.is_kept, "{matching:?}");
 }

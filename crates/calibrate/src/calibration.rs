@@ -51,7 +51,7 @@ pub struct Correction {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     pub(crate) given: Vec<Camera>,
-    sphere: Sphere<f64>,
+    pub(crate) sphere: Sphere<f64>,
     pub(crate) freedom: Freedom,
     /// The lens of each view.
     pub(crate) lens_of: Vec<usize>,

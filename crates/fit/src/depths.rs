@@ -91,7 +91,9 @@ impl Fit {
         let fits = |level: &Level| level.photograph_pixels() <= most;
         let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
         let Some(level) = self.levels.iter().position(fits) else { return Some(nothing) };
-        let freedom = self.freedom_by_places().filter(|_| !self.refinement_decided);
+        // A run that is resumed has decided before its first iteration.
+        let is_open = !self.refinement_decided && self.iteration == 0;
+        let freedom = self.freedom_by_places().filter(|_| is_open);
         // Cameras that the loss refines moved after the search of a run without an interruption.
         let fixed = self.calibration.as_ref().filter(|_| self.cameras_are_fixed);
         let mut search = self.search(level, fixed, stop, report)?;
@@ -108,7 +110,7 @@ impl Fit {
             adjusted = Some(of_places);
         }
         if let Some((calibration, matching)) = adjusted {
-            self.decide_cameras(calibration, matching);
+            self.decide_cameras(calibration, matching, level);
         }
         let mut maps = search.depth_maps();
         for (map, photograph) in maps.iter_mut().zip(&self.levels[level].photographs) {

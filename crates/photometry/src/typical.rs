@@ -10,8 +10,8 @@ use crate::pyramid::Pixel;
 /// The term is used where the background's mean loss is above this multiple of the object's.
 const LEAST_RATIO: f32 = 2.0;
 
-/// The least number of pixels of the object and of the background that a mean needs.
-const LEAST_PIXELS: f32 = 20.0;
+/// The least number of draws of the object and of the background that a mean needs.
+const LEAST_DRAWS: usize = 20;
 
 /// The mean losses of pixels that no silhouette crosses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,14 +24,15 @@ impl TypicalLosses {
     /// The means over pixels that show the object or not. Pixels without a loss do not count.
     /// `None` if there are too few, or if the background is explained as well as the object.
     pub fn of(pixels: &[Pixel], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
-        let (mut sum, mut all) = ([0.0; 2], [0.0; 2]);
+        let (mut sum, mut all, mut draws) = ([0.0; 2], [0.0; 2], [0; 2]);
         for ((pixel, is_object), loss) in pixels.iter().zip(is_object).zip(losses) {
             let (Some(loss), count) = (loss, f32::from(pixel.count)) else { continue };
             sum[usize::from(*is_object)] += loss * count;
             all[usize::from(*is_object)] += count;
+            draws[usize::from(*is_object)] += 1;
         }
         let [background, object] = [0, 1].map(|i| sum[i] / all[i]);
-        let is_known = all.iter().all(|count| *count >= LEAST_PIXELS);
+        let is_known = draws.iter().all(|count| *count >= LEAST_DRAWS);
         let is_used = is_known && background > LEAST_RATIO * object;
         is_used.then_some(TypicalLosses { object, background })
     }
@@ -66,7 +67,7 @@ mod tests {
         let found = losses(0.1, 0.8, 1).unwrap();
         assert_relative_eq!(found.object, 0.1, epsilon = 1e-6);
         assert_relative_eq!(found.background, 0.8, epsilon = 1e-6);
-        assert_eq!(losses(0.1, 0.8, 0), None, "too few pixels");
+        assert_eq!(losses(0.1, 0.8, 0), None, "too few draws");
         assert_eq!(losses(0.4, 0.7, 1), None, "a background that is explained");
         assert_eq!(losses(0.4, 0.1, 1), None, "a background that is explained better");
         assert_eq!(TypicalLosses::of(&[], &[], &[]), None);

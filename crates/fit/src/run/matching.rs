@@ -9,7 +9,8 @@ use stereo::Places;
 use super::Fit;
 use crate::cameras::calibration;
 
-/// The least number of places for each view. With fewer, a trial decides later.
+/// The least number of places in a view. With fewer, it keeps its pose; a trial decides later if
+/// that is the mean of all views.
 const LEAST_PLACES: usize = 40;
 
 /// The most places of all views, about; of more, every second or third point is used. An adjustment
@@ -42,6 +43,10 @@ impl Fit {
         let track = |places: Places| places.into_iter().filter_map(observation).collect();
         let mut tracks: Vec<Track> = places.into_iter().map(track).collect();
         tracks.retain(|track| track.len() > 1);
+        let mut in_view = vec![0; photographs.len()];
+        tracks.iter().flatten().for_each(|o| in_view[o.view] += 1);
+        tracks.iter_mut().for_each(|track| track.retain(|o| in_view[o.view] >= LEAST_PLACES));
+        tracks.retain(|track| track.len() > 1);
         let count = tracks.iter().map(Vec::len).sum::<usize>();
         let least = LEAST_PLACES * self.dataset.train.len();
         if count < least {
@@ -50,21 +55,26 @@ impl Fit {
         let every = count.div_ceil(MOST_PLACES.max(least));
         let tracks: Vec<Track> = tracks.into_iter().step_by(every).collect();
         let start = |freedom| calibration(&self.dataset.train, self.file.sphere(), freedom);
-        let given = start(Freedom::NONE).adjust(&tracks);
+        let given = start(Freedom::NONE).adjust(&tracks, scale);
         let mut adjusted = start(freedom);
-        let refined = adjusted.adjust(&tracks);
-        let matching = Matching::of(given, refined, &adjusted);
+        let refined = adjusted.adjust(&tracks, scale);
+        let matching = Matching::of(&given, &refined, &adjusted);
         Some((adjusted, matching))
     }
 
-    /// Takes the adjusted cameras if they are kept. If they are not, cameras are refined by the
-    /// loss only if that was asked for.
-    pub(crate) fn decide_cameras(&mut self, adjusted: Calibration, matching: Matching) {
-        let is_asked = self.file.options.refine_cameras != RefineCameras::Auto;
+    /// Takes the adjusted cameras if they are kept. If they are not, the loss refines cameras later
+    /// if that was asked for, and decides if places of photographs at reduced size say too little.
+    pub(crate) fn decide_cameras(
+        &mut self,
+        adjusted: Calibration,
+        matching: Matching,
+        level: usize,
+    ) {
+        let is_auto = self.file.options.refine_cameras == RefineCameras::Auto;
         if matching.is_kept {
             (self.calibration, self.cameras_are_fixed) = (Some(adjusted), true);
         }
-        self.refinement_decided = matching.is_kept || !is_asked;
-        self.decision = self.refinement_decided.then_some(CameraDecision::Matching(matching));
+        self.refinement_decided = matching.is_kept || (is_auto && level == 0);
+        self.decision = Some(CameraDecision::Matching(matching));
     }
 }
