@@ -38,7 +38,7 @@ pub struct Residuals {
 
 /// The residuals, in pixels of the searched photographs, from which on observations lose weight:
 /// large at first, so that wrong cameras are not taken for wrong observations.
-const SCALES: [f64; 6] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12];
+const SCALES: [f64; 7] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12, 0.06];
 
 /// Steps with each of them.
 const STEPS: usize = 10;
@@ -78,23 +78,27 @@ impl Calibration {
     /// # Panics
     /// If a track names a view that is not there.
     pub fn adjust(&mut self, tracks: &[Track], pixel: f64) -> Residuals {
-        let points = self.move_to(tracks, pixel);
+        let [.., last] = SCALES;
+        let points = self.move_to(tracks, &SCALES, pixel);
         if !self.freedom.poses {
             return self.residuals(tracks, &points);
         }
+        // To hold the gauge moves the cameras by a motion of the world, up to terms of second order
+        // in the corrections. A second adjustment is small, so its own are negligible.
         self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
-        // The gauge moves cameras by a motion of the world up to small terms, and not the points.
+        self.move_to(tracks, &[last], pixel);
+        self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
         let mut held = Calibration::new(self.cameras(), self.sphere, Freedom::NONE);
-        let points = held.move_to(tracks, pixel);
+        let points = held.move_to(tracks, &SCALES, pixel);
         held.residuals(tracks, &points)
     }
 
-    /// Moves the free parameters, and returns the points.
-    fn move_to(&mut self, tracks: &[Track], pixel: f64) -> Vec<Option<DVec3>> {
+    /// Moves the free parameters, with one scale after the other, and returns the points.
+    fn move_to(&mut self, tracks: &[Track], scales: &[f64], pixel: f64) -> Vec<Option<DVec3>> {
         let cameras = self.cameras();
         let mut points: Vec<Option<DVec3>> =
             tracks.iter().map(|track| triangulated(track, &cameras)).collect();
-        for scale in SCALES.map(|scale| scale * pixel) {
+        for scale in scales.iter().map(|scale| scale * pixel) {
             let mut damping = DAMPING;
             let mut cost = self.cost(tracks, &points, scale);
             for _ in 0..STEPS {

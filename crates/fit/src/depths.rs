@@ -92,11 +92,10 @@ impl Fit {
         let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
         let Some(level) = self.levels.iter().position(fits) else { return Some(nothing) };
         // A run that is resumed has decided before its first iteration.
-        let is_open = !self.refinement_decided && self.iteration == 0;
+        let is_open = self.corrections.is_undecided() && self.iteration == 0;
         let freedom = self.freedom_by_places().filter(|_| is_open);
         // Cameras that the loss refines moved after the search of a run without an interruption.
-        let fixed = self.calibration.as_ref().filter(|_| self.cameras_are_fixed);
-        let mut search = self.search(level, fixed, stop, report)?;
+        let mut search = self.search(level, self.corrections.adjusted(), stop, report)?;
         let mut adjusted = None;
         for freedom in std::iter::repeat_n(freedom, ROUNDS).flatten() {
             let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {

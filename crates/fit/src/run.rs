@@ -23,7 +23,7 @@ use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
-use crate::cameras::corrected;
+use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
@@ -93,14 +93,10 @@ pub struct Fit {
     colors: Option<BackgroundPerCamera<f32>>,
     /// The exposures of the photographs, if they are fitted.
     gains: Option<Gains>,
-    /// The corrections of the cameras, once these are refined.
-    pub(crate) calibration: Option<Calibration>,
-    /// Whether the corrections were found before the fit and stay.
-    pub(crate) cameras_are_fixed: bool,
+    /// The corrections of the cameras.
+    pub(crate) corrections: Corrections,
     /// The decision about the cameras that was made before the next iteration.
     decision: Option<CameraDecision>,
-    /// Whether it is decided if cameras are refined.
-    pub(crate) refinement_decided: bool,
     /// The last grouping of the pixels by the surface.
     grouping: Option<Grouping>,
     adam: Adam<f32>,
@@ -167,10 +163,8 @@ impl Fit {
             levels,
             colors,
             gains,
-            calibration: None,
-            cameras_are_fixed: false,
+            corrections: Corrections::Undecided,
             decision: None,
-            refinement_decided: false,
             grouping: None,
             adam,
             parameters,
@@ -215,7 +209,7 @@ impl Fit {
             first: first.to_vec(),
             second: second.to_vec(),
             steps,
-            refinement: self.refinement(),
+            refinement: self.corrections.state(),
             exposures: self.exposures_state(),
             grouping: self.grouping.clone(),
         };
@@ -294,7 +288,7 @@ impl Fit {
             Volume::smooth(&mut self.parameters[shape..], step as f32);
         }
         self.model.set_parameters(&self.parameters);
-        if let Some(calibration) = self.calibration.as_mut().filter(|_| !self.cameras_are_fixed) {
+        if let Some(calibration) = self.corrections.refined_mut() {
             calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;
         }
         if let Some(own) = &mut self.gains {
@@ -310,7 +304,7 @@ impl Fit {
         let (pixels, count) = self.draw(level);
         let stream = Stream::new(self.file.options.seed, Purpose::Iteration);
         let seed = stream.at(self.iteration).bits();
-        self.gradient_of(level, (&pixels, count), self.calibration.as_ref(), seed)
+        self.gradient_of(level, (&pixels, count), self.corrections.calibration(), seed)
     }
 
     /// The gradient of a batch, with cameras that are corrected by `calibration`. `pixels` come
@@ -341,7 +335,7 @@ impl Fit {
             pixels,
             pixel_count,
             trains_background: self.file.background_kind.is_trained(),
-            refines_cameras: calibration.is_some() && !self.cameras_are_fixed,
+            refines_cameras: calibration.is_some() && self.corrections.adjusted().is_none(),
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             gains: &factors,
             eikonal: options.eikonal as f32,
@@ -442,7 +436,7 @@ impl Fit {
     pub fn preview(&mut self) -> anyhow::Result<()> {
         let held_out = self.dataset.test.first();
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
-        let cameras = [match (&self.calibration, held_out) {
+        let cameras = [match (self.corrections.calibration(), held_out) {
             (Some(calibration), Some(view)) => calibration.apply_lens(&view.camera),
             (Some(calibration), None) => calibration.apply(0, &view.camera),
             (None, _) => view.camera,

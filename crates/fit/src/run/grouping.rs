@@ -27,7 +27,7 @@ impl Fit {
             return Ok(());
         }
         let level = &self.levels[self.traced_level()];
-        let cameras = corrected(self.calibration.as_ref(), &level.cameras);
+        let cameras = corrected(self.corrections.calibration(), &level.cameras);
         let scene = scene(&self.model, &self.file, &cameras);
         let samples: Vec<Sample> = level.all_centers().collect();
         let misses = |samples: &[Sample]| {

@@ -7,7 +7,7 @@ use glam::DVec2;
 use stereo::Places;
 
 use super::Fit;
-use crate::cameras::calibration;
+use crate::cameras::{Corrections, calibration};
 
 /// The least number of places in a view. With fewer, it keeps its pose; a trial decides later if
 /// that is the mean of all views.
@@ -71,10 +71,11 @@ impl Fit {
         level: usize,
     ) {
         let is_auto = self.file.options.refine_cameras == RefineCameras::Auto;
-        if matching.is_kept {
-            (self.calibration, self.cameras_are_fixed) = (Some(adjusted), true);
-        }
-        self.refinement_decided = matching.is_kept || (is_auto && level == 0);
+        self.corrections = match matching.is_kept {
+            true => Corrections::Adjusted(adjusted),
+            false if is_auto && level == 0 => Corrections::Given,
+            false => Corrections::Undecided,
+        };
         self.decision = Some(CameraDecision::Matching(matching));
     }
 }

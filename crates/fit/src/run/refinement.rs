@@ -1,6 +1,6 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
-use calibrate::{Calibration, CameraDecision, RefineCameras, Trial};
+use calibrate::{Calibration, CameraDecision, Freedom, RefineCameras, Trial};
 use checkpoint::{Optimised, Refinement};
 use glam::Vec3;
 use io::InputError;
@@ -9,7 +9,7 @@ use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
 use super::{Fit, scene};
-use crate::cameras::{calibration, corrected};
+use crate::cameras::{Corrections, calibration, corrected};
 use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
 use crate::step::Gradient;
@@ -44,13 +44,14 @@ impl Fit {
         let options = &self.file.options;
         let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
         let is_time = self.progress() >= options.soft + (1.0 - options.soft) * AFTER_SOFT;
-        if !is_time || self.refinement_decided || !self.estimator.differentiates_cameras() {
+        if !is_time || !self.corrections.is_undecided() || !self.estimator.differentiates_cameras()
+        {
             return Ok(None);
         }
-        self.refinement_decided = true;
+        self.corrections = Corrections::Given;
         let start = calibration(&self.dataset.train, self.file.sphere(), freedom);
         if options.refine_cameras != RefineCameras::Auto {
-            self.calibration = Some(self.trial(start, TRIAL_STEPS)?.0);
+            self.corrections = Corrections::Refined(self.trial(start, TRIAL_STEPS)?.0);
             return Ok(None);
         }
         let steps = (self.iteration / ITERATIONS_PER_STEP).min(TRIAL_STEPS);
@@ -62,46 +63,45 @@ impl Fit {
             return Ok(Some(CameraDecision::TooShort { iterations: self.iteration, least }));
         }
         let (refined, trial) = self.trial(start, steps)?;
-        self.calibration = trial.is_kept.then_some(refined);
-        Ok(Some(CameraDecision::Trial(trial)))
-    }
-
-    /// The state of the refinement, for a checkpoint.
-    pub(super) fn refinement(&self) -> Refinement {
-        match &self.calibration {
-            Some(calibration) => {
-                let state = Optimised::new(calibration.state());
-                let is_fixed = self.cameras_are_fixed;
-                if is_fixed { Refinement::Adjusted(state) } else { Refinement::Refined(state) }
-            }
-            None if self.refinement_decided => Refinement::Given,
-            None => Refinement::Undecided,
+        if trial.is_kept {
+            self.corrections = Corrections::Refined(refined);
         }
+        Ok(Some(CameraDecision::Trial(trial)))
     }
 
     /// Restores the state of a checkpoint.
     pub(super) fn restore_refinement(&mut self, state: Refinement) -> anyhow::Result<()> {
-        self.refinement_decided = state != Refinement::Undecided;
-        self.cameras_are_fixed = matches!(state, Refinement::Adjusted(_));
-        if let Refinement::Refined(cameras) | Refinement::Adjusted(cameras) = state {
-            let path = super::checkpoint_path(&self.folder);
-            let wrong = |found: &dyn std::fmt::Display, expected: &str| {
-                InputError::new(&path, "cameras", found, expected)
-            };
-            let is_fixed = self.cameras_are_fixed;
-            let by_loss = self.file.options.refine_cameras.freedom();
-            let freedom = if is_fixed { self.freedom_by_places() } else { by_loss };
-            let Some(freedom) = freedom else {
-                return Err(wrong(&"refined", "given, by refine_cameras of fit.toml").into());
-            };
-            let mut calibration = calibration(&self.dataset.train, self.file.sphere(), freedom);
-            let [parameters, first, second] = cameras.parts();
-            calibration
-                .restore(parameters, first, second, cameras.steps)
-                .map_err(|e| wrong(&e, "the refinement of this run's cameras"))?;
-            self.calibration = Some(calibration);
-        }
+        let by_loss = self.file.options.refine_cameras.freedom();
+        self.corrections = match state {
+            Refinement::Undecided => Corrections::Undecided,
+            Refinement::Given => Corrections::Given,
+            Refinement::Refined(state) => Corrections::Refined(self.restored(by_loss, &state)?),
+            Refinement::Adjusted(state) => {
+                Corrections::Adjusted(self.restored(self.freedom_by_places(), &state)?)
+            }
+        };
         Ok(())
+    }
+
+    /// The calibration of a checkpoint, with these free parameters.
+    fn restored(
+        &self,
+        freedom: Option<Freedom>,
+        state: &Optimised,
+    ) -> Result<Calibration, InputError> {
+        let path = super::checkpoint_path(&self.folder);
+        let wrong = |found: &dyn std::fmt::Display, expected: &str| {
+            InputError::new(&path, "cameras", found, expected)
+        };
+        let Some(freedom) = freedom else {
+            return Err(wrong(&"refined", "given, by refine_cameras of fit.toml"));
+        };
+        let mut calibration = calibration(&self.dataset.train, self.file.sphere(), freedom);
+        let [parameters, first, second] = state.parts();
+        calibration
+            .restore(parameters, first, second, state.steps)
+            .map_err(|e| wrong(&e, "the refinement of this run's cameras"))?;
+        Ok(calibration)
     }
 
     /// The gain of each photograph, if they are fitted; else empty.
@@ -150,7 +150,7 @@ impl Fit {
     /// The cameras as they are refined so far; `None` if they are those of the data set.
     pub fn cameras(&self) -> Option<RunCameras> {
         let of = |c| RunCameras::new(&self.dataset.train, c, self.file.origin());
-        self.calibration.as_ref().map(of)
+        self.corrections.calibration().map(of)
     }
 
     /// Refines cameras for some steps, with the model as it is.
