@@ -50,12 +50,31 @@ fn a_fit_resumed_after_a_grouping_of_pixels_has_the_same_bits() {
     let fit = ["fit", &data, "--background", "direction"];
     dsdf_ok(&[&fit[..], &options[..], &["-o", &whole]].concat());
     dsdf_ok(&[&fit[..], &options[..], &["-o", &parts, "--stop-after", "9"]].concat());
-    let state = |run: &str| fs::read(format!("{run}/checkpoint/state.safetensors")).unwrap();
-    let has_grouping = |run: &str| state(run).windows(10).any(|w| w == b"\"grouping\"");
-    assert!(has_grouping(&parts), "a grouping in the checkpoint");
+    let checkpoint = format!("{parts}/checkpoint/state.safetensors");
+    let saved = fs::read(&checkpoint).unwrap();
     dsdf_ok(&["fit", "--resume", "-o", &parts]);
     let model = |run: &str| fs::read(format!("{run}/model.safetensors")).unwrap();
     assert!(model(&whole) == model(&parts), "other bits after a resumption");
+
+    // The flags of the checkpoint are those that the fit goes on with.
+    let length = u64::from_le_bytes(saved[..8].try_into().unwrap()) as usize;
+    let header: Value = serde_json::from_slice(&saved[8..8 + length]).unwrap();
+    let place = header["grouping"]["data_offsets"].as_array().unwrap();
+    let [from, to] = [0, 1].map(|i| 8 + length + place[i].as_u64().unwrap() as usize);
+    let resumed_with = |flag: &dyn Fn(u8) -> u8| {
+        let mut bytes = saved.clone();
+        bytes[from..to].iter_mut().for_each(|byte| *byte = flag(*byte));
+        let run = folder.path("flags");
+        let _ = fs::remove_dir_all(&run);
+        dsdf_ok(&[&fit[..], &options[..], &["-o", &run, "--stop-after", "9"]].concat());
+        fs::write(format!("{run}/checkpoint/state.safetensors"), bytes).unwrap();
+        run
+    };
+    let others = resumed_with(&|byte| 1 - byte);
+    dsdf_ok(&["fit", "--resume", "-o", &others]);
+    assert!(model(&whole) != model(&others), "the flags have no effect");
+    let wrong = resumed_with(&|_| 2);
+    refused(&["fit", "--resume", "-o", &wrong], 2, &["grouping", "found 2, expected 0 or 1"]);
 }
 
 #[test]

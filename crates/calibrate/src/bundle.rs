@@ -36,6 +36,14 @@ pub struct Residuals {
     pub of_views: Vec<f64>,
 }
 
+/// The input of an adjustment; see [`Calibration::adjust`].
+#[derive(Clone, Copy)]
+struct Adjustment<'a> {
+    tracks: &'a [Track],
+    pixel: f64,
+    is_free: &'a [bool],
+}
+
 /// The residuals, in pixels of the searched photographs, from which on observations lose weight:
 /// large at first, so that wrong cameras are not taken for wrong observations.
 const SCALES: [f64; 7] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12, 0.06];
@@ -73,36 +81,53 @@ impl Calibration {
     /// Observations weigh by Cauchy's function of their residuals, so wrong ones count little. A
     /// weak prior holds the parameters to zero, and those of a view without an observation stay
     /// zero up to the gauge. `pixel` is the size of the pixels in which places were searched, in
-    /// pixels of the given cameras: 1 or more.
+    /// pixels of the given cameras: 1 or more. `is_free` has a flag for each view: the poses of the
+    /// others stay, and if there are others, so does the gauge.
     ///
     /// # Panics
-    /// If a track names a view that is not there.
-    pub fn adjust(&mut self, tracks: &[Track], pixel: f64) -> Residuals {
+    /// If a track names a view that is not there, or the number of flags is wrong.
+    pub fn adjust(&mut self, tracks: &[Track], pixel: f64, is_free: &[bool]) -> Residuals {
+        assert_eq!(is_free.len(), self.given.len(), "a flag for each view");
         let [.., last] = SCALES;
-        let points = self.move_to(tracks, &SCALES, pixel);
+        let adjustment = Adjustment { tracks, pixel, is_free };
+        let points = self.move_to(&adjustment, &SCALES, None);
         if !self.freedom.poses {
             return self.residuals(tracks, &points);
         }
         // To hold the gauge moves the cameras by a motion of the world, up to terms of second order
         // in the corrections. A second adjustment is small, so its own are negligible.
-        self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
-        self.move_to(tracks, &[last], pixel);
-        self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
-        let mut held = Calibration::new(self.cameras(), self.sphere, Freedom::NONE);
-        let points = held.move_to(tracks, &SCALES, pixel);
-        held.residuals(tracks, &points)
+        if is_free.iter().all(|is_free| *is_free) {
+            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
+            let points = self.points_alone(&adjustment);
+            self.move_to(&adjustment, &[last], Some(points));
+            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
+        }
+        self.residuals(tracks, &self.points_alone(&adjustment))
     }
 
-    /// Moves the free parameters, with one scale after the other, and returns the points.
-    fn move_to(&mut self, tracks: &[Track], scales: &[f64], pixel: f64) -> Vec<Option<DVec3>> {
+    /// The points for the cameras as they are.
+    fn points_alone(&self, adjustment: &Adjustment<'_>) -> Vec<Option<DVec3>> {
+        Calibration::new(self.cameras(), self.sphere, Freedom::NONE)
+            .move_to(adjustment, &SCALES, None)
+    }
+
+    /// Moves the free parameters, with one scale after the other, from these points or from those
+    /// that are nearest to the rays, and returns the points.
+    fn move_to(
+        &mut self,
+        adjustment: &Adjustment<'_>,
+        scales: &[f64],
+        points: Option<Vec<Option<DVec3>>>,
+    ) -> Vec<Option<DVec3>> {
+        let Adjustment { tracks, pixel, .. } = *adjustment;
         let cameras = self.cameras();
-        let mut points: Vec<Option<DVec3>> =
-            tracks.iter().map(|track| triangulated(track, &cameras)).collect();
+        let nearest = || tracks.iter().map(|track| triangulated(track, &cameras)).collect();
+        let mut points: Vec<Option<DVec3>> = points.unwrap_or_else(nearest);
         for scale in scales.iter().map(|scale| scale * pixel) {
             let mut damping = DAMPING;
-            let mut cost = self.cost(tracks, &points, scale);
+            let mut cost = self.cost(adjustment, &points, scale);
             for _ in 0..STEPS {
-                let system = self.system(tracks, &points, scale);
+                let system = self.system(adjustment, &points, scale);
                 let before = cost;
                 while damping <= MOST_DAMPING {
                     let (step, of_points) = system.step(damping);
@@ -110,7 +135,7 @@ impl Calibration {
                     moved.parameters.iter_mut().zip(&step).for_each(|(p, s)| *p += s);
                     let shifted = |(x, s): (&Option<DVec3>, &DVec3)| x.map(|x| x + *s);
                     let next: Vec<_> = points.iter().zip(&of_points).map(shifted).collect();
-                    let new = moved.cost(tracks, &next, scale);
+                    let new = moved.cost(adjustment, &next, scale);
                     if new < cost && moved.parameters.iter().all(|p| p.abs() <= MOST) {
                         (cost, points, damping) = (new, next, damping * 0.1);
                         *self = moved;
@@ -143,7 +168,7 @@ impl Calibration {
     }
 
     /// The robust cost with its prior. Points behind a camera count as if far off.
-    fn cost(&self, tracks: &[Track], points: &[Option<DVec3>], scale: f64) -> f64 {
+    fn cost(&self, adjustment: &Adjustment<'_>, points: &[Option<DVec3>], scale: f64) -> f64 {
         let cameras = self.cameras();
         let square = scale * scale;
         let far = 1e4f64;
@@ -151,24 +176,28 @@ impl Calibration {
             let off = cameras[o.view].project(x).map_or(far, |u| (u - o.u).length().min(far));
             0.5 * square * (off.powi(2) / square).ln_1p()
         };
-        let prior = self.parameters.iter().zip(self.prior()).map(|(p, w)| 0.5 * w * p * p);
-        observed(tracks, points).map(robust).sum::<f64>() + prior.sum::<f64>()
+        let prior =
+            self.parameters.iter().zip(self.prior(adjustment.pixel)).map(|(p, w)| 0.5 * w * p * p);
+        observed(adjustment.tracks, points).map(robust).sum::<f64>() + prior.sum::<f64>()
     }
 
-    /// The weight of the prior of each parameter, per square pixel.
-    fn prior(&self) -> Vec<f64> {
+    /// The weight of the prior of each parameter, per square pixel, for places that were searched
+    /// in pixels of this size.
+    fn prior(&self, pixel: f64) -> Vec<f64> {
+        let place = PLACE * pixel;
         let pose =
-            |camera: &Camera| [(PLACE / (POSE * camera.focal.max_element())).powi(2); OF_POSE];
+            |camera: &Camera| [(place / (POSE * camera.focal.max_element())).powi(2); OF_POSE];
         let lens = |first: &usize| {
             let camera = &self.given[*first];
-            [(PLACE / (LENS * half_frame(camera))).powi(2); OF_LENS]
+            [(place / (LENS * half_frame(camera))).powi(2); OF_LENS]
         };
         let poses = self.given.iter().flat_map(pose);
         poses.chain(self.lenses.iter().flat_map(lens)).collect()
     }
 
-    /// The numbers of the free parameters of a view, each with its cameras before and after.
-    fn around(&self, view: usize) -> Vec<(usize, [Camera; 2])> {
+    /// The numbers of the free parameters of a view, each with its cameras before and after. The
+    /// pose may be free or not.
+    fn around(&self, view: usize, is_free: bool) -> Vec<(usize, [Camera; 2])> {
         let (first, of_lens) = (OF_POSE * view, self.first_of_lens(self.lens_of[view]));
         let (pose, lens) = (self.values(first), self.lens(self.lens_of[view]));
         let pair = |number: usize, change: &dyn Fn(f64) -> Camera| {
@@ -176,7 +205,7 @@ impl Calibration {
             (number, [-size, size].map(change))
         };
         let base = &self.given[view];
-        let of_pose = (0..if self.freedom.poses { OF_POSE } else { 0 }).map(|i| {
+        let of_pose = (0..if self.freedom.poses && is_free { OF_POSE } else { 0 }).map(|i| {
             pair(first + i, &|size| {
                 let mut pose = pose;
                 pose[i] += size;
@@ -194,10 +223,11 @@ impl Calibration {
     }
 
     /// The linear system of a step.
-    fn system(&self, tracks: &[Track], points: &[Option<DVec3>], scale: f64) -> System {
+    fn system(&self, adjustment: &Adjustment<'_>, points: &[Option<DVec3>], scale: f64) -> System {
+        let Adjustment { tracks, pixel, is_free } = *adjustment;
         // The free parameters of each view, with its cameras on both sides of a change of each.
         let around: Vec<Vec<(usize, [Camera; 2])>> =
-            (0..self.given.len()).map(|view| self.around(view)).collect();
+            (0..self.given.len()).map(|view| self.around(view, is_free[view])).collect();
         let cameras = self.cameras();
         let mut rows = Vec::new();
         for (point, (track, x)) in tracks.iter().zip(points).enumerate() {
@@ -228,7 +258,7 @@ impl Calibration {
                 });
             }
         }
-        let priors = self.prior();
+        let priors = self.prior(pixel);
         let pull = priors.iter().zip(&self.parameters).map(|(w, p)| w * p).collect();
         System::new(rows, points.len(), priors, pull)
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::Matching;
+use crate::{Matching, off_views};
 use field::Sphere;
 use glam::DQuat;
 use random::{Purpose, Stream};
@@ -73,9 +73,10 @@ fn rotation_error(cameras: &[Camera]) -> f64 {
 #[test]
 fn wrong_cameras_and_a_wrong_focal_length_become_right() {
     let (given, tracks) = (wrong(0.4), tracks(0.02));
-    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0);
+    let before =
+        Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0, &[true; 12]);
     let mut calibration = Calibration::new(given.clone(), SPHERE, FOCAL);
-    let after = calibration.adjust(&tracks, 1.0);
+    let after = calibration.adjust(&tracks, 1.0, &[true; 12]);
     let cameras = calibration.cameras();
     println!("{before:?}, {after:?}, {} {}", rotation_error(&given), rotation_error(&cameras));
     println!("focal length {}", cameras[0].focal.x);
@@ -90,7 +91,7 @@ fn right_cameras_stay() {
     // Wrong observations that are off by little still pull a little.
     for (noise, median, degrees) in [(0.1, 0.08, 0.05), (0.0, 0.003, 0.01)] {
         let mut calibration = Calibration::new(truth(), SPHERE, FOCAL);
-        let after = calibration.adjust(&tracks(noise), 1.0);
+        let after = calibration.adjust(&tracks(noise), 1.0, &[true; 12]);
         let error = rotation_error(&calibration.cameras());
         println!("{noise}: {after:?}, {error}");
         assert!(after.median < median && error < degrees, "{after:?}, {error}");
@@ -100,7 +101,7 @@ fn right_cameras_stay() {
 #[test]
 fn nothing_seen_changes_nothing() {
     let mut calibration = Calibration::new(wrong(0.4), SPHERE, FOCAL);
-    let found = calibration.adjust(&[], 1.0);
+    let found = calibration.adjust(&[], 1.0, &[true; 12]);
     assert_eq!(
         found,
         Residuals { observations: 0, median: f64::INFINITY, of_views: vec![f64::INFINITY; 12] }
@@ -108,7 +109,7 @@ fn nothing_seen_changes_nothing() {
     assert_eq!(calibration.cameras(), wrong(0.4));
     // Two rays in one direction have no point.
     let one = Observation { view: 0, u: DVec2::new(160.0, 120.0) };
-    assert_eq!(calibration.adjust(&[vec![one, one]], 1.0).observations, 0);
+    assert_eq!(calibration.adjust(&[vec![one, one]], 1.0, &[true; 12]).observations, 0);
 }
 
 #[test]
@@ -117,7 +118,7 @@ fn places_of_a_searched_pixel_that_is_four_pixels_wide_adjust_cameras_as_well() 
     let (given, tracks) = (wrong(0.4), tracks(0.4));
     let [fine, coarse] = [1.0, 4.0].map(|pixel| {
         let mut calibration = Calibration::new(given.clone(), SPHERE, FOCAL);
-        calibration.adjust(&tracks, pixel);
+        calibration.adjust(&tracks, pixel, &[true; 12]);
         rotation_error(&calibration.cameras())
     });
     println!("{fine} {coarse}");
@@ -131,13 +132,25 @@ fn one_wrong_view_is_found_and_a_view_without_places_stays() {
     let seen = |o: &Observation| o.view != 7;
     let tracks: Vec<Track> =
         tracks(0.02).iter().map(|t| t.iter().copied().filter(seen).collect()).collect();
-    let before = Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0);
+    let before =
+        Calibration::new(given.clone(), SPHERE, Freedom::NONE).adjust(&tracks, 1.0, &[true; 12]);
     let mut calibration = Calibration::new(given.clone(), SPHERE, Freedom::POSES);
-    let after = calibration.adjust(&tracks, 1.0);
+    let after = calibration.adjust(&tracks, 1.0, &[true; 12]);
     println!("{before:?}, {after:?}");
     assert!(before.of_views[3] > 0.5 && after.of_views[3] < 0.03);
     assert_eq!(after.of_views[7], f64::INFINITY);
     assert!(calibration.corrections()[7].pixels < 0.1, "{:?}", calibration.corrections()[7]);
-    let matching = Matching::of(&before, &after, &calibration);
-    assert!(matching.is_kept, "{matching:?}");
+    let found = Matching::of(&before, &after, &calibration);
+    // The median hardly falls. The view that is off is adjusted alone.
+    assert!(!found.is_kept, "{found:?}");
+    let off = off_views(&before, &after);
+    assert_eq!(off, std::array::from_fn::<bool, 12, _>(|view| view == 3));
+    let mut alone = Calibration::new(given.clone(), SPHERE, Freedom::POSES);
+    let after = alone.adjust(&tracks, 1.0, &off);
+    assert!(after.of_views[3] < 0.03);
+    for (view, (a, b)) in given.iter().zip(alone.cameras()).enumerate() {
+        assert_eq!(*a == b, view != 3, "view {view}");
+    }
+    let found = Matching::of_views(&before, &after, &alone, &off);
+    assert!(found.is_kept && (found.given_off, found.adjusted_off) == (1, 0), "{found:?}");
 }

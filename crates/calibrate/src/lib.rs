@@ -14,7 +14,7 @@ pub use bundle::{Observation, Residuals, Track};
 pub use calibration::{Calibration, CalibrationError, Correction};
 pub use choice::{CameraDecision, RefineCameras};
 pub use freedom::Freedom;
-pub use matching::Matching;
+pub use matching::{Matching, off_views};
 pub use trial::Trial;
 
 #[cfg(test)]

@@ -101,12 +101,14 @@ impl Fit {
             let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {
                 break;
             };
-            if !of_places.1.is_kept {
-                adjusted.get_or_insert(of_places);
+            let is_kept = of_places.1.is_kept;
+            if is_kept || adjusted.is_some() {
+                search = self.search(level, is_kept.then_some(&of_places.0), stop, report)?;
+            }
+            adjusted = Some(of_places);
+            if !is_kept {
                 break;
             }
-            search = self.search(level, Some(&of_places.0), stop, report)?;
-            adjusted = Some(of_places);
         }
         if let Some((calibration, matching)) = adjusted {
             self.decide_cameras(calibration, matching, level);

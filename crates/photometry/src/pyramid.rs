@@ -80,6 +80,14 @@ impl Photograph {
         Target::of(self.size(), seen, pixel.x.into(), pixel.y.into())
     }
 
+    /// Whether all pixels in a square with this margin around pixel (x, y) are used, as far as they
+    /// are in the photograph.
+    pub fn is_used_around(&self, x: u32, y: u32, margin: u32) -> bool {
+        let [width, height] = self.size();
+        let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
+        self.used.is_none() || near(y, height).all(|y| near(x, width).all(|x| self.is_used(x, y)))
+    }
+
     /// Whether pixel (x, y) is used, all of it.
     pub fn is_used(&self, x: u32, y: u32) -> bool {
         self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL)
@@ -166,10 +174,18 @@ impl Level {
             let view = pixel.view as usize;
             is_far[begins[view] + y * widths[view] + x]
         };
-        let mut pixels =
-            [std::mem::take(&mut self.foreground), std::mem::take(&mut self.background)].concat();
-        pixels.sort_unstable_by_key(|pixel| (pixel.view, pixel.y, pixel.x));
-        (self.background, self.foreground) = pixels.into_iter().partition(is_far);
+        let mut near = std::mem::take(&mut self.foreground);
+        near.append(&mut self.background);
+        near.sort_unstable_by_key(|pixel| (pixel.view, pixel.y, pixel.x));
+        let mut far = Vec::with_capacity(near.iter().filter(|pixel| is_far(pixel)).count());
+        near.retain(|pixel| {
+            let is_far = is_far(pixel);
+            if is_far {
+                far.push(*pixel);
+            }
+            !is_far
+        });
+        (self.foreground, self.background) = (near, far);
     }
 
     /// For each pixel of the photographs, view after view, row-major, whether it and all pixels in
@@ -178,6 +194,7 @@ impl Level {
     /// # Panics
     /// If the number of flags is wrong.
     pub fn with_margin(&self, flags: &[bool], margin: u32) -> Vec<bool> {
+        assert_eq!(flags.len() as u64, self.photograph_pixels(), "one flag for each pixel");
         let mut rest = flags;
         let flags = self.photographs.iter().flat_map(|photograph| {
             let (own, others) = rest.split_at(photograph.image.pixels.len());
@@ -187,15 +204,15 @@ impl Level {
         flags.collect()
     }
 
-    /// The centres of all pixels of the photographs, view after view, row-major.
-    pub fn all_centers(&self) -> impl Iterator<Item = Sample> + '_ {
-        let of_view = |(view, photograph): (usize, &Photograph)| {
-            let [width, height] = photograph.size();
-            let pixel = move |(x, y)| Pixel { view: view as u32, x, y, count: 1 };
-            let all = (0..height as u16).flat_map(move |y| (0..width as u16).map(move |x| (x, y)));
-            all.map(move |place| pixel(place).center())
-        };
-        self.photographs.iter().enumerate().flat_map(of_view)
+    /// The centres of all pixels of a photograph, row-major.
+    ///
+    /// # Panics
+    /// If there is no such view.
+    pub fn centers_of(&self, view: usize) -> Vec<Sample> {
+        let [width, height] = self.photographs[view].size();
+        let center = |x, y| Pixel { view: view as u32, x, y, count: 1 }.center();
+        let row = |y| (0..width as u16).map(move |x| center(x, y));
+        (0..height as u16).flat_map(row).collect()
     }
 
     /// The centres of all pixels that are drawn.
@@ -381,8 +398,9 @@ mod tests {
             assert!(finest.foreground.iter().all(|p| of(p) != far));
         }
         let coarse = level([2, 3]);
-        assert_eq!(coarse.all_centers().count(), 13);
-        assert_eq!(coarse.all_centers().nth(6).unwrap().u, DVec2::new(2.5, 0.5));
+        assert_eq!([0, 1].map(|view| coarse.centers_of(view).len()), [4, 9]);
+        let third = coarse.centers_of(1)[2];
+        assert_eq!((third.camera, third.u), (1, DVec2::new(2.5, 0.5)));
         let flags: Vec<bool> = (0..13).map(|i| i != 4).collect();
         let inside = coarse.with_margin(&flags, 1);
         let expected = |i| i < 4 || [6, 9, 10, 11, 12].contains(&i);

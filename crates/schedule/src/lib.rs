@@ -17,7 +17,8 @@ const LEVEL_ENDS: [f64; 3] = [0.05, 0.12, 0.25];
 pub const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
 
 /// On the finest level, one draw stands for a group of this many certain background pixels: their
-/// rays miss by then, and have no gradient. Groups of 4 and 16: distance 0.97 and 0.95.
+/// rays miss by then, and only a trained background has a gradient there. Before a uniform one,
+/// groups of 4 and 16 had the distance 0.97 and 0.95.
 const BACKGROUND_GROUP: usize = 8;
 
 /// The same on coarser levels, where these pixels carve the object and train the background. With
@@ -30,7 +31,8 @@ pub fn background_group(progress: f64) -> usize {
 }
 
 /// The shares of the sharp part at which pixels far from the surface become certain background, if
-/// the background is trained. The surface has moved in between.
+/// the background is trained. The surface has moved in between. docs/rooms.md has fits with and
+/// without.
 const GROUPINGS: [f64; 3] = [0.0, 0.2, 0.6];
 
 /// The number of groupings of pixels by the surface that are due, if the surface is soft for a

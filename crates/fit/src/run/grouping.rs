@@ -29,14 +29,17 @@ impl Fit {
         let level = &self.levels[self.traced_level()];
         let cameras = corrected(self.corrections.calibration(), &level.cameras);
         let scene = scene(&self.model, &self.file, &cameras);
-        let samples: Vec<Sample> = level.all_centers().collect();
         let misses = |samples: &[Sample]| {
             let rays = scene.trace(samples)?;
             Ok(rays.iter().map(|ray| ray.and_then(|ray| ray.depth()).is_none()).collect())
         };
-        let parts = samples.par_chunks(TRACED_CHUNK).map(misses);
-        let misses = parts.collect::<Result<Vec<Vec<bool>>, InvalidField>>()?.concat();
-        let grouping = Grouping { number: due, is_far: level.with_margin(&misses, MARGIN) };
+        let mut all = Vec::with_capacity(level.photograph_pixels() as usize);
+        for view in 0..cameras.len() {
+            let samples = level.centers_of(view);
+            let parts = samples.par_chunks(TRACED_CHUNK).map(misses);
+            all.extend(parts.collect::<Result<Vec<Vec<bool>>, InvalidField>>()?.concat());
+        }
+        let grouping = Grouping { number: due, is_far: level.with_margin(&all, MARGIN) };
         self.set_grouping(Some(grouping));
         Ok(())
     }
@@ -46,19 +49,24 @@ impl Fit {
         TRACED_LEVEL.min(self.levels.len() - 1)
     }
 
-    /// Restores the grouping of a checkpoint.
+    /// Restores the grouping of a checkpoint. A longer budget can put the run back to before the
+    /// grouping: then it is forgotten, and pixels are grouped again when it is time.
     pub(super) fn restore_grouping(&mut self, state: Option<Grouping>) -> Result<(), InputError> {
-        let count = self.levels[self.traced_level()].photograph_pixels();
-        match state.as_ref().map(|grouping| grouping.is_far.len() as u64) {
-            Some(found) if found != count => {
-                let (path, expected) = (checkpoint_path(&self.folder), format!("{count}"));
-                Err(InputError::new(path, "grouping", format!("{found} pixels"), expected))
-            }
-            _ => {
-                self.set_grouping(state);
-                Ok(())
-            }
+        let Some(Grouping { number, is_far }) = state else { return Ok(()) };
+        let wrong = |found: String, expected: String| {
+            Err(InputError::new(checkpoint_path(&self.folder), "grouping", found, expected))
+        };
+        if !self.file.background_kind.is_trained() {
+            return wrong("a grouping".to_owned(), "none, by background_kind of fit.toml".into());
         }
+        let count = self.levels[self.traced_level()].photograph_pixels();
+        if is_far.len() as u64 != count {
+            return wrong(format!("{} pixels", is_far.len()), count.to_string());
+        }
+        let due = schedule::groupings(self.progress(), self.file.options.soft);
+        let number = number.min(due);
+        self.set_grouping((number > 0).then_some(Grouping { number, is_far }));
+        Ok(())
     }
 
     fn set_grouping(&mut self, grouping: Option<Grouping>) {
