@@ -9,29 +9,42 @@ use stereo::Places;
 use super::Fit;
 use crate::cameras::{Corrections, calibration};
 
-/// The least number of places in a view. With fewer, it keeps its pose; a trial decides later if
-/// that is the mean of all views.
-const LEAST_PLACES: usize = 40;
+/// The least number of places in a view. With fewer, it keeps its pose. In a room with wrong poses,
+/// views with fewer than 40 places were well adjusted.
+const LEAST_PLACES: usize = 12;
+
+/// The least mean number of places in a view. With fewer, a trial decides later.
+const LEAST_MEAN: usize = 40;
 
 /// The most places of all views, about; of more, every second, third or nth point is used. An
-/// adjustment takes seconds then.
+/// adjustment takes seconds then. Views with less than this mean number keep all of theirs.
 const MOST_PLACES: usize = 20_000;
 
 /// Half of the side of the patch around a place that is compared, in searched pixels.
 const PATCH: u32 = 7;
 
-/// Every nth track, so that about `most` places are left.
-fn thinned(tracks: Vec<Track>, most: usize) -> Vec<Track> {
-    let tracks: Vec<Track> = tracks.into_iter().filter(|track| track.len() > 1).collect();
-    let count = tracks.iter().map(Vec::len).sum::<usize>();
-    tracks.into_iter().step_by(count.div_ceil(most).max(1)).collect()
+/// The number of places in each of the views.
+fn in_views(tracks: &[Track], views: usize) -> Vec<usize> {
+    let mut counts = vec![0; views];
+    tracks.iter().flatten().for_each(|o| counts[o.view] += 1);
+    counts
+}
+
+/// Every nth track, so that about `most` places are left, and all tracks of views that have less
+/// than the mean of that.
+fn thinned(mut tracks: Vec<Track>, views: usize, most: usize) -> Vec<Track> {
+    tracks.retain(|track| track.len() > 1);
+    let counts = in_views(&tracks, views);
+    let every = counts.iter().sum::<usize>().div_ceil(most).max(1);
+    let is_rare = |track: &Track| track.iter().any(|o| counts[o.view] < most / views);
+    let kept = tracks.into_iter().enumerate();
+    kept.filter(|(i, track)| i % every == 0 || is_rare(track)).map(|(_, track)| track).collect()
 }
 
 /// The tracks without the views that have too few places in them, and without tracks of one place.
 fn with_enough_places(mut tracks: Vec<Track>, views: usize) -> Vec<Track> {
     loop {
-        let mut in_view = vec![0; views];
-        tracks.iter().flatten().for_each(|o| in_view[o.view] += 1);
+        let in_view = in_views(&tracks, views);
         let has_few = |view: usize| in_view[view] < LEAST_PLACES;
         if !tracks.iter().flatten().any(|o| has_few(o.view)) {
             return tracks;
@@ -67,8 +80,8 @@ impl Fit {
         let track = |places: Places| places.into_iter().filter_map(observation).collect();
         let tracks: Vec<Track> = places.into_iter().map(track).collect();
         let views = photographs.len();
-        let tracks = with_enough_places(thinned(tracks, MOST_PLACES), views);
-        if tracks.iter().map(Vec::len).sum::<usize>() < LEAST_PLACES * views {
+        let tracks = with_enough_places(thinned(tracks, views, MOST_PLACES), views);
+        if tracks.iter().map(Vec::len).sum::<usize>() < LEAST_MEAN * views {
             return None;
         }
         let start = |freedom| calibration(&self.dataset.train, self.file.sphere(), freedom);
@@ -111,20 +124,24 @@ mod tests {
 
     #[test]
     fn views_with_few_places_and_their_partners_leave_all_tracks() {
-        // Views 0 and 1 share 60 points, views 2 and 3 share 50, and view 4 shares 45 with view 5,
-        // which has no other: of 10 of them, view 6 has a third place.
         let track = |views: &[usize]| -> Track {
             views.iter().map(|view| Observation { view: *view, u: DVec2::ZERO }).collect()
         };
         let many = |n, views: &[usize]| std::iter::repeat_n(track(views), n).collect::<Vec<_>>();
-        let tracks = [many(60, &[0, 1]), many(39, &[2, 3]), many(45, &[4, 5]), many(10, &[4, 6])];
+        let tracks = [many(60, &[0, 1]), many(11, &[2, 3]), many(13, &[4, 5]), many(3, &[4, 6])];
         let kept = with_enough_places(tracks.concat(), 7);
-        let in_view = |view| kept.iter().flatten().filter(|o| o.view == view).count();
-        assert_eq!([0, 1, 2, 3, 4, 5, 6].map(in_view), [60, 60, 0, 0, 45, 45, 0]);
-        // Without the 39 of view 6, view 4 has 39 too.
-        let tracks = [many(39, &[4, 6]), many(20, &[4, 5])].concat();
+        assert_eq!(in_views(&kept, 7), [60, 60, 0, 0, 13, 13, 0]);
+        // Without the 4 places of view 5, view 4 has 11.
+        let tracks = [many(11, &[4, 6]), many(4, &[4, 5])].concat();
         assert!(with_enough_places(tracks, 7).is_empty());
-        assert_eq!(thinned(many(100, &[0, 1, 2]), 100).len(), 34);
-        assert_eq!(thinned(many(100, &[0]), 10).len(), 0);
+    }
+
+    #[test]
+    fn tracks_of_views_with_few_places_are_not_thinned() {
+        let track = |views: &[usize]| -> Track {
+            views.iter().map(|view| Observation { view: *view, u: DVec2::ZERO }).collect()
+        };
+        let tracks = [vec![track(&[0, 1]); 100], vec![track(&[1, 2]); 10], vec![track(&[0])]];
+        assert_eq!(in_views(&thinned(tracks.concat(), 3, 50), 3), [20, 30, 10]);
     }
 }
