@@ -90,19 +90,17 @@ impl Calibration {
         assert_eq!(is_free.len(), self.given.len(), "a flag for each view");
         let [.., last] = SCALES;
         let adjustment = Adjustment { tracks, pixel, is_free };
-        let points = self.move_to(&adjustment, &SCALES, None);
-        if !self.freedom.poses {
-            return self.residuals(tracks, &points);
-        }
+        let mut points = self.move_to(&adjustment, &SCALES, None);
         // To hold the gauge moves the cameras by a motion of the world, up to terms of second order
         // in the corrections. A second adjustment is small, so its own are negligible.
-        if is_free.iter().all(|is_free| *is_free) {
-            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
-            let points = self.points_alone(&adjustment);
-            self.move_to(&adjustment, &[last], Some(points));
-            self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
+        if self.freedom.poses && is_free.iter().all(|is_free| *is_free) {
+            let poses = OF_POSE * self.given.len();
+            self.gauge.hold(&mut self.parameters[..poses]);
+            self.move_to(&adjustment, &[last], Some(self.points_alone(&adjustment)));
+            self.gauge.hold(&mut self.parameters[..poses]);
+            points = self.points_alone(&adjustment);
         }
-        self.residuals(tracks, &self.points_alone(&adjustment))
+        self.residuals(tracks, &points)
     }
 
     /// The points for the cameras as they are.
@@ -265,7 +263,7 @@ impl Calibration {
 }
 
 /// The median; infinite for none.
-fn median(numbers: &mut [f64]) -> f64 {
+pub(crate) fn median(numbers: &mut [f64]) -> f64 {
     numbers.sort_by(f64::total_cmp);
     numbers.get(numbers.len() / 2).copied().unwrap_or(f64::INFINITY)
 }

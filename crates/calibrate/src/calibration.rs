@@ -6,6 +6,7 @@ use optim::{Adam, Group, OptimError};
 use render::{Camera, CameraAdjoint};
 use serde::Serialize;
 
+use crate::bundle::median;
 use crate::freedom::{Freedom, OF_LENS, OF_POSE};
 use crate::gauge::Gauge;
 use crate::units::{of_lens, of_pose};
@@ -237,8 +238,7 @@ impl Calibration {
     /// The median motion of the image of the bounding sphere's centre, in pixels.
     pub(crate) fn median_pixels(&self) -> f64 {
         let mut pixels: Vec<f64> = self.corrections().iter().map(|c| c.pixels).collect();
-        pixels.sort_by(f64::total_cmp);
-        pixels[pixels.len() / 2]
+        median(&mut pixels)
     }
 
     /// The parameters, the running means of the gradient and of its square, and the number of

@@ -26,12 +26,6 @@ impl Freedom {
     /// Poses alone.
     pub const POSES: Freedom = Freedom { poses: true, focal: false, lens: false };
 
-    /// The same without the parameters of lenses.
-    #[must_use]
-    pub fn without_lens(self) -> Freedom {
-        Freedom { focal: false, lens: false, ..self }
-    }
-
     /// The positions of the free parameters among those of a lens.
     pub(crate) fn of_lens(self) -> impl Iterator<Item = usize> {
         let range = |on: bool, range: Range<usize>| if on { range } else { 0..0 };

@@ -20,10 +20,9 @@ pub(crate) fn corrected(calibration: Option<&Calibration>, bases: &[Camera]) -> 
 }
 
 /// The corrections of a run's cameras, and where they come from.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug)]
 pub(crate) enum Corrections {
     /// It is not decided yet whether there are any.
-    #[default]
     Undecided,
     /// None: the cameras stay as given.
     Given,

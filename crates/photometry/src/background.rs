@@ -1,5 +1,7 @@
 //! The probability that a pixel shows the background.
 
+use std::ops::RangeInclusive;
+
 use dataset::BackgroundEstimate;
 use field::Sphere;
 
@@ -56,11 +58,16 @@ impl BackgroundModel {
     }
 }
 
+/// The places along a side of an image that are up to `margin` from `v`.
+pub(crate) fn near(v: u32, margin: u32, side: u32) -> RangeInclusive<u32> {
+    v.saturating_sub(margin)..=(v + margin).min(side - 1)
+}
+
 /// For each pixel of an image, row-major, whether it and all pixels in the square with this margin
 /// around it are flagged.
 pub(crate) fn with_margin(flags: &[bool], [width, height]: [u32; 2], margin: u32) -> Vec<bool> {
     let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
+    let near = |v: u32, side: u32| near(v, margin, side);
     // A square is a row of columns: test the columns first, then the rows.
     let columns: Vec<bool> =
         all().map(|(x, y)| near(y, height).all(|y| flags[(y * width + x) as usize])).collect();

@@ -2,6 +2,8 @@
 
 use film::srgb_encode;
 
+use crate::background::near;
+
 /// The residual, in display units, at which the loss turns from quadratic to linear: about the
 /// noise of a photograph with its unmodelled highlights. Half and double of it changed the fits of
 /// the test scenes less than another seed did.
@@ -39,8 +41,8 @@ impl Target {
         y: u32,
     ) -> Self {
         let (mut low, mut high) = ([f32::INFINITY; 3], [0.0f32; 3]);
-        for y in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-            for x in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+        for y in near(y, 1, height) {
+            for x in near(x, 1, width) {
                 for (c, v) in seen(x, y).into_iter().enumerate() {
                     (low[c], high[c]) = (low[c].min(v), high[c].max(v));
                 }

@@ -7,7 +7,7 @@ use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
-use crate::background::{BackgroundModel, with_margin};
+use crate::background::{BackgroundModel, near, with_margin};
 use crate::loss::Target;
 use crate::masks::MaskUse;
 
@@ -84,8 +84,8 @@ impl Photograph {
     /// are in the photograph.
     pub fn is_used_around(&self, x: u32, y: u32, margin: u32) -> bool {
         let [width, height] = self.size();
-        let near = |v: u32, side: u32| v.saturating_sub(margin)..=(v + margin).min(side - 1);
-        self.used.is_none() || near(y, height).all(|y| near(x, width).all(|x| self.is_used(x, y)))
+        self.used.is_none()
+            || near(y, margin, height).all(|y| near(x, margin, width).all(|x| self.is_used(x, y)))
     }
 
     /// Whether pixel (x, y) is used, all of it.

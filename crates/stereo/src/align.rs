@@ -8,7 +8,10 @@ use glam::Vec2;
 use crate::photo::Photo;
 
 /// Half of the side of a patch, in pixels.
-const HALF: i32 = 7;
+pub const HALF_PATCH: u32 = 7;
+
+/// The same, for places before and behind the middle.
+const HALF: i32 = HALF_PATCH as i32;
 
 /// The side of a patch, in pixels.
 const SIDE: usize = 2 * HALF as usize + 1;

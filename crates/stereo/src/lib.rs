@@ -11,6 +11,7 @@ mod photo;
 mod search;
 mod tracks;
 
+pub use align::HALF_PATCH;
 pub use carve::pushes;
 pub use choice::StereoChoice;
 pub use depth::{DepthMap, Stereo, View};

@@ -4,7 +4,7 @@ use calibrate::{
     Calibration, CameraDecision, Freedom, Matching, Observation, RefineCameras, Track, off_views,
 };
 use glam::DVec2;
-use stereo::Places;
+use stereo::{HALF_PATCH, Places};
 
 use super::Fit;
 use crate::cameras::{Corrections, calibration};
@@ -19,9 +19,6 @@ const LEAST_MEAN: usize = 40;
 /// The most places of all views, about; of more, every second, third or nth point is used. An
 /// adjustment takes seconds then. Views with less than this mean number keep all of theirs.
 const MOST_PLACES: usize = 20_000;
-
-/// Half of the side of the patch around a place that is compared, in searched pixels.
-const PATCH: u32 = 7;
 
 /// The number of places in each of the views.
 fn in_views(tracks: &[Track], views: usize) -> Vec<usize> {
@@ -74,7 +71,7 @@ impl Fit {
         let scale = 2f64.powi(level as i32);
         let photographs = &self.levels[level].photographs;
         let observation = |(view, u): (usize, DVec2)| {
-            let is_used = photographs[view].is_used_around(u.x as u32, u.y as u32, PATCH);
+            let is_used = photographs[view].is_used_around(u.x as u32, u.y as u32, HALF_PATCH);
             is_used.then_some(Observation { view, u: u * scale })
         };
         let track = |places: Places| places.into_iter().filter_map(observation).collect();
@@ -94,7 +91,7 @@ impl Fit {
         if matching.is_kept || !off.contains(&true) {
             return Some((adjusted, matching));
         }
-        let mut adjusted = start(freedom.without_lens());
+        let mut adjusted = start(Freedom::POSES);
         let refined = adjusted.adjust(&tracks, scale, &off);
         let matching = Matching::of_views(&given, &refined, &adjusted, &off);
         Some((adjusted, matching))
@@ -122,11 +119,13 @@ impl Fit {
 mod tests {
     use super::*;
 
+    /// A point that these views show.
+    fn track(views: &[usize]) -> Track {
+        views.iter().map(|view| Observation { view: *view, u: DVec2::ZERO }).collect()
+    }
+
     #[test]
     fn views_with_few_places_and_their_partners_leave_all_tracks() {
-        let track = |views: &[usize]| -> Track {
-            views.iter().map(|view| Observation { view: *view, u: DVec2::ZERO }).collect()
-        };
         let many = |n, views: &[usize]| std::iter::repeat_n(track(views), n).collect::<Vec<_>>();
         let tracks = [many(60, &[0, 1]), many(11, &[2, 3]), many(13, &[4, 5]), many(3, &[4, 6])];
         let kept = with_enough_places(tracks.concat(), 7);
@@ -138,9 +137,6 @@ mod tests {
 
     #[test]
     fn tracks_of_views_with_few_places_are_not_thinned() {
-        let track = |views: &[usize]| -> Track {
-            views.iter().map(|view| Observation { view: *view, u: DVec2::ZERO }).collect()
-        };
         let tracks = [vec![track(&[0, 1]); 100], vec![track(&[1, 2]); 10], vec![track(&[0])]];
         assert_eq!(in_views(&thinned(tracks.concat(), 3, 50), 3), [20, 30, 10]);
     }
