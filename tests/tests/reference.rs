@@ -189,9 +189,17 @@ fn other_commands_read_the_run_of_a_fit() {
     assert_eq!(dsdf_json(&["mesh", &run, "-o", &mesh, "--resolution", "48"])["closed"], true);
     let truth = Path::new(&data).join("truth.ply").to_string_lossy().into_owned();
     let eval = dsdf_json(&["eval", &run, "--mesh", &truth, "--resolution", "48"]);
-    for key in
-        ["psnr", "ssim", "mask_iou", "chamfer", "chamfer_relative", "f_score", "normal_consistency"]
-    {
+    for key in [
+        "psnr",
+        "ssim",
+        "mask_iou",
+        "chamfer",
+        "chamfer_relative",
+        "f_score",
+        "normal_consistency",
+        "normal_error",
+        "normal_error_median",
+    ] {
         assert!(eval[key].is_number(), "{key} of {eval}");
     }
     let turntable = folder.path("t.png");

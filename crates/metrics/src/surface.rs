@@ -28,6 +28,10 @@ pub struct Comparison {
     /// The mean of |n·n′| over the points of both directions: n is the normal of a point's face, n′
     /// that of the nearest face.
     pub normal_consistency: f64,
+    /// The mean angle between these two normals, without their signs, in degrees.
+    pub normal_error: f64,
+    /// The median of these angles, in degrees: the mean of the medians of both directions.
+    pub normal_error_median: f64,
     /// The standard error of `chamfer` that the finite number of points leaves. It is an upper
     /// bound: it takes the points for independent, but they are stratified.
     pub standard_error: f64,
@@ -36,8 +40,8 @@ pub struct Comparison {
 /// Compares two surfaces by `samples` points on each (at least one), uniform by area.
 ///
 /// `threshold` is the distance up to which a point counts for the F-score, in world units. If a
-/// surface has no faces, the distances are infinite, and the F-score and the normal consistency are
-/// 0.
+/// surface has no faces, the distances are infinite, the F-score and the normal consistency are 0,
+/// and the normal errors are 90.
 pub fn compare(a: &Mesh, b: &Mesh, samples: usize, threshold: f64) -> Comparison {
     if a.origin != b.origin {
         return compare(a, &b.clone().about(a.origin), samples, threshold);
@@ -51,6 +55,8 @@ pub fn compare(a: &Mesh, b: &Mesh, samples: usize, threshold: f64) -> Comparison
         completeness: backward.mean_distance,
         f_score: harmonic_mean(forward.share_within, backward.share_within),
         normal_consistency: 0.5 * (forward.normal_consistency + backward.normal_consistency),
+        normal_error: 0.5 * (forward.normal_error + backward.normal_error),
+        normal_error_median: 0.5 * (forward.normal_error_median + backward.normal_error_median),
         standard_error: 0.5 * variance.sqrt(),
     }
 }
@@ -83,6 +89,8 @@ struct OneSided {
     variance_of_mean: f64,
     share_within: f64,
     normal_consistency: f64,
+    normal_error: f64,
+    normal_error_median: f64,
 }
 
 impl OneSided {
@@ -103,11 +111,17 @@ impl OneSided {
         let count = pairs.len() as f64;
         let mean = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>() / count;
         let mean_distance = mean(&|p| p.0);
+        let mut angles: Vec<f64> = pairs.iter().map(|p| p.1.min(1.0).acos().to_degrees()).collect();
+        let normal_error = angles.iter().sum::<f64>() / count;
+        let middle = angles.len() / 2;
+        let (_, median, _) = angles.select_nth_unstable_by(middle, f64::total_cmp);
         OneSided {
             mean_distance,
             variance_of_mean: mean(&|p| (p.0 - mean_distance).powi(2)) / count,
             share_within: mean(&|p| f64::from(u8::from(p.0 <= threshold))),
             normal_consistency: mean(&|p| p.1),
+            normal_error,
+            normal_error_median: *median,
         }
     }
 
@@ -117,6 +131,8 @@ impl OneSided {
         variance_of_mean: 0.0,
         share_within: 0.0,
         normal_consistency: 0.0,
+        normal_error: 90.0,
+        normal_error_median: 90.0,
     };
 }
 
@@ -163,6 +179,24 @@ mod tests {
         assert_relative_eq!(c.chamfer, 0.01, max_relative = 0.02);
         assert_relative_eq!(c.f_score, 0.5, epsilon = 0.02);
         assert!(c.standard_error > 1e-6 && c.standard_error < 1e-4, "{c:?}");
+    }
+
+    /// A square, and one turned about an edge by 10 degrees: all normals differ by this angle.
+    #[test]
+    fn turned_squares_have_the_angle_as_error_of_their_normals() {
+        let flat = square(0.0);
+        let turn = glam::Quat::from_axis_angle(Vec3::X, 10f32.to_radians());
+        let vertices = flat.vertices.iter().map(|v| turn * *v).collect();
+        let turned = Mesh { vertices, ..flat.clone() };
+        let c = compare(&flat, &turned, 1000, 0.1);
+        assert_relative_eq!(c.normal_error, 10.0, epsilon = 1e-3);
+        assert_relative_eq!(c.normal_error_median, 10.0, epsilon = 1e-3);
+        let mut half = turned;
+        half.faces.truncate(1);
+        half.faces.push([4, 5, 6]);
+        half.vertices.extend([flat.vertices[0], flat.vertices[2], flat.vertices[3]]);
+        let c = compare(&half, &flat, 4000, 0.1);
+        assert!(c.normal_error > 4.0 && c.normal_error < 6.0, "{c:?}");
     }
 
     #[test]
