@@ -32,6 +32,6 @@ pub use regular::{open, read, read_text};
 use std::path::Path;
 
 /// The extension of a path in lower case, empty if there is none.
-fn extension(path: &Path) -> String {
+pub fn extension(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }

@@ -250,6 +250,13 @@ fn an_stl_file_has_triangles_that_merge_to_the_mesh() {
     }
     assert_eq!((read.genus(), read.vertices.len()), (Some(1), mesh.vertices.len()));
     assert_relative_eq!(read.volume(), mesh.volume() * 25.4f64.powi(3), max_relative = 1e-5);
+    let near = Mesh { origin: DVec3::new(1.3, -0.7, 40.0), ..mesh.clone() };
+    let (_, read) = exported("a.stl", &near, &Export::default());
+    assert_eq!((read.genus(), read.vertices.len()), (Some(1), mesh.vertices.len()));
+    for (face, of_read) in near.faces.iter().zip(&read.faces) {
+        let place = |mesh: &Mesh, v: u32| mesh.origin + mesh.vertices[v as usize].as_dvec3();
+        assert!((place(&near, face[0]) - place(&read, of_read[0])).length() < 4e-6);
+    }
     let far = Mesh { origin: DVec3::splat(1e6), ..mesh };
     let error = export_mesh(Path::new("a.stl"), &far, &Export::default()).unwrap_err();
     assert!(error.is::<io::InputError>() && error.to_string().contains("single precision"));

@@ -34,11 +34,4 @@ pub use obj::check_textured_obj;
 pub use points::read_points;
 pub use read::read_mesh;
 pub use texture::Texture;
-pub use write::{Export, export_mesh, write_mesh};
-
-use std::path::Path;
-
-/// The extension of a path in lower case, empty if there is none.
-fn extension(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
-}
+pub use write::{Export, check_stl, export_mesh, write_mesh};

@@ -3,19 +3,18 @@
 use std::path::Path;
 
 use glam::DVec3;
-use io::InputError;
+use io::{InputError, extension};
 
-use crate::extension;
 use crate::read::parse_ply;
 
 /// Reads the positions of the vertices of a .ply file, ASCII or binary, in the units of the file.
 ///
-/// Faces, normals, colours and all other content are ignored. Positions are precise to single
+/// Normals, colours and all other content are ignored. Positions are precise to single
 /// precision, relative to the cloud's centre.
 ///
 /// # Errors
-/// If the file is missing, is damaged or too large for the memory, or if it has no point or one
-/// that is not finite.
+/// If the file is missing, is damaged or too large for the memory, or if it has faces, no point, or
+/// a point that is not finite: the points of a surface are not only its vertices.
 pub fn read_points(path: &Path) -> Result<Vec<DVec3>, InputError> {
     let extension = extension(path);
     if extension != "ply" {
@@ -24,6 +23,10 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>, InputError> {
     }
     let bytes = io::read(path, "points", "a .ply file with points")?;
     let cloud = parse_ply(path, &bytes)?;
+    if !cloud.faces.is_empty() {
+        let found = format!("{} of them", cloud.faces.len());
+        return Err(InputError::new(path, "faces", found, "points without faces (see --mesh)"));
+    }
     if cloud.vertices.is_empty() {
         return Err(InputError::new(path, "vertex", "no points", "one or more"));
     }
@@ -86,6 +89,12 @@ mod tests {
     fn empty_and_damaged_clouds_are_refused() {
         let error = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
         assert!(error(&header("ascii", 0, "float")).contains("vertex: found no points"));
+        let surface = String::from_utf8(header("ascii", 3, "float")).unwrap().replace(
+            "end_header",
+            "element face 1\nproperty list uchar int vertex_indices\nend_header",
+        ) + "0 0 0 7\n1 0 0 7\n0 1 0 7\n3 0 1 2\n";
+        let surface = error(surface.as_bytes());
+        assert!(surface.contains("faces: found 1 of them") && surface.contains("--mesh"));
         let numbers = [1.0, f32::NAN, 2.0].map(f32::to_le_bytes).concat();
         let nan = [header("binary_little_endian", 1, "float"), numbers, vec![0]].concat();
         assert!(error(&nan).contains("vertex 0: found"), "{}", error(&nan));

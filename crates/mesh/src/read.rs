@@ -4,16 +4,16 @@ use std::fmt::Display;
 use std::path::Path;
 
 use glam::DVec3;
-use io::InputError;
+use io::{InputError, extension};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
     Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef, PropertyType,
     ScalarType,
 };
 
+use crate::Mesh;
 use crate::glb_read::parse_glb;
 use crate::stl::parse_stl;
-use crate::{Mesh, extension};
 
 /// The formats that are read.
 const FORMATS: &str = "a .ply, .obj, .glb or .stl mesh";

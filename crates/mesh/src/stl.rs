@@ -25,7 +25,7 @@ pub(crate) fn write_stl(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> 
     out.write_all(&u32::try_from(mesh.faces.len())?.to_le_bytes())?;
     for (i, face) in mesh.faces.iter().enumerate() {
         let normal = mesh.face_cross(i).normalize_or_zero().as_vec3();
-        let corners = face.map(|v| mesh.vertices[v as usize]);
+        let corners = face.map(|v| (mesh.origin + mesh.vertices[v as usize].as_dvec3()).as_vec3());
         for v in std::iter::once(normal).chain(corners) {
             out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
         }

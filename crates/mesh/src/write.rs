@@ -5,13 +5,13 @@ use std::path::Path;
 
 use film::srgb_encode;
 use glam::{DVec3, Vec3};
-use io::{InputError, atomic_write};
+use io::{InputError, atomic_write, extension};
 
 use crate::bytes::little_endian;
 use crate::glb::write_glb;
 use crate::obj::write_obj;
 use crate::stl::write_stl;
-use crate::{Mesh, Texture, extension};
+use crate::{Mesh, Texture};
 
 /// The size, the direction and the texture of a mesh in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,16 +64,34 @@ pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> anyhow::Result<
         "ply" => atomic_write(path, |out| write_ply(&scaled(), out)),
         "obj" => write_obj(path, &scaled(), export.texture),
         "glb" => atomic_write(path, |out| write_glb(mesh, export, out)),
-        "stl" if is_far(mesh) => {
-            let found = format!("a mesh around {}, far from 0 for its size", mesh.origin);
-            Err(error(&found, ".ply, .obj or .glb: .stl has single precision").into())
+        "stl" => {
+            let reach = mesh.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max);
+            check_stl(path, mesh.origin, reach.into())?;
+            atomic_write(path, |out| write_stl(&scaled(), out))
         }
-        "stl" => atomic_write(path, |out| write_stl(&scaled(), out)),
         other => {
             let found = format!("extension \"{other}\"");
             Err(error(&found, ".ply, .obj, .glb or .stl").into())
         }
     }
+}
+
+/// The largest distance of neighbouring numbers in single precision, as a part of a mesh's size.
+const STL_SPACING: f64 = 1e-5;
+
+/// Checks that an .stl file at `path`, which has single precision, can hold a mesh that reaches
+/// this far from `center`, both in world units.
+///
+/// # Errors
+/// If positions would be rounded by more than 1e-5 of `reach`.
+pub fn check_stl(path: &Path, center: DVec3, reach: f64) -> Result<(), InputError> {
+    let spacing = f64::from(f32::EPSILON) * center.abs().max_element();
+    if spacing <= STL_SPACING * reach {
+        return Ok(());
+    }
+    let found = format!("a mesh around {center}, far from 0 for its size");
+    let expected = ".ply, .obj or .glb: .stl has single precision";
+    Err(InputError::new(path, "output", found, expected))
 }
 
 /// Whether positions need double precision.

@@ -1,6 +1,6 @@
 //! Folders of images: their names, reduced copies, and the images of numbered cameras.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::Result;
 use io::{InputError, refuse_unconverted};
@@ -64,25 +64,27 @@ pub(crate) fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// The image `name` in `folder`, whose extension may be missing in the name, or another one.
+/// The image `name` in `folder`. Its extension may be missing in the name, or another one: for
+/// example, HEIC files are converted after COLMAP has seen them. The copy then counts, not they.
 pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
     let as_named = folder.join(name);
     let extensions = ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG"];
-    let with_extension = extensions.map(|e| folder.join(format!("{name}.{e}")));
-    std::iter::once(as_named).chain(with_extension).find(|p| p.is_file())
+    let added = extensions.map(|e| folder.join(format!("{name}.{e}")));
+    let replaced = extensions.map(|e| as_named.with_extension(e));
+    let is_converted = ["heic", "heif", "avif"].contains(&io::extension(&as_named).as_str());
+    let (first, last) = if is_converted { (None, Some(as_named)) } else { (Some(as_named), None) };
+    let places = first.into_iter().chain(added).chain(replaced).chain(last);
+    places.into_iter().find(|p| p.is_file())
 }
 
-/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`.
+/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`. For a name that is not
+/// inside the folder, only the latter.
 pub(crate) fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
     let name = name.trim_start_matches("./");
     let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
-    let names = [name, without_extension(name), file, without_extension(file)];
-    names.into_iter().find_map(|n| image_named(&folder.join("masks"), n))
-}
-
-/// The part of a name before its last point, or all of it.
-fn without_extension(name: &str) -> &str {
-    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+    let is_inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
+    let names = [Some(name).filter(|_| is_inside), Some(file)];
+    names.into_iter().flatten().find_map(|n| image_named(&folder.join("masks"), n))
 }
 
 /// The index of the camera of each image, in a set of `count` cameras whose file does not name the

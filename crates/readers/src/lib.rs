@@ -46,8 +46,10 @@ pub struct Recognised {
     /// One sentence for each thing that a user should know: images that are missing, models that
     /// are not read, photographs that are cut.
     pub notes: Vec<String>,
-    /// Images that the camera file names and that do not exist.
+    /// Images that the camera file names and that do not exist, but for those in `missing_test`.
     missing: Vec<PathBuf>,
+    /// The same, of the views to hold out.
+    missing_test: Vec<PathBuf>,
 }
 
 impl Recognised {
@@ -94,7 +96,7 @@ impl Views {
 ///
 /// # Errors
 /// If the folder cannot be listed, no format matches, the reader fails, or more than half of the
-/// images are missing. A known format without a reader is named, with a way to convert it.
+/// images to fit are missing. A known format without a reader is named, with a way to convert it.
 pub fn recognise(folder: &Path, path: &Path) -> Result<Recognised> {
     let mut recognised = read(folder, path)?;
     notes::add(&mut recognised, path)?;

@@ -14,10 +14,9 @@ const LONGEST: usize = 400;
 /// Adds the notes on missing images, reduced images and fisheye lenses.
 ///
 /// # Errors
-/// If more than half of the images are missing; `path` is the data set.
+/// If more than half of the images to fit are missing; `path` is the data set.
 pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
-    let test = recognised.test.as_ref().map_or(0, Vec::len);
-    let missing = missing(recognised, recognised.train.len() + test, path)?;
+    let missing = missing(recognised, path)?;
     let views = || recognised.train.iter().chain(recognised.test.iter().flatten());
     let notes = [missing, reduced(views()), fisheye(views())];
     recognised.notes.extend(notes.into_iter().flatten());
@@ -29,16 +28,20 @@ pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
 }
 
 /// The note on missing images.
-fn missing(recognised: &Recognised, found: usize, path: &Path) -> Result<Option<String>> {
-    let missing = &recognised.missing;
-    let Some(first) = missing.first() else { return Ok(None) };
-    let all = found + missing.len();
-    if found < missing.len() {
-        let text = format!("{} of {all} missing: no such file {}", missing.len(), first.display());
+fn missing(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
+    let Recognised { train, missing, missing_test, .. } = recognised;
+    if train.len() < missing.len() {
+        let (all, first) = (train.len() + missing.len(), missing[0].display());
+        let text = format!("{} of {all} missing: no such file {first}", missing.len());
         return Err(InputError::new(path, "images", text, "at least half of the images"));
     }
+    let missing: Vec<&PathBuf> = missing.iter().chain(missing_test).collect();
+    if missing.is_empty() {
+        return Ok(None);
+    }
+    let all = train.len() + recognised.test.as_ref().map_or(0, Vec::len) + missing.len();
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
-    let name = |image: &PathBuf| image.strip_prefix(folder).unwrap_or(image).display().to_string();
+    let name = |image: &&PathBuf| image.strip_prefix(folder).unwrap_or(image).display().to_string();
     let names: Vec<String> = missing.iter().take(NAMED).map(name).collect();
     let more = if missing.len() > NAMED { ", …" } else { "" };
     let (count, names) = (missing.len(), names.join(", "));

@@ -280,6 +280,13 @@ fn other_image_folders_are_read() {
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
     assert_same_camera(&in_order(&dataset)[3].camera, &all[3], 1e-9);
     assert!(dataset.notes.is_empty(), "{:?}", dataset.notes);
+    // HEIC photographs were converted after COLMAP had seen them.
+    let model = at("sparse/0/images.txt");
+    let text = std::fs::read_to_string(&model).unwrap();
+    std::fs::write(&model, text.replace(".png", ".HEIC")).unwrap();
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!((dataset.train.len(), dataset.notes.len()), (7, 0));
+    std::fs::write(&model, text).unwrap();
     std::fs::remove_dir_all(at("input")).unwrap();
     std::fs::create_dir(at("images_2")).unwrap();
     for (i, camera) in all.iter().enumerate().filter(|(i, _)| *i != 4) {

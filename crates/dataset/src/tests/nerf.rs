@@ -21,6 +21,43 @@ fn data_sets_are_read_with_their_own_split() {
 }
 
 #[test]
+fn without_held_out_images_the_usual_split_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = cameras(20);
+    write_nerf(folder.path(), "transforms_train.json", &all[..9]);
+    write_nerf(folder.path(), "transforms_test.json", &all[9..]);
+    for i in 0..11 {
+        std::fs::remove_file(folder.path().join(format!("transforms_test_{i}.png"))).unwrap();
+    }
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!((dataset.train.len(), dataset.test.len()), (7, 2));
+    assert!(dataset.notes[0].starts_with("11 of 20 images are missing"), "{:?}", dataset.notes);
+}
+
+#[test]
+fn names_outside_the_folder_and_converted_images_are_found_and_are_no_masks() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut root = write_nerf(folder.path(), "transforms.json", &cameras(3));
+    std::fs::create_dir(folder.path().join("masks")).unwrap();
+    std::fs::create_dir(folder.path().join("other")).unwrap();
+    let path = folder.path().join("transforms_0.png");
+    let outside = "other/../transforms_1.HEIC";
+    for (i, name) in [path.to_str().unwrap(), outside, "transforms_2.JPG"].iter().enumerate() {
+        root["frames"][i]["file_path"] = json!(name);
+    }
+    // A photograph that was converted stays beside its copy.
+    std::fs::write(folder.path().join("transforms_1.HEIC"), "\0\0\0\x18ftypheic").unwrap();
+    write_json(&folder.path().join("transforms.json"), &root);
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!((dataset.train.len(), dataset.test.len()), (2, 1));
+    let views = || dataset.train.iter().chain(&dataset.test);
+    assert!(views().all(|view| view.mask.is_none()), "a photograph is no mask");
+    std::fs::copy(&path, folder.path().join("masks/transforms_1.png")).unwrap();
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert!(dataset.train[0].mask.is_some() && dataset.train[1].mask.is_none());
+}
+
+#[test]
 fn focal_length_and_principal_point_have_defaults() {
     let folder = tempfile::tempdir().unwrap();
     let mut root = write_nerf(folder.path(), "transforms.json", &cameras(9));

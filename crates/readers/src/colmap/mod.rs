@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
-use crate::images::{ImageFolder, image_folder};
+use crate::images::{ImageFolder, image_folder, image_named};
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -118,7 +118,8 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
     let place = folder_of_images(&folder, &images)?;
     let mut views = Views::default();
     for image in images {
-        views.add(place.path.join(&image.name), |path| {
+        let path = image_named(&place.path, &image.name);
+        views.add(path.unwrap_or_else(|| place.path.join(&image.name)), |path| {
             let view = unread_view(&model.images, path, &place.path, &cameras, image)?;
             if place.is_reduced { view.of_reduced_image() } else { Ok(view) }
         })?;
@@ -137,7 +138,7 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
 /// The folder of the images: the first that has one of them.
 fn folder_of_images(model: &Path, images: &[ImageRecord]) -> Result<ImageFolder> {
     let places: Vec<&Path> = model.ancestors().take(4).collect();
-    let has = |folder: &Path| images.iter().any(|image| folder.join(&image.name).is_file());
+    let has = |folder: &Path| images.iter().any(|image| image_named(folder, &image.name).is_some());
     image_folder(&places, has).ok_or_else(|| {
         let expected = "a folder \"images\" or \"input\" beside the model's folder or \"sparse\"";
         InputError::new(model, "images", "no such folder", expected)

@@ -69,12 +69,11 @@ pub(crate) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
     Ok(recognised)
 }
 
-/// A data set with a split of its own.
+/// A data set with a split of its own. With no image to hold out, the usual split is made.
 fn with_split(format: &str, train: Views, test: Views) -> Recognised {
-    let Views { found, missing } = test;
     let mut recognised = Recognised::new(format, train);
-    recognised.missing.extend(missing);
-    recognised.test = Some(found);
+    recognised.missing_test = test.missing;
+    recognised.test = Some(test.found).filter(|found| !found.is_empty());
     recognised
 }
 

@@ -86,11 +86,8 @@ impl Lists {
             return Err(InputError::new(file, place, format!("{name:?}"), expected));
         }
         let train = read_frames(folder, file, train, root)?;
-        // With nothing held out by the file, the usual split of the frames to fit is made.
-        let has_test = !test.is_empty();
         let test = read_frames(folder, file, test, root)?;
         let mut recognised = with_split(format, train, test);
-        recognised.test = recognised.test.filter(|_| has_test);
         if unused > 0 {
             let text = "frames are neither in the list to fit nor in the one held out";
             recognised.notes.push(format!("{unused} {text}"));
