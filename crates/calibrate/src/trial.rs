@@ -26,6 +26,11 @@ const ERRORS: f64 = 3.0;
 /// small noise; with poses that are off by 0.4° it falls by 11 to 17 %.
 const LEAST_FALL: f64 = 0.05;
 
+/// The fall of the residual from which on corrections are kept.
+fn least_fall(given: f64, noise: f64) -> f64 {
+    (ERRORS * noise).max(LEAST_FALL * given)
+}
+
 impl Trial {
     /// The result, from the mean residuals of each view with the given and with the refined
     /// cameras. Both have one element or more, and as many.
@@ -36,7 +41,7 @@ impl Trial {
         let fall = given - refined;
         let variance = falls.iter().map(|f| (f - fall) * (f - fall)).sum::<f64>() / n;
         let noise = (variance / (n - 1.0).max(1.0)).sqrt();
-        let is_kept = fall > ERRORS * noise && fall > LEAST_FALL * given;
+        let is_kept = fall > least_fall(given, noise);
         Trial { given, refined, noise, pixels: calibration.median_pixels(), is_kept }
     }
 
@@ -44,10 +49,11 @@ impl Trial {
     pub fn text(&self) -> String {
         let fall = 100.0 * (1.0 - self.refined / self.given);
         let noise = 100.0 * self.noise / self.given;
+        let needed = 100.0 * least_fall(self.given, self.noise) / self.given;
         let verdict = if self.is_kept { "refined from here on" } else { "kept as given" };
         format!(
-            "cameras: {verdict}; a trial lowers the residual by {fall:.1} % (noise {noise:.1} %) \
-             and moves a view by {:.2} pixels",
+            "cameras: {verdict}; a trial lowers the residual by {fall:.1} % ({needed:.1} % needed: \
+             its noise is {noise:.1} %) and moves a view by {:.2} pixels",
             self.pixels
         )
     }
@@ -81,6 +87,7 @@ mod tests {
             assert_eq!(trial.is_kept, is_kept, "{trial:?}");
             let words = if is_kept { "refined from here on" } else { "kept as given" };
             assert!(trial.text().contains(words));
+            assert!(refined[0] != 0.99 || trial.text().contains("by 1.0 % (5.0 % needed"));
         }
         // Falls of 0.1, 0.18 and 0.02: the standard deviation is 0.08, that of the mean 0.08/√3.
         let noise = Trial::of(&given, &[0.9, 0.92, 0.88], &calibration).noise;

@@ -51,6 +51,9 @@ const SAMPLES: f64 = 4096.0;
 const LEAST_SHARE: f32 = 0.5;
 const SHARE_RANGE: f32 = 0.4;
 
+/// The least share of the surrounding pixels that masks must not leave out.
+const LEAST_USED: f64 = 0.1;
+
 /// The spread at which the confidence has fallen to 0 (clutter), and the range over which it falls
 /// from 1; display units.
 const MOST_SPREAD: f32 = 0.15;
@@ -66,11 +69,14 @@ impl BackgroundEstimate {
     ///
     /// Colour and spread are a median and a median absolute deviation, widened to the tail. They
     /// hold if more than half of these pixels show one colour. Several uniform colours (a wall and
-    /// a table) count as clutter, which lowers the confidence. Without pixels, the confidence is 0.
+    /// a table) count as clutter, which lowers the confidence. If masks leave out nearly all of the
+    /// pixels, the confidence is 0.
     pub fn estimate(views: &[View], candidate: &Sphere<f64>) -> Self {
-        let pixels: Vec<[f32; 3]> =
+        let shown: Vec<Option<[f32; 3]>> =
             views.iter().flat_map(|view| surrounding_pixels(view, candidate)).collect();
-        if pixels.is_empty() {
+        let least = (LEAST_USED * shown.len() as f64) as usize;
+        let pixels: Vec<[f32; 3]> = shown.into_iter().flatten().collect();
+        if pixels.is_empty() || pixels.len() < least {
             return BackgroundEstimate { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
         }
         let center: [f32; 3] =
@@ -146,8 +152,9 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels that should show background, in display space: a few thousand a view at most.
-fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
+/// Pixels that should show background, in display space: a few thousand a view at most. `None`
+/// stands for a pixel that is left out.
+fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<Option<[f32; 3]>> {
     let (width, height) = (view.image.width, view.image.height);
     let stride = (f64::from(width * height) / SAMPLES).sqrt().ceil().max(1.0) as u32;
     let shown = |x: u32, y: u32| {
@@ -159,15 +166,15 @@ fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<[f32; 3]> {
         for x in (0..width).step_by(stride as usize) {
             let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             if candidate.clip(view.camera.eye, view.camera.direction(u)).is_none() {
-                pixels.extend(shown(x, y));
+                pixels.push(shown(x, y));
             }
         }
     }
     for x in (0..width).step_by(stride as usize) {
-        pixels.extend([shown(x, 0), shown(x, height - 1)].into_iter().flatten());
+        pixels.extend([shown(x, 0), shown(x, height - 1)]);
     }
     for y in (0..height).step_by(stride as usize) {
-        pixels.extend([shown(0, y), shown(width - 1, y)].into_iter().flatten());
+        pixels.extend([shown(0, y), shown(width - 1, y)]);
     }
     pixels
 }

@@ -24,6 +24,10 @@ const DIFFERENT: f32 = 3.0;
 /// floor of a landscape is near.
 const DISTANT: f32 = 0.9;
 
+/// The largest share of the pixels around a visual hull that may show the object. With more, the
+/// background is not as uniform as it seems, and parts of the object count as background.
+const MOST_STRAY: f64 = 0.02;
+
 /// The least number of surface points from which a sphere is estimated.
 const LEAST_POINTS: usize = 50;
 
@@ -148,7 +152,8 @@ impl Surroundings {
 ///    around the visual hull of the masks;
 /// 4. a sphere around the data set's surface points in the middle of the views, if there are 50;
 ///    its centre is the point at which the cameras aim;
-/// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds;
+/// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds, and
+///    hardly a pixel outside its image shows the object;
 /// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
 /// If 4 and 5 both exist, the sphere contains both: points are missing where the object has no
@@ -205,12 +210,14 @@ fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> 
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
         let backgrounds = rough.of_views();
-        // A pixel that is left out may show the object.
-        let is_foreground = |view: usize, i: usize| {
-            let found = backgrounds[view].probability(views[view].image.pixels[i]);
-            found < 0.5 || !views[view].is_used(i)
+        let is_shown = |view: usize, i: usize| {
+            backgrounds[view].probability(views[view].image.pixels[i]) < 0.5
         };
-        visual_hull_sphere(views, &wide, is_foreground).map(|hull| hull.scaled(MARGIN))
+        // A pixel that is left out may show the object.
+        let is_foreground = |view: usize, i| is_shown(view, i) || !views[view].is_used(i);
+        let hull = visual_hull_sphere(views, &wide, is_foreground)?.scaled(MARGIN);
+        let is_stray = |view: usize, i| is_shown(view, i) && views[view].is_used(i);
+        (stray(views, &hull, is_stray) <= MOST_STRAY).then_some(hull)
     });
     match (points, hull.flatten()) {
         (Some(points), Some(hull)) => Some((around_both(&points, &hull), SphereSource::Points)),
@@ -218,6 +225,28 @@ fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> 
         (None, Some(hull)) => Some((hull, SphereSource::Outlines)),
         (None, None) => None,
     }
+}
+
+/// The share of the pixels outside the image of `hull` that show the object by `is_foreground`:
+/// the upper quartile of the views.
+fn stray(
+    views: &[View],
+    hull: &Sphere<f64>,
+    is_foreground: impl Fn(usize, usize) -> bool + Sync,
+) -> f64 {
+    let share = |(number, view): (usize, &View)| {
+        let (width, camera) = (view.image.width as usize, &view.camera);
+        let place = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let is_outside = |i: &usize| hull.clip(camera.eye, camera.direction(place(*i))).is_none();
+        let outside = (0..view.image.pixels.len()).filter(is_outside);
+        let (count, all) = outside.fold((0, 0), |(count, all), i| {
+            (count + usize::from(is_foreground(number, i)), all + 1)
+        });
+        count as f64 / all.max(1) as f64
+    };
+    let mut shares: Vec<f64> = views.par_iter().enumerate().map(share).collect();
+    shares.sort_by(f64::total_cmp);
+    shares[3 * shares.len() / 4]
 }
 
 /// The smallest sphere around two spheres.

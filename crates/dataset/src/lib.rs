@@ -5,6 +5,7 @@ mod bounds;
 mod carve;
 mod distant;
 mod load;
+mod masks;
 mod split;
 #[cfg(test)]
 mod tests;

@@ -8,6 +8,7 @@ use render::Camera;
 
 use readers::{Recognised, UnreadView, recognise};
 
+use crate::masks::recognise_used;
 use crate::split::every_eighth;
 use crate::{Dataset, View};
 
@@ -24,12 +25,12 @@ impl Default for LoadOptions {
     }
 }
 
-/// Reads a data set: [`open`], then [`Unread::read`].
+/// Reads a data set: [`open`], then [`Unread::read`], without progress.
 ///
 /// # Errors
 /// As these.
 pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
-    open(path)?.read(options)
+    open(path)?.read(options, &mut |_| {})
 }
 
 /// A data set whose images are not read yet.
@@ -86,27 +87,30 @@ impl Unread {
     /// has a pinhole camera.
     ///
     /// Images are read in parallel, as many at a time as fit in 512 MiB at their full size, at
-    /// least one. The result does not depend on the number of threads.
+    /// least one. The result does not depend on the number of threads. `progress` gets the share of
+    /// the images that are read.
     ///
     /// # Errors
     /// If a file is missing or wrong, or if `downscale` is 0: an [`InputError`] with the file and
     /// the place in it.
-    pub fn read(self, options: &LoadOptions) -> anyhow::Result<Dataset> {
+    pub fn read(
+        self,
+        options: &LoadOptions,
+        progress: &mut dyn FnMut(f64),
+    ) -> anyhow::Result<Dataset> {
         let Unread { path, train, test, recognised } = self;
         let n = options.downscale;
         if n == 0 {
             return Err(InputError::new(path, "downscale", 0, "1 or more").into());
         }
         refuse_too_many(&path, [&train, &test], n)?;
-        Ok(Dataset {
-            path,
-            format: recognised.format,
-            train: read_all(train, n)?,
-            test: read_all(test, n)?,
-            bounds: recognised.bounds,
-            points: recognised.points,
-            notes: recognised.notes,
-        })
+        let (of_train, all) = (train.len(), (train.len() + test.len()) as f64);
+        let train = read_all(train, n, &mut |done| progress(done as f64 / all))?;
+        let test = read_all(test, n, &mut |done| progress((of_train + done) as f64 / all))?;
+        let Recognised { format, bounds, points, notes, .. } = recognised;
+        let mut dataset = Dataset { path, format, train, test, bounds, points, notes };
+        recognise_used(&mut dataset);
+        Ok(dataset)
     }
 }
 
@@ -126,14 +130,20 @@ fn refuse_too_many(path: &Path, views: [&[UnreadView]; 2], n: u32) -> Result<(),
 const READING_MEMORY: u64 = 512 << 20;
 
 /// Reads the images in parallel, one group after the other. Of several errors, the first in the
-/// order of the views is returned, so that the message does not depend on timing.
-fn read_all(mut views: Vec<UnreadView>, downscale: u32) -> Result<Vec<View>, InputError> {
+/// order of the views is returned, so that the message does not depend on timing. `report` gets the
+/// number of images that are read.
+fn read_all(
+    mut views: Vec<UnreadView>,
+    downscale: u32,
+    report: &mut dyn FnMut(usize),
+) -> Result<Vec<View>, InputError> {
     let mut read = Vec::with_capacity(views.len());
     let memory: Vec<u64> = views.iter().map(UnreadView::reading_memory).collect();
     for length in groups(&memory) {
         let group: Vec<_> = views.drain(..length).collect();
         let group: Vec<_> = group.into_par_iter().map(|view| view.read(downscale)).collect();
         read.extend(group.into_iter().collect::<Result<Vec<_>, _>>()?);
+        report(read.len());
     }
     Ok(read)
 }

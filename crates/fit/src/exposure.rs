@@ -66,6 +66,12 @@ impl RunExposures {
         }
     }
 
+    /// Whether it has an exposure of each training view of a data set.
+    pub fn has_views_of(&self, dataset: &Dataset) -> bool {
+        let has = |view: &View| self.views.iter().any(|own| own.name == view.name);
+        dataset.train.iter().all(has)
+    }
+
     /// Brings the training photographs of a data set to the mean exposure. `run` is the folder of
     /// the run, for the message of an error.
     ///

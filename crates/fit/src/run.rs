@@ -1,12 +1,13 @@
 //! The optimisation loop.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
 use checkpoint::{Grouping, State};
-use dataset::{Dataset, View};
+use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
 use film::srgb_decode;
@@ -15,8 +16,7 @@ use io::{InputError, check_memory};
 use metrics::psnr_where;
 use optim::Adam;
 use photometry::{
-    ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, as_exposed, pyramid,
-    without_gains,
+    ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, pyramid, without_gains,
 };
 use pictures::write_preview;
 use random::{Purpose, Stream};
@@ -25,6 +25,7 @@ use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
 use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
+use crate::exposure::match_exposures;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
@@ -442,15 +443,15 @@ impl Fit {
             (None, _) => view.camera,
         }];
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
+        let mut shown = Cow::Borrowed(std::slice::from_ref(view));
+        if self.gains.is_some() {
+            match_exposures(&self.model, &self.file, shown.to_mut(), &|_| {})?;
+        }
         let solid = Solid::new(&self.model, &self.file);
-        let colors = self.file.background_of(std::slice::from_ref(view));
+        let colors = self.file.background_of(&*shown);
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-        let image = write_preview(&path, &scene, 0, &view.image)?;
-        let psnr = |view: &View| {
-            let exposed = self.gains.as_ref().map(|_| as_exposed(&image, &view.image, view.used()));
-            psnr_where(exposed.as_ref().unwrap_or(&image), &view.image, view.used())
-        };
-        self.held_out_psnr = held_out.map(psnr);
+        let image = write_preview(&path, &scene, 0, &shown[0].image)?;
+        self.held_out_psnr = held_out.map(|view| psnr_where(&image, &shown[0].image, view.used()));
         Ok(())
     }
 }

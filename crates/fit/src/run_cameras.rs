@@ -86,6 +86,12 @@ impl RunCameras {
         self.views.iter().map(|own| Ok(own.camera(run)?.about(origin))).collect()
     }
 
+    /// Whether it has a camera of each training view of a data set.
+    pub fn has_views_of(&self, dataset: &Dataset) -> bool {
+        let has = |view: &View| self.views.iter().any(|own| own.name == view.name);
+        dataset.train.iter().all(has)
+    }
+
     /// Gives the views of a data set their refined cameras: training views by their names, held-out
     /// views the lens of a training view that was given the same intrinsics. The data set is
     /// relative to `origin`. `run` is the folder of the run, for the message of an error.

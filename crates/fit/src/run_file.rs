@@ -1,5 +1,6 @@
 //! The file `fit.toml` of a run folder.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use dataset::{BackgroundEstimate, Dataset, SphereSource, View, surroundings};
@@ -63,10 +64,9 @@ impl RunFile {
             found.background = BackgroundEstimate::NOTHING;
             background_kind = BackgroundKind::Constant;
         }
-        let differ = exposures_differ(&dataset.train, &found.sphere, &found.background);
         let Sphere { center, radius } = found.sphere;
         let BackgroundEstimate { color, spread, confidence } = found.background;
-        let file = RunFile {
+        let mut file = RunFile {
             dataset: path,
             bounds: [center.x, center.y, center.z, radius],
             masks,
@@ -77,9 +77,13 @@ impl RunFile {
                 BackgroundKind::PerView => found.confidence_of_views(),
                 _ => confidence,
             },
-            exposure_model: options.exposure.resolve(differ),
+            exposure_model: ExposureModel::Even,
             options: options.clone(),
         };
+        // The photographs as the fit sees them: without the background that masks remove.
+        let seen = file.composited(Cow::Borrowed(dataset));
+        let differ = exposures_differ(&seen.train, &found.sphere, &file.background());
+        file.exposure_model = options.exposure.resolve(differ);
         Ok((file, found.source))
     }
 
@@ -118,14 +122,27 @@ impl RunFile {
     /// the run uses the coverage of the object.
     #[must_use]
     pub fn prepare(&self, dataset: Dataset) -> Dataset {
-        let mut dataset = dataset.about(self.origin());
+        let dataset = self.composited(Cow::Owned(dataset)).into_owned().about(self.origin());
+        if self.masks == MaskUse::LeaveOut { dataset } else { dataset.with_all_pixels() }
+    }
+
+    /// The data set over black, if the run uses the coverage of the object.
+    #[must_use]
+    pub fn composited<'a>(&self, mut dataset: Cow<'a, Dataset>) -> Cow<'a, Dataset> {
         if self.masks == MaskUse::Coverage {
+            let dataset = dataset.to_mut();
             put_over_black(&mut dataset.train);
             // A photograph with its background would be compared with one without.
+            let all = dataset.test.len();
             dataset.test.retain(|view| view.coverage().is_some());
+            let left_out = all - dataset.test.len();
+            if left_out > 0 {
+                let text = "held-out views have no mask of the object, and are left out";
+                dataset.notes.push(format!("{left_out} of {all} {text}"));
+            }
             put_over_black(&mut dataset.test);
         }
-        if self.masks == MaskUse::LeaveOut { dataset } else { dataset.with_all_pixels() }
+        dataset
     }
 
     /// The estimated uniform background: one of all views, or one of each.

@@ -116,6 +116,9 @@ pub fn inspect(
     report
 }
 
+/// The share of pixels that masks may leave out without a warning.
+const MOST_LEFT_OUT: f64 = 0.5;
+
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -219,9 +222,23 @@ fn warnings(
              a fit finds one for each, unless --exposure is none"
         ));
     }
-    let cut_out = views.iter().filter(|v| v.coverage().is_some()).count();
-    if (1..all).contains(&cut_out) {
-        warnings.push(format!("only {cut_out} of {all} views have a mask of the object"));
+    let train = &views[..report.train_views];
+    let without: Vec<&&View> = train.iter().filter(|v| v.coverage().is_none()).collect();
+    if let Some(first) = without.first().filter(|_| without.len() < train.len()) {
+        let (count, all, name) = (train.len() - without.len(), train.len(), &first.name);
+        warnings.push(format!(
+            "only {count} of {all} views to fit have a mask of the object, so none is used; the \
+             first without one is {name}"
+        ));
+    }
+    let of_view = |v: &&View| {
+        let unused = (0..v.image.pixels.len()).filter(|i| !v.is_used(*i)).count();
+        unused as f64 / v.image.pixels.len() as f64
+    };
+    let left_out = mean(&views.iter().map(of_view).collect::<Vec<f64>>());
+    if left_out > MOST_LEFT_OUT {
+        let percent = 100.0 * left_out;
+        warnings.push(format!("masks leave out {percent:.0} % of the pixels; white is used"));
     }
     if report.train_views < 3 {
         warnings.push("fewer than three views to fit".to_owned());

@@ -1,9 +1,13 @@
 //! The surface of a fit: its part on the bounding sphere, and its part that no photograph sees.
 
-use cut::mark_seen;
+use std::ops::Range;
+
+use cut::{Ground, ground, mark_seen};
 use field::Sphere;
+use glam::DVec3;
 use mesh::extract;
 use metrics::{SurfacePoint, sample_surface};
+use pictures::upwards;
 use render::{InvalidField, Scene};
 use serde::Serialize;
 
@@ -14,6 +18,8 @@ pub struct SurfaceShares {
     pub on_sphere: f64,
     /// On the bounding sphere, and seen by a photograph.
     pub seen_on_sphere: f64,
+    /// Like `seen_on_sphere`, and not on the table or below it, if there is one.
+    pub seen_above_table: f64,
     /// Seen by no photograph: behind other parts of the surface, from behind, or off all films.
     pub unseen: f64,
 }
@@ -40,7 +46,7 @@ const SAME_POINT: f64 = 2.0 / CELLS as f64;
 pub fn surface_shares(
     scene: &Scene<'_, f32>,
     sphere: &Sphere<f64>,
-    cameras: std::ops::Range<usize>,
+    cameras: Range<usize>,
 ) -> Result<Option<SurfaceShares>, InvalidField> {
     let mesh = extract(scene.field, sphere, CELLS, &|_| {});
     let points = sample_surface(&mesh, POINTS, 0);
@@ -48,11 +54,15 @@ pub fn surface_shares(
         return Ok(None);
     }
     let mut seen = vec![false; points.len()];
-    for camera in cameras {
+    for camera in cameras.clone() {
         mark_seen(scene, camera, &|_| true, &points, SAME_POINT * sphere.radius, &mut seen)?;
     }
     let on_sphere = |p: &SurfacePoint| {
         (p.position - sphere.center).length() > (1.0 - ON_SPHERE) * sphere.radius
+    };
+    let table = table(scene, sphere, cameras, &points, &seen);
+    let is_above = |p: &SurfacePoint| {
+        table.as_ref().is_none_or(|t| t.plane.height(p.position) > ON_SPHERE * sphere.radius)
     };
     let share = |holds: &dyn Fn(&SurfacePoint, bool) -> bool| {
         let count = points.iter().zip(&seen).filter(|(p, seen)| holds(p, **seen)).count();
@@ -61,8 +71,25 @@ pub fn surface_shares(
     Ok(Some(SurfaceShares {
         on_sphere: share(&|p, _| on_sphere(p)),
         seen_on_sphere: share(&|p, seen| seen && on_sphere(p)),
+        seen_above_table: share(&|p, seen| seen && on_sphere(p) && is_above(p)),
         unseen: share(&|_, seen| !seen),
     }))
+}
+
+/// The table in the seen part of a surface, of which each point stands for the same area.
+fn table(
+    scene: &Scene<'_, f32>,
+    sphere: &Sphere<f64>,
+    cameras: Range<usize>,
+    points: &[SurfacePoint],
+    seen: &[bool],
+) -> Option<Ground> {
+    let cameras = &scene.cameras[cameras];
+    let eyes: Vec<DVec3> = cameras.iter().map(|camera| camera.eye).collect();
+    let seen: Vec<SurfacePoint> =
+        points.iter().zip(seen).filter(|(_, seen)| **seen).map(|(point, _)| *point).collect();
+    let (areas, up) = (vec![1.0; seen.len()], upwards(cameras, sphere.center));
+    ground(&seen, &areas, &eyes, up, sphere.radius)
 }
 
 #[cfg(test)]

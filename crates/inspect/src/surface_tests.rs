@@ -72,6 +72,29 @@ fn a_solid_that_leaves_the_sphere_lies_on_it() {
 }
 
 #[test]
+fn a_table_on_the_sphere_is_no_cut() {
+    // The part of the unit ball below z = −0.2, and a ball on it; cameras look down from around.
+    let table = Shape::new(field::Kind::Plane, &[0.0, 0.0, 1.0, -0.2]);
+    let ball = Shape::sphere([0.0, 0.0, 0.05], 0.3);
+    let eyes: Vec<DVec3> = (0..8)
+        .map(|i| {
+            let (s, c) = (f64::from(i) * 0.785).sin_cos();
+            DVec3::new(3.0 * c, 3.0 * s, 1.0)
+        })
+        .collect();
+    let on_table = Csg::new(Operation::Union, vec![Box::new(table), Box::new(ball)]);
+    let found = shares(&on_table, &eyes).unwrap();
+    assert!(found.seen_on_sphere > 0.1 && found.seen_above_table < 0.01, "{found:?}");
+    // A wall to its side is no table.
+    let wall = Shape::new(field::Kind::Plane, &[-1.0, 0.0, 0.0, -0.2]);
+    let ball = Shape::sphere([0.0, 0.0, 0.05], 0.3);
+    let at_wall = Csg::new(Operation::Union, vec![Box::new(wall), Box::new(ball)]);
+    let found = shares(&at_wall, &eyes).unwrap();
+    assert!(found.seen_above_table > 0.1, "{found:?}");
+    assert_eq!(found.seen_above_table, found.seen_on_sphere);
+}
+
+#[test]
 fn no_surface_has_no_shares() {
     assert_eq!(shares(&balls(&[(0.0, -0.5)]), &[DVec3::X * 4.0]), None);
 }

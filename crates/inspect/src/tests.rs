@@ -105,7 +105,7 @@ fn suspicious_views_give_warnings() {
     }
     near.train[0].mask = Some(Mask { kind: MaskKind::Object, values: vec![1.0; 3000] });
     let warnings = report(&near).warnings.join("; ");
-    assert!(warnings.contains("only 1 of 4 views have a mask"), "{warnings}");
+    assert!(warnings.contains("only 1 of 3 views to fit have a mask"), "{warnings}");
     near.train.truncate(2);
     assert!(report(&near).warnings.iter().any(|w| w.contains("fewer than three")));
 }

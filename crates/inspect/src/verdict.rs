@@ -22,6 +22,8 @@ pub struct Evidence {
     pub background_confidence: f32,
     /// The spread of the exposures, in stops; `None` if it is not known.
     pub exposure_spread: Option<f64>,
+    /// Whether the fit has an exposure for each photograph.
+    pub fits_exposures: bool,
     /// The shares of the surface's area; `None` without a surface.
     pub surface: Option<SurfaceShares>,
     /// The PSNR on training views, in dB; see [`sampled_psnr`].
@@ -33,7 +35,8 @@ pub struct Evidence {
 impl Evidence {
     /// Examines a fit. `scene` is its solid with the cameras of the training views and then those
     /// of the held-out views, and `sphere` is its bounding sphere. `uniform_background` tells
-    /// whether its background is one colour, or one for each view.
+    /// whether its background is one colour, or one for each view, and `fits_exposures` whether it
+    /// has an exposure for each view.
     ///
     /// It takes about a second, and gives the same numbers on any number of threads.
     ///
@@ -45,6 +48,7 @@ impl Evidence {
         dataset: &Dataset,
         background: &dataset::BackgroundEstimate,
         uniform_background: bool,
+        fits_exposures: bool,
     ) -> Result<Evidence, InvalidField> {
         let (train, all) = (dataset.train.len(), dataset.train.len() + dataset.test.len());
         let psnr = |views: &[View], numbers| {
@@ -55,6 +59,7 @@ impl Evidence {
             uniform_background,
             background_confidence: background.confidence,
             exposure_spread: exposure_spread(&dataset.train, sphere, background).map(|e| e.stops),
+            fits_exposures,
             surface: surface_shares(scene, sphere, 0..train)?,
             training_psnr: psnr(&dataset.train, 0..train)?,
             held_out_psnr: psnr(&dataset.test, train..all)?,
@@ -118,22 +123,21 @@ impl Fault {
     ///
     /// The rules are tried in this order, since each fault also has effects that later rules see:
     /// 1. no surface;
-    /// 2. more than 10 % of the surface lies on the bounding sphere, in view of a photograph: the
-    ///    background is painted there if it is modelled as one colour and is not uniform, and else
-    ///    the sphere cuts the object off;
+    /// 2. the background is one colour, and more than 10 % of the surface lies on the bounding
+    ///    sphere, in view of a photograph: the background is painted there if it is not uniform,
+    ///    and else the sphere cuts the object off;
     /// 3. held-out views are below 30 dB and 4 dB worse than training views: too few views if there
     ///    are fewer than 12, and else inconsistent ones;
-    /// 4. a PSNR of training views below 26 dB where their exposures differ;
+    /// 4. a PSNR of training views below 26 dB where their exposures differ and are not fitted;
     /// 5. a PSNR of training views below 23.5 dB;
-    /// 6. more than 30 % of the surface is unseen, or no sampled pixel of a training view counts.
+    /// 6. before another background, more than 10 % of the surface lies on the bounding sphere, in
+    ///    view of a photograph and above the table, which every sphere cuts;
+    /// 7. more than 30 % of the surface is unseen, or no sampled pixel of a training view counts.
     pub fn of(evidence: &Evidence) -> Option<Fault> {
         let Some(surface) = &evidence.surface else { return Some(Fault::NoSurface) };
-        if surface.seen_on_sphere > MOST_ON_SPHERE {
+        if surface.seen_on_sphere > MOST_ON_SPHERE && evidence.uniform_background {
             let is_clutter = evidence.background_confidence < LEAST_CONFIDENCE;
-            return Some(match evidence.uniform_background && is_clutter {
-                true => Fault::PaintedBackground,
-                false => Fault::SmallSphere,
-            });
+            return Some(if is_clutter { Fault::PaintedBackground } else { Fault::SmallSphere });
         }
         let both = evidence.training_psnr.zip(evidence.held_out_psnr);
         if both.is_some_and(|(t, h)| h < GOOD_PSNR && t - h > LARGEST_GAP) {
@@ -144,11 +148,14 @@ impl Fault {
         }
         let is_below = |least: f64| evidence.training_psnr.is_some_and(|psnr| psnr < least);
         let differ = evidence.exposure_spread.is_some_and(|stops| stops > MOST_SPREAD);
-        if differ && is_below(LEAST_PSNR_OF_EXPOSURES) {
+        if differ && !evidence.fits_exposures && is_below(LEAST_PSNR_OF_EXPOSURES) {
             return Some(Fault::Exposure);
         }
         if is_below(LEAST_PSNR) {
             return Some(Fault::LowAccuracy);
+        }
+        if surface.seen_above_table > MOST_ON_SPHERE {
+            return Some(Fault::SmallSphere);
         }
         let no_view_shows_it = evidence.training_psnr.is_none();
         (surface.unseen > MOST_UNSEEN || no_view_shows_it).then_some(Fault::Unseen)
@@ -166,9 +173,8 @@ impl Fault {
                  explain it: try --background volume"
             }
             Fault::SmallSphere => {
-                "the bounding sphere cuts the surface off: a table is always cut, and `dsdf mesh \
-                 --above auto` removes it; if the object is cut, try a larger sphere (--bounds), \
-                 and look at the picture of `dsdf inspect`"
+                "the bounding sphere cuts the surface off: if this is the object, try a larger \
+                 sphere (--bounds), and look at the picture of `dsdf inspect`"
             }
             Fault::FewViews => {
                 "held-out views are much worse than training views: try more photographs"
@@ -216,7 +222,7 @@ impl Display for Verdict {
     /// Three lines: a label of 13 columns, then a sentence.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let Evidence { surface, training_psnr, held_out_psnr, .. } = &self.evidence;
-        if let Some(SurfaceShares { on_sphere, seen_on_sphere, unseen }) = surface {
+        if let Some(SurfaceShares { on_sphere, seen_on_sphere, unseen, .. }) = surface {
             let [on_sphere, seen_on_sphere, unseen] =
                 [on_sphere, seen_on_sphere, unseen].map(|share| 100.0 * share);
             writeln!(

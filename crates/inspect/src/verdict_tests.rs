@@ -9,14 +9,21 @@ fn good() -> Evidence {
         uniform_background: true,
         background_confidence: 1.0,
         exposure_spread: Some(0.05),
-        surface: Some(SurfaceShares { on_sphere: 0.0, seen_on_sphere: 0.0, unseen: 0.05 }),
+        fits_exposures: false,
+        surface: Some(SurfaceShares {
+            on_sphere: 0.0,
+            seen_on_sphere: 0.0,
+            seen_above_table: 0.0,
+            unseen: 0.05,
+        }),
         training_psnr: Some(32.0),
         held_out_psnr: Some(31.0),
     }
 }
 
 fn shares(seen_on_sphere: f64, unseen: f64) -> Option<SurfaceShares> {
-    Some(SurfaceShares { on_sphere: seen_on_sphere, seen_on_sphere, unseen })
+    let (on_sphere, seen_above_table) = (seen_on_sphere, seen_on_sphere);
+    Some(SurfaceShares { on_sphere, seen_on_sphere, seen_above_table, unseen })
 }
 
 #[test]
@@ -29,12 +36,29 @@ fn each_fault_follows_from_its_evidence() {
         (good(), None),
         (Evidence { surface: None, ..good() }, Some(Fault::NoSurface)),
         (cluttered.clone(), Some(Fault::PaintedBackground)),
-        (Evidence { uniform_background: false, ..cluttered }, Some(Fault::SmallSphere)),
+        (Evidence { uniform_background: false, ..cluttered.clone() }, Some(Fault::SmallSphere)),
+        (
+            Evidence { uniform_background: false, training_psnr: Some(22.8), ..cluttered.clone() },
+            Some(Fault::LowAccuracy),
+        ),
+        // A table.
+        (
+            Evidence {
+                uniform_background: false,
+                surface: shares(0.2, 0.1).map(|s| SurfaceShares { seen_above_table: 0.0, ..s }),
+                ..cluttered
+            },
+            None,
+        ),
         (Evidence { surface: shares(0.2, 0.1), ..good() }, Some(Fault::SmallSphere)),
         (apart.clone(), Some(Fault::Inconsistent)),
         (Evidence { training_views: 5, ..apart }, Some(Fault::FewViews)),
         (short.clone(), Some(Fault::LowAccuracy)),
-        (Evidence { exposure_spread: Some(0.3), ..short }, Some(Fault::Exposure)),
+        (Evidence { exposure_spread: Some(0.3), ..short.clone() }, Some(Fault::Exposure)),
+        (
+            Evidence { exposure_spread: Some(0.3), fits_exposures: true, ..short },
+            Some(Fault::LowAccuracy),
+        ),
         (Evidence { exposure_spread: Some(0.3), ..cow.clone() }, Some(Fault::Exposure)),
         (cow, None),
         (Evidence { surface: shares(0.0, 0.5), ..good() }, Some(Fault::Unseen)),
@@ -55,7 +79,12 @@ fn each_fault_follows_from_its_evidence() {
 fn the_text_has_the_numbers_and_an_option() {
     let painted = Evidence {
         background_confidence: 0.0,
-        surface: Some(SurfaceShares { on_sphere: 0.375, seen_on_sphere: 0.25, unseen: 0.125 }),
+        surface: Some(SurfaceShares {
+            on_sphere: 0.375,
+            seen_on_sphere: 0.25,
+            seen_above_table: 0.25,
+            unseen: 0.125,
+        }),
         held_out_psnr: None,
         ..good()
     };

@@ -152,13 +152,6 @@ pub fn gain_between(image: &Film, photograph: &Film, used: impl IntoIterator<Ite
     gain
 }
 
-/// The image with the exposure of a photograph; see [`gain_between`].
-pub fn as_exposed(image: &Film, photograph: &Film, used: impl IntoIterator<Item = bool>) -> Film {
-    let gain = gain_between(image, photograph, used);
-    let pixels = image.pixels.iter().map(|p| (Vec3::from(*p) * gain).into()).collect();
-    Film { pixels, ..image.clone() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -15,7 +15,7 @@ pub use background::BackgroundModel;
 pub use background_choice::{BackgroundChoice, BackgroundKind};
 pub use downscale::{Limit, MEMORY_PER_PIXEL, downscale};
 pub use exposure_choice::{ExposureChoice, ExposureModel};
-pub use gains::{Gains, GainsError, as_exposed, gain_between, without_gains};
+pub use gains::{Gains, GainsError, gain_between, without_gains};
 pub use loss::{Target, photometric, squared_error};
 pub use masks::{MaskChoice, MaskUse, check_masks, put_over_black};
 pub use pyramid::{Level, Photograph, Pixel, pyramid};

@@ -18,15 +18,27 @@ const SHARED: f64 = 0.5;
 
 /// The upward direction of a set of cameras, a unit vector.
 ///
-/// It is the mean of the upward directions of their images, if these have a common direction.
+/// It is the mean of the upward directions of their images, if these have a common direction, or
+/// else that of their directions to the right: photographs of a turned phone lie on their side.
 /// Otherwise the cameras are taken to stand on a ring, and it is the axis of the ring: the
 /// direction along which the unit vectors from `center` to the cameras have the least sum of
-/// squares. The sum of its components is at least 0; this choice of its sign is arbitrary.
+/// squares. In the last two cases the cameras are taken to stand higher than `center` in the mean.
 pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
-    let mean = cameras.iter().map(|c| c.up).sum::<DVec3>() / cameras.len().max(1) as f64;
-    if mean.length() > SHARED {
-        return mean.normalize();
+    let mean = |of: fn(&Camera) -> DVec3| {
+        let mean = cameras.iter().map(of).sum::<DVec3>() / cameras.len().max(1) as f64;
+        (mean.length() > SHARED).then(|| mean.normalize())
+    };
+    if let Some(up) = mean(|c| c.up) {
+        return up;
     }
+    let axis = mean(|c| c.right).unwrap_or_else(|| axis_of_ring(cameras, center));
+    let height: f64 = cameras.iter().map(|c| (c.eye - center).dot(axis)).sum();
+    if height < 0.0 { -axis } else { axis }
+}
+
+/// The direction along which the unit vectors from `center` to the cameras have the least sum of
+/// squares.
+fn axis_of_ring(cameras: &[Camera], center: DVec3) -> DVec3 {
     let mut scatter = DMat3::ZERO;
     for camera in cameras {
         let d = (camera.eye - center).normalize_or_zero();
@@ -40,7 +52,7 @@ pub fn upwards(cameras: &[Camera], center: DVec3) -> DVec3 {
     for _ in 0..200 {
         axis = (flipped * axis).normalize_or(DVec3::Z);
     }
-    if axis.element_sum() < 0.0 { -axis } else { axis }
+    axis
 }
 
 /// `views` cameras of `size` × `size` pixels around the sphere `bounds`, at equal angles about the
@@ -118,8 +130,17 @@ mod tests {
         };
         assert!(upwards(&ring(|_| DVec3::Y), DVec3::ZERO).dot(DVec3::Y) > 0.99);
         // Cameras on their sides: the upward direction of the images turns with them.
-        let lying = ring(|eye| eye.cross(DVec3::Y));
-        assert!(upwards(&lying, DVec3::ZERO).dot(DVec3::Y).abs() > 0.99);
+        for lying in [ring(|eye| eye.cross(DVec3::Y)), ring(|eye| DVec3::Y.cross(eye))] {
+            assert!(upwards(&lying, DVec3::ZERO).dot(DVec3::Y) > 0.99);
+        }
+        // Cameras that are turned in all ways: the axis of the ring.
+        let mut turned = ring(|_| DVec3::Y);
+        for (i, camera) in turned.iter_mut().enumerate() {
+            let (s, c) = (1.7 * i as f64).sin_cos();
+            let (up, right) = (camera.up, camera.right);
+            (camera.up, camera.right) = (up * c + right * s, right * c - up * s);
+        }
+        assert!(upwards(&turned, DVec3::ZERO).dot(DVec3::Y) > 0.99);
     }
 
     #[test]

@@ -116,7 +116,7 @@ pub(crate) enum PrecisionArg {
 
 /// Checks that the extension of an output file is one of `extensions`.
 fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
-    let found = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let found = io::extension(path);
     if extensions.contains(&found.as_str()) {
         return Ok(());
     }
@@ -157,8 +157,11 @@ pub(super) const ARGUMENTS: &str = "arguments";
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
 
-/// Gives the views of a run's data set the cameras and exposures of the run, if it fitted any:
-/// training photographs those of the run's files, held-out ones those that suit its model best.
+/// Gives the views of a data set the cameras and exposures of a run, if it fitted any: training
+/// photographs those of the run's files, held-out ones those that suit its model best.
+///
+/// If the data set is another one than the run's, and the files lack a training view, all training
+/// views stay as they are.
 ///
 /// # Errors
 /// If a file of the run cannot be used, or the field or a gradient is not finite.
@@ -167,14 +170,17 @@ pub(crate) fn as_fitted(
     model: &Model,
     file: &RunFile,
     dataset: &mut Dataset,
+    is_other: bool,
     global: &Global,
 ) -> anyhow::Result<()> {
     let (cameras, exposures) = (RunCameras::load(run)?, RunExposures::load(run)?);
-    if let Some(cameras) = &cameras {
+    if let Some(cameras) = cameras.as_ref().filter(|all| !is_other || all.has_views_of(dataset)) {
         cameras.apply(dataset, file.origin(), run)?;
     }
     if let Some(exposures) = &exposures {
-        exposures.apply(dataset, run)?;
+        if !is_other || exposures.has_views_of(dataset) {
+            exposures.apply(dataset, run)?;
+        }
         let bar = global.progress("exposures");
         match_exposures(model, file, &mut dataset.test, &bar.mover())?;
         bar.finish_and_clear();

@@ -54,9 +54,10 @@ pub(crate) struct CutOptions {
     /// height above it, in bounding radii; auto is 0.01
     #[arg(long, value_name = "HEIGHT")]
     above: Option<Height>,
-    /// Data set folder for --cull and --above [default: the data set of the run]
+    /// Data set folder for --cull, --above, colours and the upward direction [default: the data set
+    /// of the run]
     #[arg(long)]
-    dataset: Option<PathBuf>,
+    pub(super) dataset: Option<PathBuf>,
 }
 
 /// A height above the table, in bounding radii.
@@ -136,6 +137,8 @@ pub(super) struct Subject<'a> {
     pub(super) run: &'a Path,
     /// The run's input.
     pub(super) file: &'a RunFile,
+    /// The data set in the place of the run's, if another one is asked for.
+    pub(super) dataset: Option<&'a Path>,
     /// Grid cells of the mesh along the diameter of the bounding sphere.
     pub(super) cells: usize,
 }
@@ -183,9 +186,10 @@ impl CutOptions {
         }
         let dataset = match by_views {
             true => {
-                let mut dataset = views_of_run(subject.file, self.dataset.as_deref())?;
-                let cameras = RunCameras::load(subject.run)?.filter(|_| self.dataset.is_none());
-                if let Some(cameras) = cameras {
+                let mut dataset = views_of_run(subject.file, subject.dataset)?;
+                let suits =
+                    |all: &RunCameras| subject.dataset.is_none() || all.has_views_of(&dataset);
+                if let Some(cameras) = RunCameras::load(subject.run)?.filter(suits) {
                     cameras.apply(&mut dataset, subject.file.origin(), subject.run)?;
                 }
                 Some(dataset)

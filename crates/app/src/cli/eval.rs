@@ -67,6 +67,10 @@ pub(super) struct EvalReport {
     f_score: Option<f64>,
     /// Mean |n·n′| of the normals of nearest points.
     normal_consistency: Option<f64>,
+    /// Mean angle between the normals of nearest points, in degrees.
+    normal_error: Option<f64>,
+    /// Like `normal_error`, the median.
+    normal_error_median: Option<f64>,
     /// Mean distance from points of the reconstruction to the reference points, up to the cap.
     accuracy: Option<f64>,
     /// Mean distance from the reference points to points of the reconstruction, up to the cap.
@@ -100,9 +104,8 @@ impl Eval {
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let points = self.reference.read()?;
         let mut dataset = views_of_run(&file, self.dataset.as_deref())?;
-        if self.dataset.is_none() {
-            as_fitted(&self.run, &model, &file, &mut dataset, global)?;
-        }
+        let is_other = self.dataset.is_some();
+        as_fitted(&self.run, &model, &file, &mut dataset, is_other, global)?;
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());
         let mut report = compare_views(&model, &file, views, self.spp, pictures, &bar.mover())?;
@@ -112,7 +115,14 @@ impl Eval {
             let bar = global.progress("mesh");
             let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
             bar.finish_and_clear();
-            let subject = Subject { model: &model, run: &self.run, file: &file, cells };
+            let dataset_folder = self.dataset.as_deref();
+            let subject = Subject {
+                model: &model,
+                run: &self.run,
+                file: &file,
+                dataset: dataset_folder,
+                cells,
+            };
             let (mesh, cut) = self.culling.apply(mesh, &subject, &dataset, global)?;
             report.cut = cut;
             let radius = file.sphere().radius;
@@ -163,6 +173,8 @@ impl EvalReport {
         self.chamfer_relative = Some(c.chamfer / radius);
         self.f_score = Some(c.f_score);
         self.normal_consistency = Some(c.normal_consistency);
+        self.normal_error = Some(c.normal_error);
+        self.normal_error_median = Some(c.normal_error_median);
     }
 
     /// The report as a table, one metric per line.
@@ -177,6 +189,8 @@ impl EvalReport {
             ("Chamfer / bounding radius", self.chamfer_relative.map(|c| 100.0 * c), "%"),
             ("F-score at 1 % of the bounding radius", self.f_score, ""),
             ("normal consistency", self.normal_consistency, ""),
+            ("normal error", self.normal_error, "degrees"),
+            ("normal error, median", self.normal_error_median, "degrees"),
         ];
         let of_points = [
             ("accuracy, to points", self.accuracy, units),

@@ -2,7 +2,7 @@
 
 use ::inspect::{Evidence, Verdict};
 use dataset::Dataset;
-use fit::{Model, RunFile, Solid};
+use fit::{ExposureModel, Model, RunFile, Solid};
 use render::Camera;
 
 /// The verdict on a run. The data set is relative to the run's origin.
@@ -16,6 +16,8 @@ pub(super) fn examine(model: &Model, file: &RunFile, dataset: &Dataset) -> anyho
     let colors = file.background_of(views());
     let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
     let (background, is_uniform) = (file.background(), !file.background_kind.is_trained());
-    let evidence = Evidence::collect(&scene, &file.sphere(), dataset, &background, is_uniform)?;
+    let (sphere, fits_exposures) = (file.sphere(), file.exposure_model == ExposureModel::PerView);
+    let evidence =
+        Evidence::collect(&scene, &sphere, dataset, &background, is_uniform, fits_exposures)?;
     Ok(Verdict::of(evidence))
 }

@@ -11,6 +11,7 @@ use super::common::{ARGUMENTS, Global, option_error};
 use super::cut::Subject;
 use bake::{bake, paint, unwrap};
 use fit::{RunCameras, RunFile, Solid};
+use io::extension;
 use mesh::{Mesh, Texture, check_textured_obj, decimate, export_mesh};
 use pictures::upwards;
 use render::Camera;
@@ -160,7 +161,7 @@ impl Export {
         if let Some(size) = self.texture {
             self.check_texture(size, output)?;
         }
-        if self.up.is_some() && !has_extension(output, "glb") {
+        if self.up.and_then(Up::direction).is_some() && extension(output) != "glb" {
             let found = format!("an upward direction for {}", output.display());
             let expected = "a .glb file: files of other formats keep the axes of the data set";
             return Err(option_error("up", found, expected).into());
@@ -170,13 +171,13 @@ impl Export {
 
     /// Checks that a texture of this size can be written with a mesh.
     fn check_texture(&self, size: u32, output: &Path) -> anyhow::Result<()> {
-        if !["glb", "obj"].iter().any(|e| has_extension(output, e)) {
+        if !["glb", "obj"].contains(&extension(output).as_str()) {
             let found = format!("a texture for {}", output.display());
             return Err(option_error("texture", found, "a .glb or an .obj file").into());
         }
         let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
         io::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
-        if has_extension(output, "obj") {
+        if extension(output) == "obj" {
             check_textured_obj(output)?;
         }
         if self.color == Color::None {
@@ -193,7 +194,7 @@ impl Export {
         subject: &Subject<'_>,
         global: &Global,
     ) -> anyhow::Result<(Mesh, Exported)> {
-        let Subject { model, file, run, .. } = *subject;
+        let Subject { model, file, .. } = *subject;
         if let Some(faces) = self.decimate {
             mesh = decimate(&mesh, faces as usize);
             if mesh.faces.is_empty() {
@@ -201,8 +202,8 @@ impl Export {
                 return Err(option_error("decimate", found, "more faces").into());
             }
         }
-        let is_colored = self.color == Color::Auto && !has_extension(output, "stl");
-        let is_turned = has_extension(output, "glb");
+        let is_colored = self.color == Color::Auto && extension(output) != "stl";
+        let is_turned = extension(output) == "glb";
         let up = self.up.and_then(Up::direction);
         let lack = match (is_colored, is_turned && up.is_none()) {
             (false, false) => None,
@@ -210,10 +211,11 @@ impl Export {
             (false, true) => Some("up is z"),
             (true, true) => Some("no colours, and up is z"),
         };
-        let cameras = match lack.map(|lack| (lack, cameras_of(run, file))) {
+        let must_have = self.texture.is_some() || subject.dataset.is_some();
+        let cameras = match lack.map(|lack| (lack, cameras_of(subject))) {
             None => Vec::new(),
             Some((_, Ok(cameras))) => cameras,
-            Some((_, Err(error))) if self.texture.is_some() => return Err(error),
+            Some((_, Err(error))) if must_have => return Err(error),
             Some((lack, Err(error))) => {
                 global.say(&format!("warning: {lack}: {error:#}"));
                 Vec::new()
@@ -255,12 +257,18 @@ fn up_of(cameras: &[Camera], file: &RunFile) -> DVec3 {
 
 /// The training cameras of a run, relative to its origin: as the run refined them, or those of the
 /// data set.
-fn cameras_of(run: &Path, file: &RunFile) -> anyhow::Result<Vec<Camera>> {
+fn cameras_of(subject: &Subject<'_>) -> anyhow::Result<Vec<Camera>> {
+    let Subject { run, file, .. } = *subject;
+    let of_dataset = || {
+        let folder = subject.dataset.unwrap_or(&file.dataset);
+        let cameras = dataset::open(folder).and_then(|unread| Ok(unread.cameras()?));
+        cameras.context("the data set cannot be read")
+    };
+    let other = subject.dataset.map(|_| of_dataset()).transpose()?;
     if let Some(refined) = RunCameras::load(run)? {
         return Ok(refined.cameras(file.origin(), run)?);
     }
-    let cameras = dataset::open(&file.dataset).and_then(|unread| Ok(unread.cameras()?));
-    let cameras = cameras.context("the data set cannot be read")?;
+    let cameras = other.map_or_else(of_dataset, Ok)?;
     Ok(cameras.iter().map(|camera| camera.about(file.origin())).collect())
 }
 
@@ -299,11 +307,6 @@ impl Colors<'_> {
         bar.finish_and_clear();
         Ok((texture, TextureReport { size, charts, covered }, unseen))
     }
-}
-
-/// Whether a path has an extension, in lower or upper case.
-fn has_extension(path: &Path, extension: &str) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
 #[cfg(test)]

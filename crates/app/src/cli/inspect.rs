@@ -1,5 +1,6 @@
 //! `dsdf inspect`.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -76,12 +77,13 @@ impl Inspect {
         };
         let sphere = file.world_sphere();
         write_image(&self.output, &overlay(&dataset, &sphere))?;
-        let report = inspect(&dataset, &sphere, &file.background(), source);
+        let seen = file.composited(Cow::Borrowed(&dataset));
+        let report = inspect(&seen, &sphere, &file.background(), source);
         let modelled = modelled(&dataset, &file);
         let (slope, verdict) = match (&run, model) {
             (Some(file), Some(model)) => {
                 let mut dataset = file.prepare(dataset);
-                as_fitted(&self.dataset, &model, file, &mut dataset, global)?;
+                as_fitted(&self.dataset, &model, file, &mut dataset, false, global)?;
                 let verdict = examine(&model, file, &dataset)?;
                 (Some(slope_of(&model.field)), Some(verdict))
             }

@@ -9,8 +9,8 @@ use super::common::Global;
 use super::cut::{CutOptions, CutReport, Subject};
 use super::export::{Export, Exported};
 use fit::{Model, RunFile};
-use io::InputError;
-use mesh::extract;
+use io::{InputError, extension};
+use mesh::{check_stl, extract};
 
 /// Arguments of `dsdf mesh`.
 #[derive(Args, Debug)]
@@ -67,6 +67,10 @@ impl Mesh {
         global.will_write(&self.output, &["ply", "obj", "glb", "stl"])?;
         self.export.check(&self.output)?;
         let file = RunFile::load(&self.run)?;
+        if extension(&self.output) == "stl" {
+            let sphere = file.world_sphere();
+            check_stl(&self.output, sphere.center, sphere.radius)?;
+        }
         let model = Model::load(&self.run, &file)?;
         let bar = global.progress("mesh");
         let cells = self.resolution as usize;
@@ -77,7 +81,8 @@ impl Mesh {
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }
-        let subject = Subject { model: &model, run: &self.run, file: &file, cells };
+        let dataset = self.cut.dataset.as_deref();
+        let subject = Subject { model: &model, run: &self.run, file: &file, dataset, cells };
         let (mesh, cut) = self.cut.apply(mesh, &subject, global)?;
         let (mesh, exported) = self.export.write(&self.output, mesh, &subject, global)?;
         let report = MeshReport { cut, ..MeshReport::new(&mesh, exported) };

@@ -104,3 +104,28 @@ fn clutter_gives_the_sphere_of_the_masks_or_of_the_cameras() {
     }
     assert_eq!(surroundings(&dataset, None, true).source, SphereSource::Cameras);
 }
+
+/// A backdrop that is lit from above: it seems uniform, and parts of the ball have its colours.
+#[test]
+fn outlines_before_a_backdrop_that_is_not_uniform_are_no_evidence() {
+    let folder = tempfile::tempdir().unwrap();
+    write_nerf(folder.path(), "transforms.json", &cameras(24));
+    let with_slope = |slope: f64| {
+        let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+        for view in &mut dataset.train {
+            let (camera, empty) = (view.camera, view.image.at(0, 0));
+            for (i, pixel) in view.image.pixels.iter_mut().enumerate().filter(|p| *p.1 == empty) {
+                let place = [i as u32 % camera.width, i as u32 / camera.width].map(f64::from);
+                let direction = camera.direction(DVec2::from(place) + 0.5);
+                *pixel = [(0.6 + slope * direction.z) as f32; 3];
+            }
+        }
+        surroundings(&dataset, None, false)
+    };
+    let even = with_slope(0.0);
+    assert!(even.source == SphereSource::Outlines && holds_the_ball(&even.sphere), "{even:?}");
+    let uneven = with_slope(0.4);
+    let off = (uneven.sphere.center - ball().center).length();
+    assert!(off + ball().radius < uneven.sphere.radius, "{:?}", uneven.sphere);
+    assert_eq!(uneven.source, SphereSource::Cameras);
+}

@@ -45,7 +45,7 @@ pub(super) struct FitReport {
 
 impl FitReport {
     fn text(&self) -> String {
-        let psnr = self.psnr.map_or(String::new(), |p| format!(", held-out PSNR {p:.2} dB"));
+        let psnr = self.psnr.map_or(String::new(), |p| format!(", first held-out view {p:.2} dB"));
         let run = self.run.display();
         let verdict = self.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
         format!("{} iterations, {:.0} s{psnr}: {run}{verdict}", self.iterations, self.seconds)
@@ -78,7 +78,7 @@ impl Fit {
         let (mut report, mut fitting) = fit(dataset, file, &self.output, segment, global)?;
         if fitting.progress() >= 1.0 {
             let Fitting { model, file, dataset, .. } = &mut fitting;
-            as_fitted(&self.output, model, file, dataset, global)?;
+            as_fitted(&self.output, model, file, dataset, false, global)?;
             report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);
         }
         global.report(&report, || report.text())

@@ -13,8 +13,14 @@ pub(super) fn start(global: &Global) -> Progress {
 /// Finds the depths that guide the fit, with their progress.
 pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
     let bar = Progress::new("depths", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet);
+    // The search begins anew after an adjustment of the cameras.
+    let (mut search, mut last) = (1, 0);
     fitting.find_depths(stop, &mut |done, all| {
-        bar.show(done as f64 / all as f64, &|| format!("{done} of {all} photographs"));
+        search += usize::from(done < last);
+        last = done;
+        bar.show(done as f64 / all as f64, &|| {
+            format!("{done} of {all} photographs, search {search}")
+        });
     });
     bar.finish_and_clear();
     if let Some(known) = fitting.known_depths() {

@@ -63,7 +63,10 @@ pub(in crate::cli) fn load_for(
     if let Some(limit) = limit {
         global.say(&size_text(&train, downscale, limit));
     }
-    Ok((unread.read(&LoadOptions { downscale })?, downscale))
+    let bar = global.progress("photographs");
+    let dataset = unread.read(&LoadOptions { downscale }, &mut bar.mover())?;
+    bar.finish_and_clear();
+    Ok((dataset, downscale))
 }
 
 /// The size at which photographs of these sizes are read, and its reason, in one line.

@@ -1,7 +1,8 @@
 //! The summary of a fit before its first iteration.
 
+use clap::ValueEnum;
 use dataset::Dataset;
-use fit::{BackgroundKind, ExposureModel, MaskUse, RunFile};
+use fit::{BackgroundChoice, BackgroundKind, ExposureModel, MaskUse, RunFile};
 
 use crate::cli::common::Global;
 
@@ -36,7 +37,13 @@ pub(in crate::cli) fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2]
         BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
     };
     let confidence = file.background_confidence;
+    let asked = file.options.background;
     let reason = match file.masks {
+        MaskUse::Coverage if asked != BackgroundChoice::Auto => {
+            let asked = asked.to_possible_value();
+            let name = asked.as_ref().map_or("", |value| value.get_name());
+            format!("; --background {name} needs --masks ignore")
+        }
         MaskUse::Coverage => String::new(),
         _ => format!(" (confidence in uniform photographs: {confidence:.2} of 1)"),
     };
