@@ -127,8 +127,8 @@ fn read_meshes(folder: &Path) -> anyhow::Result<()> {
     let path = only_file(folder)?;
     let points = read_points(&path);
     read_mesh(&path)?;
-    // A mesh in a PLY file is a cloud, too.
-    anyhow::ensure!(points.is_ok() || path.extension().is_some_and(|e| e != "ply"), "no points");
+    // A surface is no cloud of points.
+    anyhow::ensure!(points.is_err(), "points of a surface");
     Ok(())
 }
 
