@@ -21,6 +21,8 @@ pub struct State {
     pub held_out_psnr: Option<f64>,
     /// The parameters of the field, then those of the radiance head.
     pub parameters: Vec<f32>,
+    /// The mean of the parameters over the last part of the budget, if it has begun.
+    pub average: Option<Average>,
     /// Adam's first moments, one per parameter.
     pub first: Vec<f32>,
     /// Adam's second moments, one per parameter.
@@ -33,6 +35,15 @@ pub struct State {
     pub exposures: Option<Optimised>,
     /// The last grouping of the pixels by the surface, if there was one.
     pub grouping: Option<Grouping>,
+}
+
+/// A mean of the parameters over steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Average {
+    /// The mean, one number per parameter.
+    pub parameters: Vec<f32>,
+    /// The number of steps.
+    pub steps: u64,
 }
 
 /// The pixels that the surface was far from at some time of a fit.
@@ -84,13 +95,16 @@ pub enum Refinement {
 /// The name of the tensor of [`Refinement::Refined`], and of the metadata entry of the refinement.
 const CAMERAS: &str = "cameras";
 
+/// The name of the tensor of [`State::average`].
+const AVERAGE: &str = "average";
+
 /// The name of the tensor of [`State::exposures`].
 const EXPOSURES: &str = "exposures";
 
 /// The name of the tensor of [`State::grouping`], and of the metadata entry of its number.
 const GROUPING: &str = "grouping";
 
-/// The metadata entry of the number of steps of a tensor of [`Optimised`].
+/// The metadata entry of the number of steps of a tensor of [`Optimised`] or [`Average`].
 fn steps_of(name: &str) -> String {
     format!("{name}_steps")
 }
@@ -108,8 +122,12 @@ impl State {
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let tensors =
-            [("parameters", &self.parameters), ("first", &self.first), ("second", &self.second)];
+        let mut tensors = vec![
+            ("parameters", &self.parameters),
+            ("first", &self.first),
+            ("second", &self.second),
+        ];
+        tensors.extend(self.average.as_ref().map(|average| (AVERAGE, &average.parameters)));
         let mut views: Vec<_> = tensors
             .iter()
             .map(|(name, data)| {
@@ -123,6 +141,9 @@ impl State {
             ("usual_norm".to_owned(), self.usual_norm.to_string()),
             ("steps".to_owned(), self.steps.to_string()),
         ]);
+        if let Some(Average { steps, .. }) = self.average {
+            metadata.insert(steps_of(AVERAGE), steps.to_string());
+        }
         if let Some(psnr) = self.held_out_psnr {
             metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
         }
@@ -192,12 +213,17 @@ impl State {
             }
         };
         let has = |name: &str| tensors.names().contains(&name);
+        let average = || -> Result<Average, InputError> {
+            let parameters = vector(AVERAGE, f32::MIN, "finite numbers")?;
+            Ok(Average { parameters, steps: count_of(&steps_of(AVERAGE))? })
+        };
         Ok(State {
             iteration: count_of("iteration")?,
             seconds: number("seconds")?,
             usual_norm: number("usual_norm")? as f32,
             held_out_psnr: held_out_psnr()?,
             parameters: vector("parameters", f32::MIN, "finite numbers")?,
+            average: has(AVERAGE).then(average).transpose()?,
             first: vector("first", f32::MIN, "finite numbers")?,
             second: vector("second", 0.0, "finite numbers, 0 or more")?,
             steps: count_of("steps")?,

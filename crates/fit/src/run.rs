@@ -1,43 +1,40 @@
 //! The optimisation loop.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
-use checkpoint::{Grouping, State};
+use checkpoint::{Average, Grouping, State};
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
 use film::srgb_decode;
 use glam::Vec3;
 use io::{InputError, check_memory};
-use metrics::psnr_where;
 use optim::Adam;
 use photometry::{
     ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, pyramid, without_gains,
 };
-use pictures::write_preview;
 use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 
 use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
-use crate::exposure::match_exposures;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
 use crate::run_file::RunFile;
-use crate::solid::Solid;
 use crate::step::{Batch, BatchStats, Gradient, gradient};
 use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
+mod averaging;
 mod grouping;
 mod matching;
+mod preview;
 mod refinement;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
@@ -102,6 +99,8 @@ pub struct Fit {
     grouping: Option<Grouping>,
     adam: Adam<f32>,
     parameters: Vec<f32>,
+    /// The mean of the parameters over the last part of the budget.
+    average: Option<Average>,
     /// Wall time of all sessions, in seconds.
     pub(crate) seconds: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
@@ -169,6 +168,7 @@ impl Fit {
             grouping: None,
             adam,
             parameters,
+            average: None,
             seconds: 0.0,
             usual_norm: 0.0,
             held_out_psnr: None,
@@ -186,6 +186,7 @@ impl Fit {
         self.adam.restore(&state.first, &state.second, state.steps)?;
         self.model.set_parameters(&state.parameters);
         self.parameters = state.parameters;
+        self.average = state.average;
         self.iteration = state.iteration;
         self.seconds = state.seconds;
         self.usual_norm = state.usual_norm;
@@ -207,6 +208,7 @@ impl Fit {
             usual_norm: self.usual_norm,
             held_out_psnr: self.held_out_psnr,
             parameters: self.parameters.clone(),
+            average: self.average.clone(),
             first: first.to_vec(),
             second: second.to_vec(),
             steps,
@@ -265,6 +267,7 @@ impl Fit {
             }
             self.seconds = before + begin.elapsed().as_secs_f64();
         }
+        self.take_average();
         self.save()
     }
 }
@@ -289,6 +292,7 @@ impl Fit {
             Volume::smooth(&mut self.parameters[shape..], step as f32);
         }
         self.model.set_parameters(&self.parameters);
+        self.add_to_average();
         if let Some(calibration) = self.corrections.refined_mut() {
             calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;
         }
@@ -422,37 +426,6 @@ impl Fit {
             gradient_norm: norm.into(),
             trial: None,
         }
-    }
-
-    /// PSNR of the last preview of a held-out view, in dB.
-    pub fn held_out_psnr(&self) -> Option<f64> {
-        self.held_out_psnr
-    }
-
-    /// Writes the preview picture of the first held-out view, or else of the first view. The PSNR
-    /// of a held-out view enters the next metrics.
-    ///
-    /// # Errors
-    /// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
-    pub fn preview(&mut self) -> anyhow::Result<()> {
-        let held_out = self.dataset.test.first();
-        let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
-        let cameras = [match (self.corrections.calibration(), held_out) {
-            (Some(calibration), Some(view)) => calibration.apply_lens(&view.camera),
-            (Some(calibration), None) => calibration.apply(0, &view.camera),
-            (None, _) => view.camera,
-        }];
-        let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
-        let mut shown = Cow::Borrowed(std::slice::from_ref(view));
-        if self.gains.is_some() {
-            match_exposures(&self.model, &self.file, shown.to_mut(), &|_| {})?;
-        }
-        let solid = Solid::new(&self.model, &self.file);
-        let colors = self.file.background_of(&*shown);
-        let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-        let image = write_preview(&path, &scene, 0, &shown[0].image)?;
-        self.held_out_psnr = held_out.map(|view| psnr_where(&image, &shown[0].image, view.used()));
-        Ok(())
     }
 }
 

@@ -133,6 +133,15 @@ pub fn ends_depths(progress: f64, soft: f64) -> bool {
     progress >= soft + CARVING[1] * (1.0 - soft)
 }
 
+/// The parameters of the result are a mean over the budget from here on: the learning rate is small
+/// then, so the shape moves little.
+const AVERAGED_FROM: f64 = 0.85;
+
+/// Whether the parameters after a step count for the result.
+pub fn is_averaged(progress: f64) -> bool {
+    progress >= AVERAGED_FROM
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
