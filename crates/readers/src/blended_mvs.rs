@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::images::image_named;
+use crate::images::image_place;
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -39,7 +39,7 @@ pub(crate) fn read(folder: &Path, cameras: &[PathBuf]) -> Result<Recognised> {
         let name = file.file_stem().unwrap_or_default().to_string_lossy();
         let name = name.strip_suffix("_cam").unwrap_or(&name).to_owned();
         let pose_and_k = CameraFile::read(file)?;
-        let path = image_named(&images, &name).unwrap_or_else(|| images.join(&name));
+        let path = image_place(&images, &name);
         views.add(path, |path| {
             let (camera, lens) = pose_and_k.camera(file, image_size(&path)?)?;
             Ok(UnreadView::of_image(name, path, camera, lens).with_object_mask(folder))

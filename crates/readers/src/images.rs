@@ -77,6 +77,11 @@ pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
     places.into_iter().find(|p| p.is_file())
 }
 
+/// The path of [`image_named`], or of the missing image with this very name.
+pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
+    image_named(folder, name).unwrap_or_else(|| folder.join(name))
+}
+
 /// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`. For a name that is not
 /// inside the folder, only the latter.
 pub(crate) fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::images::image_named;
+use crate::images::image_place;
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -57,7 +57,7 @@ impl Line<'_> {
         let mut words = line.split_whitespace();
         let name = words.next().unwrap_or_default();
         let numbers = self.numbers(words)?;
-        views.add(image_named(folder, name).unwrap_or_else(|| folder.join(name)), |path| {
+        views.add(image_place(folder, name), |path| {
             let (camera, lens) = self.camera(&numbers, image_size(&path)?)?;
             Ok(UnreadView::of_image(name.to_owned(), path, camera, lens))
         })

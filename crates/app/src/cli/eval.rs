@@ -103,9 +103,9 @@ impl Eval {
         let model = Model::load(&self.run, &file)?;
         let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
         let points = self.reference.read()?;
-        let mut dataset = views_of_run(&file, self.dataset.as_deref())?;
-        let is_other = self.dataset.is_some();
-        as_fitted(&self.run, &model, &file, &mut dataset, is_other, global)?;
+        let other = self.dataset.as_deref();
+        let mut dataset = views_of_run(&file, other)?;
+        as_fitted(&self.run, &model, &file, &mut dataset, other.is_some(), global)?;
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());
         let mut report = compare_views(&model, &file, views, self.spp, pictures, &bar.mover())?;
@@ -115,14 +115,8 @@ impl Eval {
             let bar = global.progress("mesh");
             let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
             bar.finish_and_clear();
-            let dataset_folder = self.dataset.as_deref();
-            let subject = Subject {
-                model: &model,
-                run: &self.run,
-                file: &file,
-                dataset: dataset_folder,
-                cells,
-            };
+            let run = self.run.as_path();
+            let subject = Subject { model: &model, run, file: &file, dataset: other, cells };
             let (mesh, cut) = self.culling.apply(mesh, &subject, &dataset, global)?;
             report.cut = cut;
             let radius = file.sphere().radius;

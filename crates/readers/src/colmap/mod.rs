@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
-use crate::images::{ImageFolder, image_folder, image_named};
+use crate::images::{ImageFolder, image_folder, image_named, image_place};
 use crate::lens::Lens;
 use crate::projection::{camera_to_world, pose_fault};
 use crate::unread::UnreadView;
@@ -118,8 +118,7 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
     let place = folder_of_images(&folder, &images)?;
     let mut views = Views::default();
     for image in images {
-        let path = image_named(&place.path, &image.name);
-        views.add(path.unwrap_or_else(|| place.path.join(&image.name)), |path| {
+        views.add(image_place(&place.path, &image.name), |path| {
             let view = unread_view(&model.images, path, &place.path, &cameras, image)?;
             if place.is_reduced { view.of_reduced_image() } else { Ok(view) }
         })?;

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec2};
 use serde_json::Value;
 
-use crate::images::{image_named, reduced_copies, sibling_mask};
+use crate::images::{image_named, image_place, reduced_copies, sibling_mask};
 use crate::projection::pose_fault;
 use crate::unread::UnreadView;
 use crate::{MaskKind, Recognised, Result, Views, ply};
@@ -276,10 +276,7 @@ impl Frame<'_> {
     fn mask(&self, folder: &Path, name: &str) -> Result<Option<(MaskKind, PathBuf)>> {
         match &self.frame["mask_path"] {
             Value::Null => Ok(sibling_mask(folder, name).map(|mask| (MaskKind::Object, mask))),
-            Value::String(mask) => {
-                let file = image_named(folder, mask).unwrap_or_else(|| folder.join(mask));
-                Ok(Some((MaskKind::Used, file)))
-            }
+            Value::String(mask) => Ok(Some((MaskKind::Used, image_place(folder, mask)))),
             _ => Err(self.error("mask_path", "a file's name")),
         }
     }
