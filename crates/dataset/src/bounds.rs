@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::background::UNIFORM;
 use crate::carve::visual_hull_sphere;
+use crate::cloud::{shown_by_masks, sphere_around, sphere_of_compact, sphere_of_inner};
 use crate::distant::share_of_distant;
 use crate::{BackgroundEstimate, Dataset, View};
 use io::InputError;
@@ -27,17 +28,6 @@ const DISTANT: f32 = 0.9;
 /// The largest share of the pixels around a visual hull that may show the object. With more, the
 /// background is not as uniform as it seems, and parts of the object count as background.
 const MOST_STRAY: f64 = 0.02;
-
-/// The least number of surface points from which a sphere is estimated.
-const LEAST_POINTS: usize = 50;
-
-/// The share of the surface points that the sphere contains. The others can be mismatches, or a
-/// distant corner of a table.
-const CONTAINED: f64 = 0.98;
-
-/// The least radius of a sphere around surface points, in radii of the sphere that the median
-/// camera sees whole.
-const LEAST_OF_FRAMED: f64 = 0.8;
 
 /// The largest radius of a sphere estimated from cameras, as a fraction of the distance of the
 /// nearest camera: cameras must be outside.
@@ -148,16 +138,18 @@ impl Surroundings {
 /// The sphere is the first of these that exists:
 /// 1. `asked`;
 /// 2. the data set's own ([`Dataset::bounds`]);
-/// 3. if `use_masks` is true and all training views have the coverage of the object, a sphere
-///    around the visual hull of the masks;
-/// 4. a sphere around the data set's surface points in the middle of the views, if there are 50;
-///    its centre is the point at which the cameras aim;
-/// 5. a sphere around the visual hull of the photographs, if they have uniform backgrounds, and
-///    hardly a pixel outside its image shows the object;
+/// 3. a sphere around the data set's surface points, if there are 50: those that the masks show, if
+///    `use_masks` is true and all training views have the coverage of the object; else those in the
+///    middle of the views, around the point at which the cameras aim, and all of them if hardly any
+///    is farther away;
+/// 4. a sphere around the visual hull of these masks;
+/// 5. without such masks, a sphere around the visual hull of the photographs, if they have uniform
+///    backgrounds, and hardly a pixel outside its image shows the object;
 /// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
-/// If 4 and 5 both exist, the sphere contains both: points are missing where the object has no
-/// texture, and a dark part of the object can look like its background.
+/// If points and a visual hull both exist, the sphere contains both: points are missing where the
+/// object has no texture, one wrong mask takes a part off the hull, and a dark part of the object
+/// can look like its background.
 ///
 /// The background is that of the pixels around the sphere. An estimated sphere need not contain the
 /// object: look at the picture that `dsdf inspect` writes.
@@ -173,8 +165,8 @@ pub fn surroundings(
     let known = asked.map(|sphere| (sphere, SphereSource::Asked));
     let known = known.or(dataset.bounds.map(|sphere| (sphere, SphereSource::Dataset)));
     let (sphere, source) = known
-        .or_else(|| sphere_of_masks(views).filter(|_| use_masks))
-        .or_else(|| sphere_of_evidence(dataset))
+        .or_else(|| use_masks.then(|| sphere_of_masks(dataset)).flatten())
+        .or_else(|| sphere_of_photographs(dataset))
         .unwrap_or_else(|| (framed(views), SphereSource::Cameras));
     let found = Surroundings::new(views, sphere, source);
     if found.is_uniform() {
@@ -193,20 +185,22 @@ fn widest(views: &[View]) -> Sphere<f64> {
     sphere_in_view(views, |half| half.length())
 }
 
-/// A sphere around the visual hull of the masks, if each view has one.
-fn sphere_of_masks(views: &[View]) -> Option<(Sphere<f64>, SphereSource)> {
+/// A sphere around the visual hull of the masks and the surface points that they show, as far as
+/// there are such; `None` unless each view has a mask.
+fn sphere_of_masks(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
+    let views = &dataset.train;
     let masks: Option<Vec<&[f32]>> = views.iter().map(View::coverage).collect();
     let masks = masks?;
     let hull = visual_hull_sphere(views, &widest(views), |view, i| masks[view][i] >= 0.5)?;
-    Some((hull.scaled(MARGIN), SphereSource::Masks))
+    let points = sphere_around(&shown_by_masks(&dataset.points, views));
+    around(points.map(with_margin), Some(with_margin(hull)), SphereSource::Masks)
 }
 
 /// A sphere around the surface points and the visual hull of the photographs, as far as there are
 /// such.
-fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
+fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
     let views = &dataset.train;
-    let wide = widest(views);
-    let points = sphere_around_points(&dataset.points, &framed(views));
+    let (framed, wide) = (framed(views), widest(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = rough.is_uniform().then(|| {
         let backgrounds = rough.of_views();
@@ -215,14 +209,35 @@ fn sphere_of_evidence(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> 
         };
         // A pixel that is left out may show the object.
         let is_foreground = |view: usize, i| is_shown(view, i) || !views[view].is_used(i);
-        let hull = visual_hull_sphere(views, &wide, is_foreground)?.scaled(MARGIN);
+        let hull = with_margin(visual_hull_sphere(views, &wide, is_foreground)?);
         let is_stray = |view: usize, i| is_shown(view, i) && views[view].is_used(i);
         (stray(views, &hull, is_stray) <= MOST_STRAY).then_some(hull)
     });
-    match (points, hull.flatten()) {
+    let inner = sphere_of_inner(&dataset.points, &framed, MARGIN);
+    let compact = sphere_of_compact(&dataset.points, &framed).map(with_margin);
+    let is_outside = |sphere: &Sphere<f64>| {
+        let nearest = views.iter().map(|v| v.camera.eye.distance(sphere.center));
+        sphere.radius <= MOST_OF_DISTANCE * nearest.fold(f64::INFINITY, f64::min)
+    };
+    let all = inner.zip(compact).map(|(a, b)| around_both(&a, &b)).filter(is_outside);
+    around(all.or(inner), hull.flatten(), SphereSource::Outlines)
+}
+
+/// The sphere with room around it.
+fn with_margin(sphere: Sphere<f64>) -> Sphere<f64> {
+    sphere.scaled(MARGIN)
+}
+
+/// The sphere around both, or the one that exists; `of_hull` is the evidence for the second.
+fn around(
+    points: Option<Sphere<f64>>,
+    hull: Option<Sphere<f64>>,
+    of_hull: SphereSource,
+) -> Option<(Sphere<f64>, SphereSource)> {
+    match (points, hull) {
         (Some(points), Some(hull)) => Some((around_both(&points, &hull), SphereSource::Points)),
         (Some(points), None) => Some((points, SphereSource::Points)),
-        (None, Some(hull)) => Some((hull, SphereSource::Outlines)),
+        (None, Some(hull)) => Some((hull, of_hull)),
         (None, None) => None,
     }
 }
@@ -333,24 +348,6 @@ fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> 
     let nearest =
         views.iter().map(|v| (v.camera.eye - center).length()).fold(f64::INFINITY, f64::min);
     Sphere { center, radius: radii[radii.len() / 2].min(MOST_OF_DISTANCE * nearest) }
-}
-
-/// A sphere around nearly all of the points inside `framed`, the sphere that the median camera sees
-/// whole, with its centre and at most its radius. `None` if there are too few.
-///
-/// Most points can be on the table or in the room around the object, so they tell how small the
-/// sphere may be, and not its centre. They can also be on one textured part of the object, so the
-/// sphere keeps most of the radius.
-fn sphere_around_points(points: &[DVec3], framed: &Sphere<f64>) -> Option<Sphere<f64>> {
-    let distances = points.iter().map(|p| p.distance(framed.center));
-    let mut inside: Vec<f64> = distances.filter(|d| *d < framed.radius).collect();
-    if inside.len() < LEAST_POINTS {
-        return None;
-    }
-    inside.sort_by(f64::total_cmp);
-    let reach = inside[(CONTAINED * (inside.len() - 1) as f64) as usize];
-    let radius = (MARGIN * reach).clamp(LEAST_OF_FRAMED * framed.radius, framed.radius);
-    Some(Sphere { radius, ..*framed })
 }
 
 #[cfg(test)]

@@ -194,7 +194,7 @@ fn neighbours(i: usize) -> impl Iterator<Item = usize> {
 /// The centre moves towards the farthest point, by 1/i of the distance in step i (Bădoiu and
 /// Clarkson, "Smaller Core-Sets for Balls", SODA 2003). It converges to the centre of the smallest
 /// enclosing sphere; the radius is exact for the centre that is returned.
-fn enclosing_sphere(points: &[DVec3], room: f64) -> Option<Sphere<f64>> {
+pub(crate) fn enclosing_sphere(points: &[DVec3], room: f64) -> Option<Sphere<f64>> {
     let (low, high) = points
         .iter()
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));

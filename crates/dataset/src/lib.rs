@@ -3,6 +3,7 @@
 mod background;
 mod bounds;
 mod carve;
+mod cloud;
 mod distant;
 mod load;
 mod masks;

@@ -129,3 +129,72 @@ fn outlines_before_a_backdrop_that_is_not_uniform_are_no_evidence() {
     assert!(off + ball().radius < uneven.sphere.radius, "{:?}", uneven.sphere);
     assert_eq!(uneven.source, SphereSource::Cameras);
 }
+
+/// `count` points spread evenly over a sphere, as a textured object gives them.
+fn points_on(sphere: Sphere<f64>, count: usize) -> Vec<DVec3> {
+    let place = |i: usize| {
+        let (z, turn) = (1.0 - 2.0 * (i as f64 + 0.5) / count as f64, 2.4 * i as f64);
+        let ring = (1.0 - z * z).sqrt();
+        sphere.center + sphere.radius * DVec3::new(ring * turn.cos(), ring * turn.sin(), z)
+    };
+    (0..count).map(place).collect()
+}
+
+/// Photographs that tell nothing about the sphere.
+fn in_clutter() -> Dataset {
+    let mut dataset = painted(|_, _, _| {});
+    for (number, view) in dataset.train.iter_mut().enumerate() {
+        for (i, p) in view.image.pixels.iter_mut().enumerate() {
+            *p = [7, 11, 5].map(|n| ((i * 37 + number * 17) % n) as f32 / n as f32);
+        }
+    }
+    dataset
+}
+
+#[test]
+fn points_on_an_object_beside_the_aimed_point_move_and_enlarge_the_sphere() {
+    let mut dataset = in_clutter();
+    let without = surroundings(&dataset, None, false).sphere;
+    let beside = Sphere { center: ball().center + DVec3::X * 0.6, radius: 0.6 };
+    dataset.points = points_on(beside, 400);
+    let found = surroundings(&dataset, None, false);
+    let reach = |sphere: &Sphere<f64>| sphere.radius - sphere.center.distance(beside.center);
+    assert!(reach(&without) < beside.radius, "{without:?}");
+    assert_eq!(found.source, SphereSource::Points);
+    assert!(reach(&found.sphere) > beside.radius, "{:?}", found.sphere);
+    // Points of a room do not: as many lie on its walls.
+    dataset.points.extend(points_on(without.scaled(4.0), 400));
+    let found = surroundings(&dataset, None, false);
+    assert_eq!(found.source, SphereSource::Points);
+    assert_relative_eq!(found.sphere.center, without.center, epsilon = 1e-9);
+    assert!(found.sphere.radius <= without.radius, "{:?}", found.sphere);
+}
+
+#[test]
+fn points_that_masks_show_come_before_masks_and_those_of_the_room_do_not_count() {
+    let mut dataset = in_clutter();
+    let folder = tempfile::tempdir().unwrap();
+    write_nerf(folder.path(), "transforms.json", &cameras(12));
+    let clean = load(folder.path(), &LoadOptions::default()).unwrap();
+    let empty = clean.train[0].image.at(0, 0);
+    for (view, clean) in dataset.train.iter_mut().zip(&clean.train) {
+        let shown = clean.image.pixels.iter().map(|p| f32::from(u8::from(*p != empty)));
+        view.mask = Some(Mask { kind: MaskKind::Object, values: shown.collect() });
+    }
+    dataset.points = points_on(ball(), 200);
+    dataset.points.extend(points_on(ball().scaled(4.0), 2000));
+    let found = surroundings(&dataset, None, true);
+    assert_eq!(found.source, SphereSource::Points);
+    assert!(holds_the_ball(&found.sphere), "{:?}", found.sphere);
+    // Two masks without most of the ball break the hull, and not the points.
+    for view in dataset.train.iter_mut().take(2) {
+        let most = 3 * view.image.pixels.len() / 4;
+        view.mask.as_mut().unwrap().values[..most].fill(0.0);
+    }
+    let found = surroundings(&dataset, None, true);
+    assert!(holds_the_ball(&found.sphere), "{:?}", found.sphere);
+    dataset.points.clear();
+    let found = surroundings(&dataset, None, true);
+    assert_eq!(found.source, SphereSource::Masks);
+    assert!(!holds_the_ball(&found.sphere), "{:?}", found.sphere);
+}
