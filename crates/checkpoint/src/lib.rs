@@ -33,8 +33,8 @@ pub struct State {
     pub refinement: Refinement,
     /// The exposures of the photographs, if they are fitted.
     pub exposures: Option<Optimised>,
-    /// The last grouping of the pixels by the surface, if there was one.
-    pub grouping: Option<Grouping>,
+    /// The last survey of the surface, if there was one.
+    pub survey: Option<Survey>,
 }
 
 /// A mean of the parameters over steps.
@@ -46,14 +46,17 @@ pub struct Average {
     pub steps: u64,
 }
 
-/// The pixels that the surface was far from at some time of a fit.
+/// Where the surface was at some time of a fit.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Grouping {
-    /// The number of groupings so far, this one included.
+pub struct Survey {
+    /// The number of surveys so far, this one included.
     pub number: u64,
     /// For each pixel of the photographs at the traced size, view after view, row-major, whether
-    /// it is far from the surface.
+    /// it is far from the surface. Empty if it does not matter.
     pub is_far: Vec<bool>,
+    /// For each node of the fine levels of the field's grid, level after level, whether it is
+    /// free. Empty without such levels.
+    pub is_free: Vec<bool>,
 }
 
 /// Parameters in double precision with their optimiser.
@@ -101,8 +104,8 @@ const AVERAGE: &str = "average";
 /// The name of the tensor of [`State::exposures`].
 const EXPOSURES: &str = "exposures";
 
-/// The name of the tensor of [`State::grouping`], and of the metadata entry of its number.
-const GROUPING: &str = "grouping";
+/// The metadata entry of the number of [`State::survey`], and the names of its tensors.
+const SURVEY: [&str; 3] = ["survey", "is_far", "is_free"];
 
 /// The metadata entry of the number of steps of a tensor of [`Optimised`] or [`Average`].
 fn steps_of(name: &str) -> String {
@@ -160,21 +163,24 @@ impl State {
             views.push((name, TensorView::new(Dtype::F64, shape, data)?));
             metadata.insert(steps_of(name), steps.to_string());
         }
-        if let Some(Grouping { number, is_far }) = &self.grouping {
-            let (shape, data) = (vec![is_far.len()], bytemuck::cast_slice(is_far));
-            views.push((GROUPING, TensorView::new(Dtype::BOOL, shape, data)?));
-            metadata.insert(GROUPING.to_owned(), number.to_string());
+        if let Some(Survey { number, is_far, is_free }) = &self.survey {
+            for (name, flags) in [(SURVEY[1], is_far), (SURVEY[2], is_free)] {
+                let (shape, data) = (vec![flags.len()], bytemuck::cast_slice(flags));
+                views.push((name, TensorView::new(Dtype::BOOL, shape, data)?));
+            }
+            metadata.insert(SURVEY[0].to_owned(), number.to_string());
         }
         let bytes = safetensors::serialize(views, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
     }
 
-    /// Reads a state with `count` parameters.
+    /// Reads a state. `count` gives the number of parameters for a number of free nodes of
+    /// [`Survey::is_free`].
     ///
     /// # Errors
     /// If the file cannot be read, is cut short, has another number of parameters, or has a number
     /// that is not finite or out of range.
-    pub fn load(path: &Path, count: usize) -> anyhow::Result<State> {
+    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> anyhow::Result<State> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
         };
@@ -191,11 +197,11 @@ impl State {
             let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
             number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
         };
-        let held_out_psnr = || {
-            let Some(text) = metadata.get(HELD_OUT_PSNR) else { return Ok(None) };
-            let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e30);
-            number.map(Some).ok_or_else(|| error(HELD_OUT_PSNR, text.clone(), "a PSNR in dB"))
-        };
+        let has = |name: &str| tensors.names().contains(&name);
+        let read_survey = || read_survey(path, &metadata, &tensors);
+        let survey = metadata.contains_key(SURVEY[0]).then(read_survey).transpose()?;
+        let is_free = survey.iter().flat_map(|survey| &survey.is_free);
+        let count = count(is_free.filter(|free| **free).count());
         let vector = |name: &str, least: f32, expected: &str| {
             let view = tensors.tensor(name).map_err(corrupt)?;
             if view.dtype() != Dtype::F32 || view.shape() != [count] {
@@ -212,7 +218,6 @@ impl State {
                 None => Ok(numbers),
             }
         };
-        let has = |name: &str| tensors.names().contains(&name);
         let average = || -> Result<Average, InputError> {
             let parameters = vector(AVERAGE, f32::MIN, "finite numbers")?;
             Ok(Average { parameters, steps: count_of(&steps_of(AVERAGE))? })
@@ -221,7 +226,7 @@ impl State {
             iteration: count_of("iteration")?,
             seconds: number("seconds")?,
             usual_norm: number("usual_norm")? as f32,
-            held_out_psnr: held_out_psnr()?,
+            held_out_psnr: read_held_out_psnr(path, &metadata)?,
             parameters: vector("parameters", f32::MIN, "finite numbers")?,
             average: has(AVERAGE).then(average).transpose()?,
             first: vector("first", f32::MIN, "finite numbers")?,
@@ -231,9 +236,7 @@ impl State {
             exposures: has(EXPOSURES)
                 .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
                 .transpose()?,
-            grouping: has(GROUPING)
-                .then(|| read_grouping(path, &metadata, &tensors))
-                .transpose()?,
+            survey,
         })
     }
 }
@@ -247,6 +250,17 @@ fn read_count(
     let text = metadata.get(key).map_or("nothing", String::as_str);
     let number = text.parse::<u64>().ok().filter(|n| *n <= MOST_STEPS);
     number.ok_or_else(|| InputError::new(path, key, text, "an integer from 0 to 2^53"))
+}
+
+/// The PSNR of the last preview of a held-out view in a checkpoint.
+fn read_held_out_psnr(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+) -> Result<Option<f64>, InputError> {
+    let Some(text) = metadata.get(HELD_OUT_PSNR) else { return Ok(None) };
+    let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e30);
+    let error = || InputError::new(path, HELD_OUT_PSNR, text, "a PSNR in dB");
+    number.map(Some).ok_or_else(error)
 }
 
 /// The refinement of the cameras in a checkpoint.
@@ -286,25 +300,28 @@ fn read_optimised(
     Ok(Optimised { numbers: bytemuck::allocation::pod_collect_to_vec(view.data()), steps })
 }
 
-/// The grouping of a checkpoint.
-fn read_grouping(
+/// The survey of a checkpoint.
+fn read_survey(
     path: &Path,
     metadata: &HashMap<String, String>,
     tensors: &SafeTensors<'_>,
-) -> Result<Grouping, InputError> {
-    let error = |found: &str, expected| InputError::new(path, GROUPING, found, expected);
-    let number = read_count(path, GROUPING, metadata)?;
-    let view = tensors.tensor(GROUPING).map_err(|e| error(&e.to_string(), "a tensor"))?;
-    if view.dtype() != Dtype::BOOL || view.shape().len() != 1 {
-        let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
-        return Err(error(&found, "BOOL of shape [pixels]"));
-    }
-    let flag = |byte: &u8| match byte {
-        0 => Ok(false),
-        1 => Ok(true),
-        other => Err(error(&other.to_string(), "0 or 1")),
+) -> Result<Survey, InputError> {
+    let flags = |name: &str| {
+        let error = |found: &str, expected| InputError::new(path, name, found, expected);
+        let view = tensors.tensor(name).map_err(|e| error(&e.to_string(), "a tensor"))?;
+        if view.dtype() != Dtype::BOOL || view.shape().len() != 1 {
+            let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+            return Err(error(&found, "BOOL of shape [n]"));
+        }
+        let flag = |byte: &u8| match byte {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(error(&other.to_string(), "0 or 1")),
+        };
+        view.data().iter().map(flag).collect()
     };
-    Ok(Grouping { number, is_far: view.data().iter().map(flag).collect::<Result<_, _>>()? })
+    let number = read_count(path, SURVEY[0], metadata)?;
+    Ok(Survey { number, is_far: flags(SURVEY[1])?, is_free: flags(SURVEY[2])? })
 }
 
 #[cfg(test)]

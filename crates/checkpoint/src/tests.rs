@@ -16,15 +16,19 @@ fn a_saved_state_loads_with_the_same_bits_and_a_cut_file_is_an_error() {
         steps: 16,
         refinement: Refinement::Refined(Optimised { numbers: vec![0.5, -0.25, 1e-300], steps: 7 }),
         exposures: Some(Optimised { numbers: vec![0.1; 9], steps: 8 }),
-        grouping: Some(Grouping { number: 2, is_far: vec![true, false, true] }),
+        survey: Some(Survey {
+            number: 2,
+            is_far: vec![true, false, true],
+            is_free: vec![false, true],
+        }),
     };
     state.save(&path).unwrap();
-    assert_eq!(State::load(&path, 3).unwrap(), state);
-    assert!(State::load(&path, 4).unwrap_err().to_string().contains("parameters"));
+    assert_eq!(State::load(&path, |free| 2 + free).unwrap(), state);
+    assert!(State::load(&path, |free| 3 + free).unwrap_err().to_string().contains("parameters"));
     let whole = std::fs::read(&path).unwrap();
     for length in 0..whole.len() {
         std::fs::write(&path, &whole[..length]).unwrap();
-        assert!(State::load(&path, 3).is_err(), "a checkpoint cut at {length} bytes");
+        assert!(State::load(&path, |_| 3).is_err(), "a checkpoint cut at {length} bytes");
     }
 }
 
@@ -44,10 +48,10 @@ fn a_negative_mean_square_gradient_is_refused() {
         steps: 1,
         refinement: Refinement::Undecided,
         exposures: None,
-        grouping: None,
+        survey: None,
     };
     state.save(&path).unwrap();
-    let error = State::load(&path, 2).unwrap_err();
+    let error = State::load(&path, |_| 2).unwrap_err();
     assert!(error.is::<InputError>(), "{error}");
     let words = "second: found -1 at element 1, expected finite numbers, 0 or more";
     assert!(error.to_string().contains(words), "{error}");
@@ -69,7 +73,7 @@ fn numbers_out_of_range_are_refused_by_name() {
         steps: 8888,
         refinement: Refinement::Given,
         exposures: None,
-        grouping: None,
+        survey: None,
     };
     state.save(&path).unwrap();
     let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
@@ -86,7 +90,7 @@ fn numbers_out_of_range_are_refused_by_name() {
             let padded =
                 format!("\"{}\"{}", wrong.trim(), " ".repeat(wrong.len() - wrong.trim().len()));
             std::fs::write(&path, whole.replace(&format!("\"{value}\""), &padded)).unwrap();
-            let error = State::load(&path, 1).unwrap_err().to_string();
+            let error = State::load(&path, |_| 1).unwrap_err().to_string();
             assert!(error.contains(&format!("{field}: found {}", wrong.trim())), "{error}");
         }
     }

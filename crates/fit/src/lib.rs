@@ -5,6 +5,7 @@ mod cameras;
 mod depths;
 mod downscale;
 mod exposure;
+mod grid_levels;
 mod iteration;
 mod model;
 mod model_background;
@@ -18,10 +19,11 @@ mod step;
 pub use alignment::align;
 pub use calibrate::{CameraDecision, RefineCameras};
 pub use exposure::{RunExposure, RunExposures, match_exposures};
+pub use grids::GridLevels;
 pub use iteration::Metrics;
 pub use model::Model;
 pub use model_background::ModelBackground;
-pub use options::{DEFAULT_ITERATIONS, FitOptions, parse_bounds, parse_duration};
+pub use options::{DEFAULT_ITERATIONS, FitOptions};
 pub use photometry::{
     BackgroundChoice, BackgroundKind, ExposureChoice, ExposureModel, Limit, MaskChoice, MaskUse,
     check_masks,

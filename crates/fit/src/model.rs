@@ -8,6 +8,7 @@ use optim::Group;
 use random::{Purpose, Stream};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
 
+use crate::grid_levels::{is_fine, spline_size};
 use crate::model_background::ModelBackground;
 use crate::options::mlp_parameters;
 use crate::run_file::RunFile;
@@ -49,6 +50,12 @@ const BACKGROUND_RATE: f64 = 1.0;
 /// The learning rate of the features of details, in units of that of the networks.
 const DETAIL_RATE: f64 = 2.0;
 
+/// The floor of the steps of coefficients of the field's grid. Without it, coefficients inside the
+/// solid, whose gradients are next to nothing, made cavities that no photograph shows: `spot` after
+/// 150 s on one thread had a Chamfer distance of 0.55 %, 0.32 % with a floor of 0.1, and 0.14 % and
+/// no cavity with 1. With 3 at three times the rate: 0.15 %.
+const GRID_FLOOR: f64 = 1.0;
+
 impl Model {
     /// The model at the start of a fit: a sphere with a nearly uniform radiance.
     ///
@@ -58,12 +65,17 @@ impl Model {
         let transform = Transform { center: bounds.center, radius: bounds.radius };
         let architecture = Architecture {
             encoding: encoding(options.bands),
+            grid: spline_size(&options.grid),
             hidden: vec![options.width; options.layers],
             skip: Vec::new(),
             activation: Activation::Softplus { beta: options.beta },
         };
-        let field =
+        let mut field =
             Network::geometric(architecture, transform, options.initial_radius, options.seed);
+        let levels = field.architecture().grid.levels.clone();
+        for (level, side) in levels.iter().enumerate().filter(|(_, side)| is_fine(**side)) {
+            field.set_free_nodes(level, &vec![false; side.pow(3)]);
+        }
         let hidden = vec![HEAD_WIDTH; HEAD_LAYERS];
         let head = RadianceHead::new(
             encoding(HEAD_BANDS),
@@ -76,13 +88,41 @@ impl Model {
         Model { field, head, background: ModelBackground::initial(file) }
     }
 
-    /// The number of parameters of a run's model, without making one.
-    pub(crate) fn parameter_count(file: &RunFile) -> usize {
+    /// The levels of the field's grid whose nodes are free near the surface only.
+    pub(crate) fn fine_levels(&self) -> impl Iterator<Item = usize> + '_ {
+        let levels = &self.field.architecture().grid.levels;
+        (0..levels.len()).filter(|level| is_fine(levels[*level]))
+    }
+
+    /// The number of nodes of these levels.
+    pub(crate) fn fine_nodes(&self) -> usize {
+        let levels = &self.field.architecture().grid.levels;
+        levels.iter().filter(|side| is_fine(**side)).map(|side| side.pow(3)).sum()
+    }
+
+    /// Sets the free nodes of these levels: a flag for each node, level after level.
+    ///
+    /// # Panics
+    /// If the number of flags is wrong.
+    pub(crate) fn set_fine_nodes(&mut self, is_free: &[bool]) {
+        let mut rest = is_free;
+        for level in self.fine_levels().collect::<Vec<_>>() {
+            let count = self.field.architecture().grid.levels[level].pow(3);
+            let (own, others) = rest.split_at(count);
+            self.field.set_free_nodes(level, own);
+            rest = others;
+        }
+    }
+
+    /// The number of parameters of a run's model with this number of free nodes of fine levels,
+    /// without making one.
+    pub(crate) fn parameter_count(file: &RunFile, free_nodes: usize) -> usize {
         let (features, tables) = RadianceHead::<f32>::size_of_details(details(file));
         let inputs = encoding(HEAD_BANDS).features() + RadianceHead::<f32>::DIRECTIONS + features;
         let head = mlp_parameters(inputs, HEAD_WIDTH, HEAD_LAYERS, 3) + tables as u64;
         let background = ModelBackground::parameter_count(file.background_kind);
-        (file.options.field_parameters() + head) as usize + background
+        let free = free_nodes * spline_size(&file.options.grid).features;
+        (file.options.field_parameters() + head) as usize + free + background
     }
 
     /// The groups of the parameters, in their order.
@@ -91,12 +131,17 @@ impl Model {
         let shape = field + self.head.parameter_count();
         let details = shape - self.head.detail_count();
         let all = shape + self.background.parameters().len();
-        vec![
-            Group::new("field", 0..field),
-            Group::new("radiance", field..details),
-            Group { rate: DETAIL_RATE, ..Group::new("details", details..shape) },
-            Group { rate: BACKGROUND_RATE, ..Group::new("background", shape..all) },
-        ]
+        let mut groups = vec![Group::new("field", 0..self.field.weight_count())];
+        let mut next = self.field.weight_count();
+        for count in self.field.splines().free_counts() {
+            let group = Group::new("grid", next..next + count);
+            groups.push(Group { floor: GRID_FLOOR, ..group });
+            next += count;
+        }
+        groups.push(Group::new("radiance", field..details));
+        groups.push(Group { rate: DETAIL_RATE, ..Group::new("details", details..shape) });
+        groups.push(Group { rate: BACKGROUND_RATE, ..Group::new("background", shape..all) });
+        groups
     }
 
     /// The parameters of the field, then those of the radiance head, then the trained ones of the

@@ -9,11 +9,13 @@ use estimate::record::Pass;
 use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
 use field::Sphere;
 use glam::DVec3;
-use io::{InputError, check_memory};
+use grids::GridLevels;
+use io::{Check, InputError, check_memory};
 use serde::{Deserialize, Serialize};
 use stereo::StereoChoice;
 use warp::WarpOptions;
 
+use crate::grid_levels::{is_fine, spline_memory, spline_size};
 use crate::model::encoding;
 use photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 
@@ -26,8 +28,8 @@ pub struct FitOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u64>,
     /// Wall time to spend, for example 90s, 10m or 1h30m; the schedule follows the clock
-    #[arg(long, conflicts_with = "iterations", value_parser = parse_duration)]
-    #[serde(skip_serializing_if = "Option::is_none", with = "seconds")]
+    #[arg(long, conflicts_with = "iterations", value_parser = io::parse_duration)]
+    #[serde(skip_serializing_if = "Option::is_none", with = "io::seconds")]
     pub time: Option<Duration>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = Self::default().seed)]
@@ -51,7 +53,7 @@ pub struct FitOptions {
     #[arg(long, value_enum, default_value_t = Self::default().exposure)]
     pub exposure: ExposureChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
-    #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
+    #[arg(long, value_parser = io::parse_bounds, allow_hyphen_values = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
     /// Width of the network's hidden layers
@@ -63,6 +65,10 @@ pub struct FitOptions {
     /// Octaves of the network's frequency encoding
     #[arg(long, default_value_t = Self::default().bands)]
     pub bands: usize,
+    /// Coefficients along a side of each level of the network's grid of splines, or none: 32 and
+    /// less everywhere from the start, more near the surface once it is sharp
+    #[arg(long, default_value_t = Self::default().grid)]
+    pub grid: GridLevels,
     /// Sharpness β of the softplus ln(1 + exp(βx))/β, per unit of pre-activation
     #[arg(long, default_value_t = Self::default().beta)]
     pub beta: f64,
@@ -170,6 +176,7 @@ impl Default for FitOptions {
             width: 64,
             layers: 3,
             bands: 6,
+            grid: GridLevels(vec![32, 64, 128]),
             beta: 100.0,
             initial_radius: 0.5,
             learning_rate: 2e-3,
@@ -191,47 +198,18 @@ impl Default for FitOptions {
     }
 }
 
-/// One entry with its value, whether the value is valid, and the valid values.
-pub(crate) struct Check {
-    name: &'static str,
-    found: String,
-    holds: bool,
-    expected: &'static str,
+/// The check of the weight of a term of the loss.
+fn weight(name: &'static str, value: f64) -> Check {
+    Check::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
 }
 
-impl Check {
-    pub(crate) fn new(
-        name: &'static str,
-        found: impl ToString,
-        holds: bool,
-        expected: &'static str,
-    ) -> Self {
-        Check { name, found: found.to_string(), holds, expected }
-    }
+fn at_least_one(name: &'static str, value: u64) -> Check {
+    Check::new(name, value, value >= 1, "1 or more")
+}
 
-    /// The error of the first check that fails. `source` is the origin of the values.
-    pub(crate) fn all(source: &Path, checks: Vec<Check>) -> Result<(), InputError> {
-        match checks.into_iter().find(|check| !check.holds) {
-            Some(Check { name, found, expected, .. }) => {
-                Err(InputError::new(source, name, found, expected))
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// The weight of a term of the loss.
-    fn weight(name: &'static str, value: f64) -> Self {
-        Self::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
-    }
-
-    fn at_least_one(name: &'static str, value: u64) -> Self {
-        Self::new(name, value, value >= 1, "1 or more")
-    }
-
-    /// A number of samples: as many as `dsdf gradient` accepts.
-    fn count(name: &'static str, value: u32) -> Self {
-        Self::new(name, value, (1..=65536).contains(&value), "1 to 65536")
-    }
+/// The check of a number of samples: as many as `dsdf gradient` accepts.
+fn samples(name: &'static str, value: u32) -> Check {
+    Check::new(name, value, (1..=65536).contains(&value), "1 to 65536")
 }
 
 /// The most pixels of an iteration: 2^24, the pixels of a photograph of 4096 × 4096.
@@ -276,23 +254,29 @@ impl FitOptions {
 
     /// An estimate of the memory of a network, its optimiser and its gradients, in bytes.
     fn network_memory(&self) -> u64 {
-        self.field_parameters() * MEMORY_PER_PARAMETER
+        let network = self.field_parameters() * MEMORY_PER_PARAMETER;
+        network + spline_memory(&self.grid, MEMORY_PER_PARAMETER)
     }
 
-    /// The number of parameters of the network.
+    /// The number of parameters of the network, without those of nodes of fine levels.
     pub(crate) fn field_parameters(&self) -> u64 {
-        mlp_parameters(encoding(self.bands).features(), self.width, self.layers, 1)
+        let grid = spline_size(&self.grid);
+        let features = encoding(self.bands).features() + grid.feature_count();
+        let coarse = grid.levels.iter().filter(|side| !is_fine(**side));
+        let coefficients: usize = coarse.map(|side| side.pow(3) * grid.features).sum();
+        mlp_parameters(features, self.width, self.layers, 1) + coefficients as u64
     }
 
     /// The checks of all options but the estimator and those of the warp.
     fn checks(&self) -> Vec<Check> {
         let radius = self.initial_radius;
         vec![
-            Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
-            Check::at_least_one("downscale", self.downscale.unwrap_or(1).into()),
+            at_least_one("iterations", self.iterations.unwrap_or(1)),
+            at_least_one("downscale", self.downscale.unwrap_or(1).into()),
             Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
             Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
             Check::new("bands", self.bands, self.bands <= 12, "at most 12"),
+            Check::new("grid", &self.grid, self.grid.is_valid(), GridLevels::EXPECTED),
             Check::new(
                 "beta",
                 self.beta,
@@ -312,8 +296,8 @@ impl FitOptions {
                 "a number above 0, at most 1",
             ),
             Check::new("batch", self.batch, (1..=MAX_BATCH).contains(&self.batch), "1 to 16777216"),
-            Check::count("edge_rays", self.edge_rays),
-            Check::count("edge_samples", self.edge_samples),
+            samples("edge_rays", self.edge_rays),
+            samples("edge_samples", self.edge_samples),
             Check::new(
                 "sample_limit",
                 self.sample_limit,
@@ -322,10 +306,10 @@ impl FitOptions {
             ),
             // At 1 or less, the running mean falls in every iteration, and the fit stops moving.
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
-            Check::weight("eikonal", self.eikonal),
+            weight("eikonal", self.eikonal),
             Check::new("soft", self.soft, (0.0..1.0).contains(&self.soft), "at least 0, below 1"),
-            Check::at_least_one("checkpoint_every", self.checkpoint_every),
-            Check::at_least_one("preview_every", self.preview_every),
+            at_least_one("checkpoint_every", self.checkpoint_every),
+            at_least_one("preview_every", self.preview_every),
         ]
     }
 
@@ -355,60 +339,6 @@ impl FitOptions {
 pub(crate) fn mlp_parameters(inputs: usize, width: usize, layers: usize, outputs: usize) -> u64 {
     let [inputs, width, layers, outputs] = [inputs, width, layers, outputs].map(|n| n as u64);
     (inputs + 1) * width + (layers - 1) * (width + 1) * width + (width + 1) * outputs
-}
-
-/// Parses a duration such as 90s, 10m or 1h30m.
-///
-/// # Errors
-/// If the text is no duration, or the duration is 0. The error describes the expected text.
-pub fn parse_duration(text: &str) -> Result<Duration, String> {
-    let duration = humantime::parse_duration(text).map_err(|e| e.to_string())?;
-    if duration.is_zero() { Err("a time above 0".to_owned()) } else { Ok(duration) }
-}
-
-/// Parses a sphere from the text x,y,z,radius.
-///
-/// # Errors
-/// If the text does not have four finite numbers, or the radius is not above 0. The error describes
-/// the expected text.
-pub fn parse_bounds(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|n| n.trim().parse::<f64>()).collect();
-    match numbers.ok().and_then(|n| <[f64; 4]>::try_from(n).ok()) {
-        Some(bounds) if is_sphere(bounds) => Ok(bounds),
-        _ => Err(format!("expected x,y,z,radius with {SPHERE}")),
-    }
-}
-
-/// The bounding spheres that single precision can hold, with the squares of their lengths.
-pub(crate) const SPHERE: &str = "coordinates up to 1e12 and a radius from 1e-12 to 1e12";
-
-/// Whether x, y, z and a radius are a [`SPHERE`].
-pub(crate) fn is_sphere([x, y, z, radius]: [f64; 4]) -> bool {
-    [x, y, z].iter().all(|c| c.abs() <= 1e12) && (1e-12..=1e12).contains(&radius)
-}
-
-/// The form of durations in `fit.toml`: a number of seconds.
-mod seconds {
-    use super::Duration;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    #[allow(clippy::ref_option, reason = "serde requires this signature")]
-    pub(super) fn serialize<S: Serializer>(
-        time: &Option<Duration>,
-        s: S,
-    ) -> Result<S::Ok, S::Error> {
-        match time {
-            Some(time) => s.serialize_f64(time.as_secs_f64()),
-            None => s.serialize_none(),
-        }
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-        d: D,
-    ) -> Result<Option<Duration>, D::Error> {
-        let seconds = Option::<f64>::deserialize(d)?;
-        seconds.map(Duration::try_from_secs_f64).transpose().map_err(serde::de::Error::custom)
-    }
 }
 
 #[cfg(test)]
@@ -465,13 +395,5 @@ mod tests {
         let error = check_memory("arguments", "width", found, huge.network_memory()).unwrap_err();
         let start = "arguments: width: found 1024 layers of width 1048576, which needs ";
         assert!(error.to_string().starts_with(start), "{error}");
-    }
-
-    #[test]
-    fn bounds_need_four_numbers() {
-        assert_eq!(parse_bounds("1,2,-3,0.5"), Ok([1.0, 2.0, -3.0, 0.5]));
-        for text in ["", "1,2,3", "1,2,3,0", "1,2,3,nan", "1,2,3,1e300", "inf,2,3,1", "a,b,c,d"] {
-            assert!(parse_bounds(text).is_err(), "{text}");
-        }
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
-use checkpoint::{Average, Grouping, State};
+use checkpoint::{Average, State, Survey};
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -32,10 +32,10 @@ use schedule::{
 };
 
 mod averaging;
-mod grouping;
 mod matching;
 mod preview;
 mod refinement;
+mod survey;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.
@@ -64,7 +64,8 @@ fn checkpoint_path(folder: &Path) -> PathBuf {
 
 /// Reads the checkpoint of a run.
 fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State> {
-    let state = State::load(&checkpoint_path(folder), Model::parameter_count(file))?;
+    let count = |free_nodes| Model::parameter_count(file, free_nodes);
+    let state = State::load(&checkpoint_path(folder), count)?;
     match file.options.iterations.filter(|n| *n < state.iteration) {
         Some(budget) => {
             let expected = format!("at least the {} finished iterations", state.iteration);
@@ -95,8 +96,8 @@ pub struct Fit {
     pub(crate) corrections: Corrections,
     /// The decision about the cameras that was made before the next iteration.
     decision: Option<CameraDecision>,
-    /// The last grouping of the pixels by the surface.
-    grouping: Option<Grouping>,
+    /// The last survey of the surface.
+    survey: Option<Survey>,
     adam: Adam<f32>,
     parameters: Vec<f32>,
     /// The mean of the parameters over the last part of the budget.
@@ -165,7 +166,7 @@ impl Fit {
             gains,
             corrections: Corrections::Undecided,
             decision: None,
-            grouping: None,
+            survey: None,
             adam,
             parameters,
             average: None,
@@ -183,17 +184,18 @@ impl Fit {
 
     /// Restores the state of a checkpoint.
     fn restore(&mut self, state: State) -> anyhow::Result<()> {
+        self.iteration = state.iteration;
+        self.seconds = state.seconds;
+        // It tells the number of parameters.
+        self.restore_survey(state.survey)?;
         self.adam.restore(&state.first, &state.second, state.steps)?;
         self.model.set_parameters(&state.parameters);
         self.parameters = state.parameters;
         self.average = state.average;
-        self.iteration = state.iteration;
-        self.seconds = state.seconds;
         self.usual_norm = state.usual_norm;
         self.held_out_psnr = state.held_out_psnr;
         self.restore_exposures(state.exposures.as_ref())?;
-        self.restore_refinement(state.refinement)?;
-        Ok(self.restore_grouping(state.grouping)?)
+        self.restore_refinement(state.refinement)
     }
 
     /// Writes the checkpoint and the model files.
@@ -214,7 +216,7 @@ impl Fit {
             steps,
             refinement: self.corrections.state(),
             exposures: self.exposures_state(),
-            grouping: self.grouping.clone(),
+            survey: self.survey.clone(),
         };
         state.save(&checkpoint_path(&self.folder))?;
         self.save_cameras()?;
@@ -278,7 +280,7 @@ impl Fit {
     fn step(&mut self) -> anyhow::Result<Metrics> {
         let level = level(self.progress(), self.levels.len());
         let trial = self.start_refinement()?;
-        self.group_pixels()?;
+        self.survey_surface()?;
         let (Gradient { parameters: mut gradient, cameras, gains, stats }, evaluations) =
             self.gradient(level)?;
         let background = self.model.background.parameters().len();

@@ -7,11 +7,11 @@ use dataset::{BackgroundEstimate, Dataset, SphereSource, View, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
-use io::{InputError, atomic_write};
+use io::{Check, InputError, SPHERE, atomic_write, is_sphere};
 use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
-use crate::options::{Check, FitOptions, SPHERE, is_sphere};
+use crate::options::FitOptions;
 use photometry::{
     BackgroundChoice, BackgroundKind, BackgroundModel, ExposureModel, MaskUse, put_over_black,
 };

@@ -1,6 +1,9 @@
 #![doc = include_str!("../README.md")]
 
 mod atomic;
+mod bounds;
+mod check;
+mod duration;
 mod error;
 mod heif;
 mod image_read;
@@ -15,11 +18,15 @@ mod npy;
 mod photo_tests;
 mod regular;
 pub mod run_json;
+pub mod seconds;
 
 pub use atomic::{
     atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,
     remove_own_temporary_files,
 };
+pub use bounds::{SPHERE, is_sphere, parse_bounds};
+pub use check::Check;
+pub use duration::parse_duration;
 pub use error::{InputError, is_hidden, printable};
 pub use heif::refuse_unconverted;
 pub use image_read::{image_size, read_image, read_image_of, reading_memory};

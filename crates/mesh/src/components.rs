@@ -1,5 +1,7 @@
 //! Connected components of a mesh.
 
+use glam::DVec3;
+
 use crate::Mesh;
 
 /// The connected components of an extracted surface that are kept.
@@ -105,6 +107,20 @@ pub fn keep_components(mesh: Mesh, which: Components) -> Mesh {
         }
     };
     select_faces(&mesh, is_kept)
+}
+
+/// A closed mesh without its cavities: components whose faces point into the space that they
+/// enclose. No photograph can show a cavity, and a network may have one where nothing speaks
+/// against it.
+pub(crate) fn without_cavities(mesh: Mesh) -> Mesh {
+    let component = component_of_vertices(&mesh);
+    let of_face = |i: usize| component[mesh.faces[i][0] as usize] as usize;
+    let apex = mesh.vertices.first().map_or(DVec3::ZERO, |v| v.as_dvec3());
+    let mut volumes = vec![0.0; component.len()];
+    for i in 0..mesh.faces.len() {
+        volumes[of_face(i)] += (mesh.corners(i)[0] - apex).dot(mesh.face_cross(i));
+    }
+    select_faces(&mesh, |i| volumes[of_face(i)] > 0.0)
 }
 
 /// The mesh with the faces whose numbers `is_kept` accepts and their vertices, in the order of

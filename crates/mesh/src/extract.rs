@@ -21,8 +21,8 @@ const LEAST_RESOLUTION: usize = 4;
 const GRID_DONE: f64 = 0.8;
 const TOPOLOGY_DONE: f64 = 0.9;
 
-/// Extracts {f = 0} within the bounding sphere and drops small components: those with less than
-/// 1 % of the area of the largest one.
+/// Extracts {f = 0} within the bounding sphere and drops cavities and small components: those with
+/// less than 1 % of the area of the largest one.
 ///
 /// `resolution` is the number of grid cells along the diameter, at least 4. See [`extract_with`].
 pub fn extract<R: Real>(
@@ -34,7 +34,8 @@ pub fn extract<R: Real>(
     extract_with(field, bounds, resolution, Components::default(), progress)
 }
 
-/// Extracts {f = 0} within the bounding sphere and keeps the chosen components.
+/// Extracts {f = 0} within the bounding sphere and keeps the chosen components. Cavities inside the
+/// solid, which no photograph can show, are kept with [`Components::All`] only.
 ///
 /// `resolution` is the number of grid cells along the diameter, at least 4. `progress` gets the
 /// fraction done, from 0 to 1, on any thread.
@@ -71,6 +72,9 @@ pub fn extract_with<R: Real>(
     let grid = Grid::new(field, bounds, resolution.max(LEAST_RESOLUTION), &grid_progress);
     let mut mesh = polygonise(&grid);
     make_manifold(&mut mesh);
+    if keep != Components::All {
+        mesh = components::without_cavities(mesh);
+    }
     mesh = components::keep_components(mesh, keep);
     progress(TOPOLOGY_DONE);
     project::onto(&Solid::new(field, bounds, grid.cell), grid.cell, &mut mesh);

@@ -148,7 +148,7 @@ fn a_steep_or_flat_field_has_the_mesh_of_a_distance() {
 }
 
 #[test]
-fn a_cavity_is_a_component_with_negative_volume() {
+fn a_cavity_is_a_component_with_negative_volume_and_dropped_unless_asked_for() {
     let shell = Csg::new(
         Operation::Subtraction,
         vec![
@@ -156,10 +156,13 @@ fn a_cavity_is_a_component_with_negative_volume() {
             Box::new(Shape::sphere([0.1, 0.0, 0.0], 0.5)),
         ],
     );
-    let mesh = extract(&shell, &BOUNDS, 64, &|_| {});
+    let mesh = extract_with(&shell, &BOUNDS, 64, Components::All, &|_| {});
     assert!(mesh.is_closed());
     assert_eq!((mesh.components(), mesh.euler_characteristic(), mesh.genus()), (2, 4, None));
     assert_relative_eq!(mesh.volume(), 4.0 / 3.0 * PI * (1.0 - 0.125), max_relative = 3e-3);
+    let outer = extract(&shell, &BOUNDS, 64, &|_| {});
+    assert!(outer.is_closed() && outer.components() == 1);
+    assert_relative_eq!(outer.volume(), 4.0 / 3.0 * PI, max_relative = 3e-3);
 }
 
 #[test]

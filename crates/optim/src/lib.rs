@@ -25,13 +25,19 @@ pub struct Group {
     /// Decoupled weight decay: a step also subtracts this times the learning rate times the
     /// parameter.
     pub weight_decay: f64,
+    /// The least denominator of a step, in units of the root mean square gradient of the group.
+    ///
+    /// Without it, a parameter whose gradients are small makes steps as large as the others. That
+    /// is wrong for coefficients that hardly matter, for example inside a solid.
+    pub floor: f64,
 }
 
 impl Group {
-    /// A group with the settings that Kingma and Ba suggest, β₁ = 0.9 and β₂ = 0.999, with rate 1
-    /// and without weight decay.
+    /// A group with the settings that Kingma and Ba suggest, β₁ = 0.9 and β₂ = 0.999, with rate 1,
+    /// and without weight decay or floor.
     pub fn new(name: impl Into<String>, range: Range<usize>) -> Self {
-        Group { name: name.into(), range, rate: 1.0, beta1: 0.9, beta2: 0.999, weight_decay: 0.0 }
+        let (rate, beta1, beta2, weight_decay, floor) = (1.0, 0.9, 0.999, 0.0, 0.0);
+        Group { name: name.into(), range, rate, beta1, beta2, weight_decay, floor }
     }
 }
 
@@ -138,6 +144,14 @@ impl<R: Float> Step<R> {
         }
     }
 
+    /// Sets ε to `floor` times the root mean square gradient, from the second moments before the
+    /// step.
+    fn raise(&mut self, floor: f64, second: &[R]) {
+        let count = R::from(second.len().max(1)).unwrap_or_else(R::one);
+        let typical = (sum_of(second, |v| v) / count).sqrt() * self.unbias;
+        self.epsilon = self.epsilon.max(constant::<R>(floor) * typical);
+    }
+
     /// Takes the step for parameters p with the gradient g and the moments m and v. The slices have
     /// one length; the compiler makes vector code of the loop.
     fn take(&self, p: &mut [R], g: &[R], m: &mut [R], v: &mut [R]) {
@@ -184,7 +198,10 @@ impl<R: Float + Send + Sync> Adam<R> {
         self.groups.iter().try_for_each(check)?;
         self.steps += 1;
         for group in &self.groups {
-            let (step, range) = (Step::new(group, rate, exponent), group.range.clone());
+            let (mut step, range) = (Step::new(group, rate, exponent), group.range.clone());
+            if group.floor > 0.0 {
+                step.raise(group.floor, &self.second[range.clone()]);
+            }
             let moments = self.first[range.clone()]
                 .par_chunks_mut(PART)
                 .zip(self.second[range.clone()].par_chunks_mut(PART));
@@ -293,16 +310,16 @@ pub fn first_non_finite<R: Float>(values: &[R]) -> Option<(usize, R)> {
 /// Partial sums of squares: as many as vector registers hold at once.
 const SUMS: usize = 16;
 
-/// The sum of squares, in [`SUMS`] interleaved partial sums.
-fn sum_of_squares<R: Float>(values: &[R]) -> R {
+/// The sum of f of each value, in [`SUMS`] interleaved partial sums.
+fn sum_of<R: Float>(values: &[R], f: impl Fn(R) -> R) -> R {
     let mut sums = [R::zero(); SUMS];
     let (rows, rest) = values.as_chunks::<SUMS>();
     for row in rows {
         for (sum, v) in sums.iter_mut().zip(row) {
-            *sum = *sum + *v * *v;
+            *sum = *sum + f(*v);
         }
     }
-    sums.iter_mut().zip(rest).for_each(|(sum, v)| *sum = *sum + *v * *v);
+    sums.iter_mut().zip(rest).for_each(|(sum, v)| *sum = *sum + f(*v));
     sums.into_iter().fold(R::zero(), |all, sum| all + sum)
 }
 
@@ -310,7 +327,7 @@ fn sum_of_squares<R: Float>(values: &[R]) -> R {
 /// are divided by the largest one first. A NaN or an infinity in the slice gives a norm that is not
 /// finite.
 pub fn norm<R: Float>(values: &[R]) -> R {
-    let sum = sum_of_squares(values);
+    let sum = sum_of(values, |v| v * v);
     if sum.is_finite() && sum > R::min_positive_value() / R::epsilon() {
         return sum.sqrt();
     }

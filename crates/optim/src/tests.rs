@@ -141,6 +141,21 @@ fn weight_decay_is_decoupled() {
     assert_relative_eq!(p[0], 2.0 * 0.95f64.powi(10), epsilon = 1e-12);
 }
 
+/// The floor is in units of the root mean square gradient of the group: with gradients of 1 and ε,
+/// it is √(1/2) for a floor of 1 once the moments are those of constant gradients.
+#[test]
+fn a_floor_makes_the_steps_of_small_gradients_small() {
+    let group = Group { beta1: 0.0, beta2: 0.5, floor: 1.0, ..Group::new("all", 0..2) };
+    let (mut adam, mut p) = (Adam::<f64>::new(2, vec![group]), [0.0; 2]);
+    for _ in 0..60 {
+        adam.step(&mut p, &[1.0, 0.01], 0.0).unwrap();
+    }
+    adam.step(&mut p, &[1.0, 0.01], 1.0).unwrap();
+    let floor = 0.5f64.sqrt() * (1.0 + 1e-4f64).sqrt();
+    assert_relative_eq!(p[0], -1.0 / (1.0 + floor), epsilon = 1e-9);
+    assert_relative_eq!(p[1], -0.01 / (0.01 + floor), epsilon = 1e-9);
+}
+
 #[test]
 fn single_precision_agrees_with_double_to_2e_5() {
     let mut single = Adam::<f32>::new(1, vec![Group::new("all", 0..1)]);

@@ -30,16 +30,16 @@ pub fn background_group(progress: f64) -> usize {
     if progress >= LEVEL_ENDS[2] { BACKGROUND_GROUP } else { COARSE_GROUP }
 }
 
-/// The shares of the sharp part at which pixels far from the surface become certain background, if
-/// the background is trained. The surface has moved in between. docs/rooms.md has fits with and
-/// without.
-const GROUPINGS: [f64; 3] = [0.0, 0.2, 0.6];
+/// The shares of the sharp part at which the surface is surveyed: pixels far from it become certain
+/// background, if the background is trained, and nodes of fine grids near it become free. The
+/// surface has moved in between. docs/rooms.md has fits with and without such pixels.
+const SURVEYS: [f64; 3] = [0.0, 0.2, 0.6];
 
-/// The number of groupings of pixels by the surface that are due, if the surface is soft for a
-/// share `soft` of the budget.
-pub fn groupings(progress: f64, soft: f64) -> u64 {
+/// The number of surveys of the surface that are due, if it is soft for a share `soft` of the
+/// budget.
+pub fn surveys(progress: f64, soft: f64) -> u64 {
     let sharp = soft.max(LEVEL_ENDS[2]);
-    GROUPINGS.iter().filter(|share| progress >= sharp + *share * (1.0 - sharp)).count() as u64
+    SURVEYS.iter().filter(|share| progress >= sharp + *share * (1.0 - sharp)).count() as u64
 }
 
 /// The progress from which all octaves of the encodings have their full weight: the shape must be
@@ -159,8 +159,8 @@ mod tests {
         assert_eq!((sharpness(0.0, 0.5), sharpness(0.5, 0.5)), (Some(16.0), None));
         assert_eq!((sharpness(0.0, 0.0), direction_weight(0.0, 0.0)), (None, 1.0));
         assert_eq!((direction_weight(0.5, 0.5), direction_weight(0.7, 0.5)), (0.0, 1.0));
-        assert_eq!((groupings(0.49, 0.5), groupings(0.5, 0.5), groupings(1.0, 0.5)), (0, 1, 3));
-        assert_eq!((groupings(0.2, 0.0), groupings(0.3, 0.0)), (0, 1));
+        assert_eq!((surveys(0.49, 0.5), surveys(0.5, 0.5), surveys(1.0, 0.5)), (0, 1, 3));
+        assert_eq!((surveys(0.2, 0.0), surveys(0.3, 0.0)), (0, 1));
         assert_eq!((batch_share(0.2, 0.5), batch_share(0.5, 0.5)), (SOFT_BATCH, 1.0));
     }
 }

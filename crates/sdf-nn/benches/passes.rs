@@ -15,6 +15,7 @@ const POINTS: usize = 4096;
 fn network(width: usize, layers: usize) -> Network<f32> {
     let architecture = Architecture {
         encoding: Encoding::Frequency { bands: 6 },
+        grid: sdf_nn::SplineSize::none(),
         hidden: vec![width; layers],
         skip: vec![],
         activation: Activation::Softplus { beta: 100.0 },

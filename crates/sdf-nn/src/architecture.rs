@@ -1,6 +1,7 @@
 //! The description of a network without its parameters.
 
 use glam::DVec3;
+use grids::SplineSize;
 
 /// The nonlinearity σ(z) of every hidden layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,6 +58,8 @@ impl Encoding {
 pub struct Architecture {
     /// The features of a position.
     pub encoding: Encoding,
+    /// Splines over the cube around the unit ball: further features of a position.
+    pub grid: SplineSize,
     /// The widths of the hidden layers, from input to output.
     pub hidden: Vec<usize>,
     /// Indices of layers with a skip connection, from 1 to the number of hidden layers: their input
@@ -64,6 +67,13 @@ pub struct Architecture {
     pub skip: Vec<usize>,
     /// The nonlinearity of the hidden layers.
     pub activation: Activation,
+}
+
+impl Architecture {
+    /// The number of features: those of the encoding, then those of the grid.
+    pub fn features(&self) -> usize {
+        self.encoding.features() + self.grid.feature_count()
+    }
 }
 
 /// The map from world space to the unit ball: x ↦ (x − center)/radius.

@@ -3,8 +3,8 @@
 use field::{Real, Vector3};
 
 use crate::architecture::{Encoding, Transform};
-use crate::math::Lane;
-use crate::simd::{Isa, LANES, Row, fma};
+use lanes::Lane;
+use lanes::{Isa, LANES, Row, fma};
 
 /// The map from points in world space to features: the transform, then the frequency encoding.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +18,11 @@ impl<R: Lane> Encoder<R> {
     pub(crate) fn new(encoding: Encoding, transform: &Transform) -> Self {
         let center = <R::Vec3 as Vector3<R>>::of(transform.center);
         Encoder { center, inverse_radius: R::of(1.0 / transform.radius), bands: encoding.bands() }
+    }
+
+    /// Lengths of the unit ball per world unit.
+    pub(crate) fn inverse_radius(&self) -> R {
+        self.inverse_radius
     }
 
     /// Writes the features of at most `LANES` points. Lanes without a point repeat the last point.
@@ -46,12 +51,7 @@ impl<R: Lane> Encoder<R> {
     /// JVP of [`encode`](Self::encode): writes the tangents of the features as the points move
     /// along `p`.
     #[inline(always)]
-    pub(crate) fn encode_jvp<I: Isa>(
-        &self,
-        p: &[R::Vec3],
-        features: &[Row<R>],
-        tangent: &mut [Row<R>],
-    ) {
+    pub(crate) fn encode_jvp(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
         for l in 0..LANES {
             let y = (p[l.min(p.len() - 1)] * self.inverse_radius).to_array();
             for c in 0..3 {

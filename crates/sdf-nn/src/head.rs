@@ -7,9 +7,9 @@ use grids::Grids;
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
-use crate::math::Lane;
 use crate::mlp::Mlp;
-use crate::simd::{Isa, LANES, Pass, Row, dispatch};
+use lanes::Lane;
+use lanes::{Isa, LANES, Pass, Row, dispatch};
 
 /// A network from a surface point, its unit normal n and the view direction d to linear RGB.
 ///

@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use crate::architecture::{Activation, Architecture, Transform};
-use crate::math::Lane;
 use crate::mlp::{LayerShape, Mlp};
 use crate::network::Network;
-use crate::simd::LANES;
+use lanes::LANES;
+use lanes::Lane;
 
 /// The random number generator SplitMix64: a seed gives the same numbers on every machine.
 ///
@@ -83,11 +83,14 @@ impl<R: Lane> Network<R> {
         let mut random = Random::new(seed);
         let mut network = Network::<f64>::zero(architecture.clone(), Transform::default(), 1.0);
         variance_preserving(&mut network.mlp, &mut random);
-        ignore_waves::<R>(&mut network.mlp);
+        let waves = architecture.encoding.features();
+        ignore_waves::<R>(&mut network.mlp, waves);
         network.fit_last_layer(radius, &mut random);
         let mut out = Network::<R>::zero(architecture, transform, 1.0);
-        let parameters: Vec<R> = network.mlp.parameters.iter().map(|p| R::of(*p)).collect();
-        out.set_parameters(&parameters);
+        let weights = network.mlp.parameters.iter().map(|p| R::of(*p));
+        out.mlp.parameters = weights.collect();
+        out.mlp.repack();
+        out.gather_parameters();
         out
     }
 }
@@ -95,7 +98,7 @@ impl<R: Lane> Network<R> {
 /// Sets the weights of the encoding's waves to zero in all layers.
 ///
 /// In the first layer the three coordinates' weights then get the variance of all its columns.
-fn ignore_waves<R: Lane>(mlp: &mut Mlp<f64>) {
+fn ignore_waves<R: Lane>(mlp: &mut Mlp<f64>, features: usize) {
     for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
         let hidden = mlp.hidden_columns(l);
         for row in 0..layer.outputs {
@@ -105,7 +108,8 @@ fn ignore_waves<R: Lane>(mlp: &mut Mlp<f64>) {
                 mlp.parameters[row..row + 3].iter_mut().for_each(|w| *w *= gain);
             }
             let waves = (hidden + 3).min(layer.inputs);
-            mlp.parameters[row + waves..row + layer.inputs].fill(0.0);
+            let end = (hidden + features).min(layer.inputs);
+            mlp.parameters[row + waves..row + end].fill(0.0);
         }
     }
 }
@@ -126,7 +130,7 @@ impl Network<f64> {
         let ridge = RIDGE * (0..n).map(|i| matrix[i * n + i]).sum::<f64>() / n as f64;
         (0..n).for_each(|i| matrix[i * n + i] += ridge);
         let solution = solve(&mut matrix, right);
-        self.mlp.parameters[last.start..].copy_from_slice(&solution);
+        self.mlp.parameters[last.start..][..solution.len()].copy_from_slice(&solution);
         self.mlp.repack();
     }
 

@@ -6,16 +6,17 @@
 
 mod architecture;
 mod encode;
+mod grid;
 mod head;
 mod init;
-mod math;
 mod mlp;
 mod model_file;
 mod network;
-mod simd;
+
+pub use grids::{Degree, SplineSize};
+pub use lanes::Lane;
 
 pub use architecture::{Activation, Architecture, Encoding, Transform};
 pub use head::RadianceHead;
-pub use math::Lane;
 pub use model_file::ModelError;
 pub use network::Network;

@@ -4,14 +4,16 @@
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
-use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};
+use grids::{
+    Degree, FEATURES, Grids, MOST_CELLS, MOST_COEFFICIENTS, MOST_FEATURES, MOST_LEVELS, SplineSize,
+};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::architecture::{Activation, Architecture, Encoding, Transform};
 use crate::head::{DIRECTIONS, RadianceHead};
-use crate::math::Lane;
 use crate::mlp::Mlp;
 use crate::network::Network;
+use lanes::Lane;
 
 /// An error of reading or writing a model file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -109,6 +111,29 @@ impl Metadata {
         if holds { Ok(cells) } else { Err(self.error("details", expected)) }
     }
 
+    /// The size of a grid of splines; none if the entry is missing.
+    fn grid(&self) -> Result<SplineSize> {
+        let Some(text) = self.get("grid") else { return Ok(SplineSize::none()) };
+        let expected = "{\"levels\": \"16,32\", \"features\": 2, \"degree\": 2}: up to 8 \
+                        levels of 4 to 512 coefficients a side, 1 to 16 features, degree 2 or 3";
+        let read = || {
+            let entry: GridEntry = serde_json::from_str(text).ok()?;
+            let levels: Option<Vec<usize>> =
+                entry.levels.split(',').map(|n| n.trim().parse().ok()).collect();
+            let degree = match entry.degree {
+                2 => Degree::Quadratic,
+                3 => Degree::Cubic,
+                _ => return None,
+            };
+            let size = SplineSize { levels: levels?, features: entry.features, degree };
+            let holds = size.levels.len() <= MOST_LEVELS
+                && size.levels.iter().all(|n| (4..=MOST_COEFFICIENTS).contains(n))
+                && (1..=MOST_FEATURES).contains(&size.features);
+            holds.then_some(size)
+        };
+        read().ok_or_else(|| self.error("grid", expected))
+    }
+
     fn transform(&self) -> Result<Transform> {
         let expected = "three finite numbers";
         let center = match *self.list::<f64>("center", expected)? {
@@ -151,6 +176,26 @@ impl Metadata {
         put("center", format!("[{}, {}, {}]", c.x, c.y, c.z));
         put("radius", transform.radius.to_string());
         Metadata(map)
+    }
+}
+
+/// The metadata entry of a grid of splines, as JSON.
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridEntry {
+    /// Coefficients along a side of each level, separated by commas.
+    levels: String,
+    /// Features of a level.
+    features: usize,
+    /// The degree of the splines.
+    degree: usize,
+}
+
+impl GridEntry {
+    fn text(size: &SplineSize) -> serde_json::Result<String> {
+        let levels: Vec<String> = size.levels.iter().map(usize::to_string).collect();
+        let (features, degree) = (size.features, size.degree.number());
+        serde_json::to_string(&GridEntry { levels: levels.join(","), features, degree })
     }
 }
 
@@ -236,6 +281,17 @@ impl<'a> Model<'a> {
         Ok(widths)
     }
 
+    /// Reads a tensor of this shape into a table.
+    fn fill_table<R: Lane>(&self, name: &str, expected: &[usize], table: &mut [R]) -> Result<()> {
+        let (shape, numbers) = self.tensor(name, expected.len())?;
+        if shape != expected {
+            let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
+            return Err(ModelError::Tensor { name: name.to_owned(), found, expected });
+        }
+        table.iter_mut().zip(numbers).for_each(|(p, v)| *p = R::of(v));
+        Ok(())
+    }
+
     /// Reads the parameters of a perceptron and checks every shape.
     fn fill<R: Lane>(&self, mlp: &mut Mlp<R>) -> Result<()> {
         for (l, layer) in mlp.layers.clone().into_iter().enumerate() {
@@ -265,29 +321,33 @@ impl<'a> Model<'a> {
 /// `tables` are further tensors, of one vector of features for each entry.
 fn to_bytes<R: Lane>(
     mlp: &Mlp<R>,
-    tables: &[(String, &[R])],
+    tables: &[(String, Vec<usize>, &[R])],
     metadata: Metadata,
 ) -> Result<Vec<u8>> {
     let single = size_of::<R>() == size_of::<f32>();
     let dtype = if single { Dtype::F32 } else { Dtype::F64 };
-    let encode = |v: R| -> Vec<u8> {
-        let v = v.to_double();
-        if single { (v as f32).to_le_bytes().to_vec() } else { v.to_le_bytes().to_vec() }
+    let encode = |numbers: &mut dyn Iterator<Item = R>| -> Vec<u8> {
+        let numbers = numbers.map(R::to_double);
+        if single {
+            numbers.flat_map(|v| (v as f32).to_le_bytes()).collect()
+        } else {
+            numbers.flat_map(f64::to_le_bytes).collect()
+        }
     };
     let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
     for (l, layer) in mlp.layers.iter().enumerate() {
         let (n, window) = (layer.inputs, |c: usize| mlp.window_factor(l, c));
-        let weights = (0..layer.outputs * n)
-            .flat_map(|i| encode(mlp.parameters[layer.start + i] * window(i % n)));
-        tensors.push((format!("layers.{l}.weight"), vec![layer.outputs, n], weights.collect()));
-        let bias = mlp.parameters[layer.bias()..layer.bias() + layer.outputs]
-            .iter()
-            .flat_map(|b| encode(*b));
-        tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias.collect()));
+        let mut weights =
+            (0..layer.outputs * n).map(|i| mlp.parameters[layer.start + i] * window(i % n));
+        let shape = vec![layer.outputs, n];
+        tensors.push((format!("layers.{l}.weight"), shape, encode(&mut weights)));
+        let bias = &mlp.parameters[layer.bias()..layer.bias() + layer.outputs];
+        let bias = encode(&mut bias.iter().copied());
+        tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias));
     }
-    for (name, table) in tables {
-        let data = table.iter().flat_map(|v| encode(*v)).collect();
-        tensors.push((name.clone(), vec![table.len() / FEATURES, FEATURES], data));
+    for (name, shape, table) in tables {
+        let data = encode(&mut table.iter().copied());
+        tensors.push((name.clone(), shape.clone(), data));
     }
     let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
     let views: std::result::Result<Vec<_>, _> = tensors
@@ -323,9 +383,11 @@ impl<R: Lane> Network<R> {
         let model = Model::open(bytes)?;
         let metadata = &model.metadata;
         let (encoding, skip) = (metadata.encoding()?, metadata.list("skip", "indices of layers")?);
+        let grid = metadata.grid()?;
         let architecture = Architecture {
             encoding,
-            hidden: model.hidden(encoding.features(), &skip)?,
+            hidden: model.hidden(encoding.features() + grid.feature_count(), &skip)?,
+            grid,
             skip,
             activation: metadata.activation()?,
         };
@@ -335,6 +397,12 @@ impl<R: Lane> Network<R> {
         let scale = metadata.positive("scale", Some(1.0))?;
         let mut network = Network::zero(architecture, metadata.transform()?, scale);
         model.fill(&mut network.mlp)?;
+        let size = network.architecture.grid.clone();
+        for (l, (side, range)) in size.levels.iter().zip(size.ranges()).enumerate() {
+            let shape = vec![*side, *side, *side, size.features];
+            model.fill_table(&format!("grid.{l}"), &shape, &mut network.table[range])?;
+        }
+        network.gather_parameters();
         Ok(network)
     }
 
@@ -347,7 +415,18 @@ impl<R: Lane> Network<R> {
         let a = &self.architecture;
         let mut metadata = Metadata::from_parts(a.encoding, a.activation, &self.transform, &a.skip);
         metadata.0.insert("scale".to_owned(), self.scale.to_string());
-        to_bytes(&self.mlp, &[], metadata)
+        let size = &a.grid;
+        if size.feature_count() > 0 {
+            let text = GridEntry::text(size).map_err(|e| ModelError::Container(e.to_string()))?;
+            metadata.0.insert("grid".to_owned(), text);
+        }
+        let of_level = |(l, (side, range)): (usize, (&usize, std::ops::Range<usize>))| {
+            let shape = vec![*side, *side, *side, size.features];
+            (format!("grid.{l}"), shape, &self.table[range])
+        };
+        let tables: Vec<_> =
+            size.levels.iter().zip(size.ranges()).enumerate().map(of_level).collect();
+        to_bytes(&self.mlp, &tables, metadata)
     }
 }
 
@@ -384,13 +463,8 @@ impl<R: Lane> RadianceHead<R> {
         let mut head = RadianceHead::zero(encoding, &cells, &hidden, activation, transform);
         model.fill(&mut head.mlp)?;
         for (l, range) in details.ranges().enumerate() {
-            let (name, expected) = (table_name(l), vec![range.len() / FEATURES, FEATURES]);
-            let (shape, numbers) = model.tensor(&name, expected.len())?;
-            if shape != expected {
-                let (found, expected) = (format!("of shape {shape:?}"), format!("{expected:?}"));
-                return Err(ModelError::Tensor { name, found, expected });
-            }
-            head.tables[range].iter_mut().zip(numbers).for_each(|(p, v)| *p = R::of(v));
+            let shape = [range.len() / FEATURES, FEATURES];
+            model.fill_table(&table_name(l), &shape, &mut head.tables[range])?;
         }
         Ok(head)
     }
@@ -409,7 +483,10 @@ impl<R: Lane> RadianceHead<R> {
         if self.details.features() > 0 {
             let cells: Vec<String> = self.details.cells().map(|cells| cells.to_string()).collect();
             metadata.0.insert("details".to_owned(), cells.join(","));
-            let of_level = |(l, range)| (table_name(l), &self.tables[range]);
+            let of_level = |(l, range): (usize, std::ops::Range<usize>)| {
+                let shape = vec![range.len() / FEATURES, FEATURES];
+                (table_name(l), shape, &self.tables[range])
+            };
             tables.extend(self.details.ranges().enumerate().map(of_level));
         }
         to_bytes(&self.mlp, &tables, metadata)

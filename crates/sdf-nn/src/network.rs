@@ -2,12 +2,14 @@
 
 use field::{Field, Real, Sphere, Vector3};
 use glam::DVec3;
+use grids::Splines;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::math::Lane;
+use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use crate::simd::{HALF, Isa, LANES, Pass, Portable, dispatch};
+use lanes::Lane;
+use lanes::{HALF, Isa, LANES, Pass, Portable, dispatch};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -20,22 +22,29 @@ pub struct Network<R: Real> {
     /// Units of the perceptron's output per unit of distance in the unit ball.
     pub(crate) scale: f64,
     pub(crate) mlp: Mlp<R>,
+    /// θ: the weights of the perceptron, then the free coefficients of the grid.
+    parameters: Vec<R>,
+    /// All coefficients of the grid.
+    pub(crate) table: Vec<R>,
+    pub(crate) splines: Splines,
     encoder: Encoder<R>,
 }
 
 impl<R: Lane> Network<R> {
     /// A network whose parameters are all zero.
     pub(crate) fn zero(architecture: Architecture, transform: Transform, scale: f64) -> Self {
-        let features = architecture.encoding.features();
         let mlp = Mlp::new(
-            features,
+            architecture.features(),
             &architecture.hidden,
             1,
             &architecture.skip,
             architecture.activation,
         );
         let encoder = Encoder::new(architecture.encoding, &transform);
-        Network { architecture, transform, scale, mlp, encoder }
+        let splines = Splines::new(architecture.grid.clone());
+        let parameters = vec![R::zero(); mlp.parameters.len() + splines.free_count()];
+        let table = splines.table();
+        Network { architecture, transform, scale, mlp, parameters, table, splines, encoder }
     }
 
     /// The encoding, layers and activation.
@@ -56,9 +65,10 @@ impl<R: Lane> Network<R> {
         self
     }
 
-    /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias.
+    /// All parameters: layer after layer the weights (outputs × inputs, row-major), then the bias;
+    /// then the free coefficients of the grid.
     pub fn parameters(&self) -> &[R] {
-        &self.mlp.parameters
+        &self.parameters
     }
 
     /// Sets all parameters.
@@ -66,8 +76,11 @@ impl<R: Lane> Network<R> {
     /// # Panics
     /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
-        self.mlp.parameters.copy_from_slice(parameters);
+        self.parameters.copy_from_slice(parameters);
+        let (weights, free) = parameters.split_at(self.mlp.parameters.len());
+        self.mlp.parameters.copy_from_slice(weights);
         self.mlp.repack();
+        self.splines.expand(free, &mut self.table);
     }
 
     /// Sets the weight, in [0, 1], of every octave of the encoding, for training from coarse to
@@ -80,7 +93,46 @@ impl<R: Lane> Network<R> {
     /// If `weights` does not have one element for each octave.
     pub fn set_band_weights(&mut self, weights: &[R]) {
         assert_eq!(weights.len(), self.architecture.encoding.bands(), "number of octave weights");
-        self.mlp.set_window(Encoder::window(weights));
+        let window = Encoder::window(weights);
+        let mut all = self.mlp.window().to_vec();
+        all[..window.len()].copy_from_slice(&window);
+        self.mlp.set_window(all);
+    }
+
+    /// Sets the free nodes of a level of the grid: a flag for each node, x slowest. The free
+    /// coefficients are the last parameters, level by level. A node that becomes free has zeros,
+    /// and one that is not free any more loses its coefficients.
+    ///
+    /// # Panics
+    /// If the number of flags is wrong.
+    pub fn set_free_nodes(&mut self, level: usize, is_free: &[bool]) {
+        self.splines.set_free_nodes(level, is_free);
+        let free = self.splines.gather(&self.table);
+        self.table.fill(R::zero());
+        self.splines.expand(&free, &mut self.table);
+        self.parameters.truncate(self.mlp.parameters.len());
+        self.parameters.extend(free);
+    }
+
+    /// Sets the parameters from the weights of the perceptron and the table.
+    pub(crate) fn gather_parameters(&mut self) {
+        self.parameters = [&self.mlp.parameters[..], &self.splines.gather(&self.table)].concat();
+    }
+
+    /// The splines of the grid.
+    pub fn splines(&self) -> &Splines {
+        &self.splines
+    }
+
+    /// The number of weights of the perceptron: the first parameters. The others are the free
+    /// coefficients of the grid.
+    pub fn weight_count(&self) -> usize {
+        self.mlp.parameters.len()
+    }
+
+    /// The number of features before those of the grid.
+    fn first_of_grid(&self) -> usize {
+        self.architecture.encoding.features()
     }
 
     /// World units of f per unit of the perceptron's output.
@@ -92,7 +144,15 @@ impl<R: Lane> Network<R> {
     /// on the machine's vector instructions.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<Portable>(x, &mut s.features[0]);
+        self.write_grid::<LANES>(s);
         self.mlp.forward::<Portable, LANES, false, false>(s);
+    }
+
+    /// Writes the features of the grid after those of the encoding.
+    #[inline(always)]
+    fn write_grid<const N: usize>(&self, s: &mut Scratch<R>) {
+        let first = self.first_of_grid();
+        grid::write_values::<R, N>(&self.splines, &self.table, first, &mut s.features[0]);
     }
 
     /// Value and gradient of one block: a forward and a backward sweep.
@@ -100,19 +160,22 @@ impl<R: Lane> Network<R> {
     fn block_gradient<I: Isa, const N: usize>(
         &self,
         x: &[R::Vec3],
-        s: &mut Scratch<R>,
+        (s, jets): (&mut Scratch<R>, &mut Jets<R>),
         f: &mut [R],
         gradient: &mut [R::Vec3],
     ) {
         let factor = self.output_factor();
         self.encoder.encode::<I>(x, &mut s.features[0]);
+        let first = self.first_of_grid();
+        grid::write_slopes::<R, N>(&self.splines, &self.table, first, &mut s.features[0], jets);
         self.mlp.forward::<I, N, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
         }
         s.output[0][0].0 = [R::one(); LANES];
         self.mlp.backward::<I, N, false, false>(s);
-        let g = self.encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], factor);
+        let mut g = self.encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], factor);
+        jets.add_vjp::<I>(&s.adjoint[0][first..], factor * self.encoder.inverse_radius(), &mut g);
         for (l, gradient) in gradient.iter_mut().enumerate() {
             *gradient = lane(&g, l);
         }
@@ -127,12 +190,25 @@ impl<R: Lane> Network<R> {
         x: &[R::Vec3],
         p: &[R::Vec3],
         alpha: &[R],
-        s: &mut Scratch<R>,
+        (s, jets): (&mut Scratch<R>, &mut Jets<R>),
     ) {
         let factor = self.output_factor();
         self.encoder.encode::<I>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
-        self.encoder.encode_jvp::<I>(p, features, tangent);
+        self.encoder.encode_jvp(p, features, tangent);
+        let (splines, first) = (&self.splines, self.first_of_grid());
+        let coefficients = &self.table;
+        if WEIGHTS {
+            grid::write_tangents::<R, N, false>(
+                splines,
+                coefficients,
+                first,
+                &mut s.features,
+                jets,
+            );
+        } else {
+            grid::write_tangents::<R, N, true>(splines, coefficients, first, &mut s.features, jets);
+        }
         self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {
             // Lanes without a point must not add to the parameters' gradient.
@@ -146,7 +222,7 @@ impl<R: Lane> Network<R> {
 
 impl<R: Lane> Field<R> for Network<R> {
     fn parameter_count(&self) -> usize {
-        self.mlp.parameters.len()
+        self.parameters.len()
     }
 
     fn bounds(&self) -> Option<Sphere<R>> {
@@ -193,8 +269,10 @@ impl<R: Lane> Pass for Value<'_, R> {
         for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
             self.network.encoder.encode::<I>(x, &mut s.features[0]);
             if x.len() <= HALF {
+                self.network.write_grid::<HALF>(&mut s);
                 self.network.mlp.forward::<I, HALF, false, false>(&mut s);
             } else {
+                self.network.write_grid::<LANES>(&mut s);
                 self.network.mlp.forward::<I, LANES, false, false>(&mut s);
             }
             for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
@@ -216,12 +294,13 @@ impl<R: Lane> Pass for ValueGradient<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let mut s = self.network.mlp.scratch(true, false, false);
+        let mut jets = Jets::new(&self.network.splines, true, false);
         let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
         for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
             if x.len() <= HALF {
-                self.network.block_gradient::<I, HALF>(x, &mut s, f, gradient);
+                self.network.block_gradient::<I, HALF>(x, (&mut s, &mut jets), f, gradient);
             } else {
-                self.network.block_gradient::<I, LANES>(x, &mut s, f, gradient);
+                self.network.block_gradient::<I, LANES>(x, (&mut s, &mut jets), f, gradient);
             }
         }
     }
@@ -241,20 +320,26 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
     fn run<I: Isa>(self) {
         let encoder = &self.network.encoder;
         let mut s = self.network.mlp.scratch(true, true, false);
+        let mut jets = Jets::new(&self.network.splines, true, true);
+        let first = self.network.first_of_grid();
         let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
         for ((x, p), (gradient, product)) in
             self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs)
         {
             if x.len() <= HALF {
-                self.network.block_tangent::<I, HALF, false>(x, p, &[], &mut s);
+                self.network.block_tangent::<I, HALF, false>(x, p, &[], (&mut s, &mut jets));
             } else {
-                self.network.block_tangent::<I, LANES, false>(x, p, &[], &mut s);
+                self.network.block_tangent::<I, LANES, false>(x, p, &[], (&mut s, &mut jets));
             }
             // The adjoints of the outputs already include the output factor, so it is 1 here.
-            let g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
+            let mut g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
             let mut h = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
             let [features, tangent] = &s.features;
             encoder.add_vjp_of_jvp::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
+            let scale = encoder.inverse_radius();
+            jets.add_vjp::<I>(&s.adjoint[1][first..], scale, &mut g);
+            jets.add_vjp::<I>(&s.adjoint[0][first..], scale, &mut h);
+            jets.add_vjp_of_jvp::<I>(&s.adjoint[1][first..], scale, &mut h);
             for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
                 *gradient = lane(&g, l);
                 *product = lane(&h, l);
@@ -275,12 +360,23 @@ struct ParameterVjp<'a, R: Real> {
 impl<R: Lane> Pass for ParameterVjp<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let mut s = self.network.mlp.scratch(true, true, true);
+        let network = self.network;
+        let mut s = network.mlp.scratch(true, true, true);
+        let mut jets = Jets::new(&network.splines, true, false);
+        let (weights, table) = self.adjoint.split_at_mut(network.weight_count());
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
-            self.network.block_tangent::<I, LANES, true>(x, c, alpha, &mut s);
+            network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
+            grid::add_coefficients(
+                &network.splines,
+                network.first_of_grid(),
+                x.len(),
+                &s.features,
+                &s.adjoint,
+                table,
+            );
         }
-        self.network.mlp.collect_gradient(&s, self.adjoint);
+        network.mlp.collect_gradient(&s, weights);
     }
 }
 
@@ -292,7 +388,7 @@ mod tests {
 
     use super::*;
     use crate::architecture::{Activation, Encoding};
-    use crate::simd::dispatch_all;
+    use lanes::dispatch_all;
 
     /// All passes over the same points; their results in one vector.
     struct AllPasses<'a> {
@@ -330,7 +426,13 @@ mod tests {
             (8, vec![1], Encoding::None),
         ] {
             let activation = Activation::Softplus { beta: 100.0 };
-            let architecture = Architecture { encoding, hidden: vec![width; 3], skip, activation };
+            let architecture = Architecture {
+                encoding,
+                grid: grids::SplineSize::none(),
+                hidden: vec![width; 3],
+                skip,
+                activation,
+            };
             let network = Network::<f32>::geometric(architecture, Transform::default(), 0.5, 3);
             let x: Vec<Vec3> =
                 (0..75).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();

@@ -5,7 +5,9 @@ use approx::assert_relative_eq;
 use field::{Dual, Field, Scalar, SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
+use sdf_nn::{
+    Activation, Architecture, Degree, Encoding, Network, RadianceHead, SplineSize, Transform,
+};
 
 /// σ(z) in the number type `S`.
 fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
@@ -18,6 +20,20 @@ fn activate<S: Scalar<Real = f64>>(activation: Activation, z: S) -> S {
         Activation::Sine { omega } => (z * constant(omega)).sin(),
         Activation::Relu => z.max(constant(0.0)),
     }
+}
+
+/// The B-spline number `i` of a degree over the integers, by the recursion of Cox and de Boor.
+fn spline<S: Scalar<Real = f64>>(i: usize, degree: usize, x: S) -> S {
+    fn at<S: Scalar<Real = f64>>(first: f64, n: usize, x: S) -> S {
+        if n == 0 {
+            let real = x.real();
+            return S::constant(f64::from(u8::from(first <= real && real < first + 1.0)));
+        }
+        let d = n as f64;
+        (x - S::constant(first)) * S::constant(1.0 / d) * at(first, n - 1, x)
+            + (S::constant(first + d + 1.0) - x) * S::constant(1.0 / d) * at(first + 1.0, n - 1, x)
+    }
+    at(i as f64 - degree as f64, degree, x)
 }
 
 /// f(x) from the definition of the model file, in the number type `S`.
@@ -35,6 +51,25 @@ fn reference<S: Scalar<Real = f64>>(
         let wave = y.map(|c| c * S::constant(f64::powi(2.0, band as i32)));
         features.extend(wave.map(S::sin));
         features.extend(wave.map(S::cos));
+    }
+    let weights = parameters.len() - a.grid.coefficient_count();
+    for (side, range) in a.grid.levels.iter().zip(a.grid.ranges()) {
+        let coefficients = &parameters[weights..][range];
+        let at = y.map(|c| {
+            (c + S::constant(1.0)) * S::constant(0.5 * (side - a.grid.degree.number()) as f64)
+        });
+        for f in 0..a.grid.features {
+            let sum = coefficients.iter().skip(f).step_by(a.grid.features).enumerate().fold(
+                S::constant(0.0),
+                |sum, (k, c)| {
+                    let index = [k / side / side, k / side % side, k % side];
+                    let weight =
+                        |axis: usize| spline(index[axis], a.grid.degree.number(), at[axis]);
+                    sum + *c * weight(0) * weight(1) * weight(2)
+                },
+            );
+            features.push(sum);
+        }
     }
     let (mut h, mut at) = (features.clone(), 0);
     for l in 0..=a.hidden.len() {
@@ -68,20 +103,25 @@ fn architecture() -> impl Strategy<Value = Architecture> {
         Just(Activation::Relu),
     ];
     let hidden = prop::collection::vec(1usize..21, 1..4);
-    (hidden, activation, 0usize..4, any::<bool>()).prop_map(|(hidden, activation, bands, skip)| {
-        Architecture {
+    let degree = prop_oneof![Just(Degree::Quadratic), Just(Degree::Cubic)];
+    let grid = (prop::collection::vec(4usize..7, 0..3), 1usize..4, degree)
+        .prop_map(|(levels, features, degree)| SplineSize { levels, features, degree });
+    (hidden, activation, 0usize..4, any::<bool>(), grid).prop_map(
+        |(hidden, activation, bands, skip, grid)| Architecture {
             encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
+            grid,
             skip: if skip && hidden.len() > 1 { vec![hidden.len() - 1] } else { vec![] },
             hidden,
             activation,
-        }
-    })
+        },
+    )
 }
 
 /// A small architecture with two octaves.
 fn small(activation: Activation) -> Architecture {
     let encoding = Encoding::Frequency { bands: 2 };
-    Architecture { encoding, hidden: vec![8, 8], skip: vec![], activation }
+    let grid = SplineSize::none();
+    Architecture { encoding, grid, hidden: vec![8, 8], skip: vec![], activation }
 }
 
 const TRANSFORM: Transform = Transform { center: DVec3::new(0.2, -0.1, 0.3), radius: 1.7 };
@@ -287,6 +327,7 @@ fn geometric_initialisation_is_close_to_a_sphere() {
     for (width, bands, beta) in [(64, 6, 100.0), (32, 0, 100.0), (128, 4, 30.0)] {
         let a = Architecture {
             encoding: if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } },
+            grid: SplineSize::none(),
             hidden: vec![width; 3],
             skip: vec![],
             activation: Activation::Softplus { beta },
@@ -317,6 +358,7 @@ fn geometric_initialisation_is_close_to_a_sphere() {
 fn single_precision_agrees_with_double_precision() {
     let a = Architecture {
         encoding: Encoding::Frequency { bands: 6 },
+        grid: SplineSize::none(),
         hidden: vec![64; 3],
         skip: vec![2],
         activation: Activation::Softplus { beta: 100.0 },

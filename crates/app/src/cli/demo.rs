@@ -11,7 +11,7 @@ use super::common::Global;
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
-use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid, parse_duration};
+use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid};
 use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
 use dataset::{Dataset, LoadOptions};
@@ -37,7 +37,7 @@ pub(crate) struct Demo {
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
     /// Wall time of the fit, for example 90s or 10m
-    #[arg(long, default_value = "160s", value_parser = parse_duration)]
+    #[arg(long, default_value = "160s", value_parser = ::io::parse_duration)]
     time: Duration,
     /// Number of training views
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(3..=1000))]

@@ -11,7 +11,7 @@ use super::examine::examine;
 use super::fit::{load_for, modelled};
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, parse_bounds};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.
@@ -23,7 +23,7 @@ pub(crate) struct Inspect {
     #[arg(short, long, default_value = "inspect.png")]
     output: PathBuf,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
-    #[arg(long, value_parser = parse_bounds, allow_hyphen_values = true)]
+    #[arg(long, value_parser = ::io::parse_bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
     /// Read images at 1/N of their width and height [default: that of the run, or that of a fit
     /// with default options]

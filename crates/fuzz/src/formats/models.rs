@@ -3,7 +3,9 @@
 use glam::DVec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
+use sdf_nn::{
+    Activation, Architecture, Degree, Encoding, Network, RadianceHead, SplineSize, Transform,
+};
 use serde_json::{Value, json};
 
 use crate::case::Case;
@@ -97,10 +99,13 @@ fn architectures() -> impl Strategy<Value = Architecture> + Clone {
         Just(Activation::Sine { omega: 30.0 }),
         Just(Activation::Relu),
     ];
-    (encodings, vec(1..9usize, 1..4), any::<bool>(), activations).prop_map(
-        |(encoding, hidden, skips, activation)| {
+    let degrees = prop_oneof![Just(Degree::Quadratic), Just(Degree::Cubic)];
+    let grids = (vec(4..7usize, 0..3), 1..4usize, degrees)
+        .prop_map(|(levels, features, degree)| SplineSize { levels, features, degree });
+    (encodings, grids, vec(1..9usize, 1..4), any::<bool>(), activations).prop_map(
+        |(encoding, grid, hidden, skips, activation)| {
             let skip = if skips { vec![hidden.len()] } else { Vec::new() };
-            Architecture { encoding, hidden, skip, activation }
+            Architecture { encoding, grid, hidden, skip, activation }
         },
     )
 }

@@ -290,6 +290,7 @@ fn floors() {
 fn bumpy(random: &mut Random, radius: f64, bump: f64, factor: f64) -> Network<f64> {
     let architecture = Architecture {
         encoding: Encoding::Frequency { bands: 2 },
+        grid: sdf_nn::SplineSize::none(),
         hidden: vec![16, 16],
         skip: vec![],
         activation: Activation::Softplus { beta: 5.0 },

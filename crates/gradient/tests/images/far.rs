@@ -76,6 +76,7 @@ fn a_distant_scene_has_the_image_and_the_derivatives_of_a_near_one() {
     let folder = tempfile::tempdir().unwrap();
     let architecture = Architecture {
         encoding: Encoding::Frequency { bands: 2 },
+        grid: sdf_nn::SplineSize::none(),
         hidden: vec![16; 2],
         skip: vec![],
         activation: Activation::Softplus { beta: 20.0 },

@@ -118,6 +118,7 @@ const FEATURES: usize = 3 + 6 * BANDS;
 fn network(width: usize, layers: usize) -> Network<f32> {
     let architecture = Architecture {
         encoding: Encoding::Frequency { bands: BANDS },
+        grid: sdf_nn::SplineSize::none(),
         hidden: vec![width; layers],
         skip: vec![],
         activation: Activation::Softplus { beta: 100.0 },

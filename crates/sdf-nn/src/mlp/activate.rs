@@ -1,8 +1,8 @@
 //! The activation functions on rows of lanes.
 
 use crate::architecture::Activation;
-use crate::math::Lane;
-use crate::simd::{Isa, Row, fma};
+use lanes::Lane;
+use lanes::{Isa, Row, fma};
 
 /// Writes σ(z) to `value`; with `STORE` also σ′(z) to `slope`, and with `STORE` and `TANGENT` also
 /// σ″(z) to `curvature`. First `N` lanes only.

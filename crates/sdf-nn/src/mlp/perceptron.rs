@@ -1,8 +1,8 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
 use crate::architecture::Activation;
-use crate::math::Lane;
-use crate::simd::{TILE, pack};
+use lanes::Lane;
+use lanes::{TILE, pack};
 
 /// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,6 +92,11 @@ impl<R: Lane> Mlp<R> {
     pub(super) fn column_factor(&self, l: usize, column: usize) -> R {
         let window = self.window_factor(l, column);
         if self.layers[l].skip { window * R::of(std::f64::consts::FRAC_1_SQRT_2) } else { window }
+    }
+
+    /// The factors of the features.
+    pub(crate) fn window(&self) -> &[R] {
+        &self.window
     }
 
     /// Sets the factors of the features.

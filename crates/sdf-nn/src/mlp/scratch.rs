@@ -3,8 +3,8 @@
 use field::Real;
 
 use super::perceptron::{LayerShape, Mlp};
-use crate::math::Lane;
-use crate::simd::{LANES, Row, TILE, padded};
+use lanes::Lane;
+use lanes::{LANES, Row, TILE, padded};
 
 /// The working memory of one call: one block of points in all layers.
 ///

@@ -148,8 +148,8 @@ fn known_depths_and_contradictions_move_the_surface() {
         level
     };
     let (bright, overexposed) = (level_of(0.9), level_of(1.0));
-    // The last bias of the field raises f everywhere.
-    let bias = model.field.parameters().len() - 1;
+    // The last bias of the network raises f everywhere.
+    let bias = model.field.weight_count() - 1;
     let slope_of = |level: &Level, distance: f32, carves: bool| {
         let maps = [DepthMap { width: SIZE as usize, distances: vec![distance; 144] }];
         let depths = Guide { maps: &maps, scale: 1.0 };
@@ -192,7 +192,7 @@ fn check_gradient(initial_radius: f64) {
         parts.iter().map(|(own, rays)| 0.5 * loss(model, rays, own, &level)).sum::<f64>()
     };
     let start = model.parameters();
-    assert_eq!(start.len(), Model::parameter_count(&file));
+    assert_eq!(start.len(), Model::parameter_count(&file, 0));
     let field = model.field.parameters().len();
     let shape = field + model.head.parameter_count();
     for (name, range) in

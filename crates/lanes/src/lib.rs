@@ -1,12 +1,8 @@
-//! Kernels on blocks of points, compiled for each instruction set. No other module of the library
-//! has `unsafe`.
-//!
-//! - [`block`]: blocks of points as rows of lanes, and packed weights.
-//! - [`portable`]: the kernels for any machine and both precisions.
-//! - `x86`: the kernels for AVX-512 and AVX2 in single precision.
-//!
-//! All kernels add in the same order. All functions below a [`Pass`] are `#[inline(always)]`, so
-//! that a pass is compiled as a whole for each instruction set.
+#![doc = include_str!("../README.md")]
+#![allow(
+    clippy::needless_range_loop,
+    reason = "kernels index several arrays by the same lane or row"
+)]
 #![allow(
     unsafe_code,
     reason = "vector instructions, and calls of functions compiled for instructions that were \
@@ -15,16 +11,18 @@
 
 mod block;
 mod isa;
+mod math;
 mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(crate) use block::{HALF, LANES, Row, TILE, pack, padded};
-pub(crate) use isa::{Isa, Pass, fma};
-pub(crate) use portable::{Portable, multiply_rows, outer_rows, transpose_lanes};
+pub use block::{HALF, LANES, Row, TILE, pack, padded};
+pub use isa::{Isa, Pass, fma};
+pub use math::Lane;
+pub use portable::{Portable, multiply_rows, outer_rows, transpose_lanes};
 
 /// Runs a pass with the widest vectors of this machine.
-pub(crate) fn dispatch<P: Pass>(pass: P) {
+pub fn dispatch<P: Pass>(pass: P) {
     #[cfg(target_arch = "x86_64")]
     {
         if x86::has_avx512() {
@@ -41,9 +39,9 @@ pub(crate) fn dispatch<P: Pass>(pass: P) {
     pass.run::<Portable>();
 }
 
-/// Runs a pass with every instruction set of this machine, widest vectors first.
-#[cfg(test)]
-pub(crate) fn dispatch_all<P: Pass>(mut pass: impl FnMut(&'static str) -> P) {
+/// Runs a pass with every instruction set of this machine, widest vectors first. `pass` makes it
+/// from the name of the instruction set: a test compares their results.
+pub fn dispatch_all<P: Pass>(mut pass: impl FnMut(&'static str) -> P) {
     #[cfg(target_arch = "x86_64")]
     {
         if x86::has_avx512() {

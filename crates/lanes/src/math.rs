@@ -7,7 +7,7 @@
 
 use field::Real;
 
-use crate::simd::{Isa, Row, TILE, fma, multiply_rows, outer_rows, transpose_lanes};
+use crate::{Isa, Row, TILE, fma, multiply_rows, outer_rows, transpose_lanes};
 
 /// A precision of the kernels, `f32` or `f64`, with its elementary functions.
 pub trait Lane: Real {
@@ -255,7 +255,7 @@ fn polynomial<I: Isa>(coefficients: &[f64], x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Pass, Portable, dispatch_all};
+    use crate::{Pass, Portable, dispatch_all};
 
     /// The largest error over 200,000 arguments, in ulp of the exact result, or of `least` where
     /// the result is smaller. `pair` gives the computed and the exact result.

@@ -3,32 +3,32 @@
 use field::Real;
 
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
-pub(crate) const LANES: usize = 32;
+pub const LANES: usize = 32;
 
 /// Points of half a block. A block with at most this many points takes half the time, except in a
 /// parameter VJP, which always computes whole blocks.
 ///
 /// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
-pub(crate) const HALF: usize = LANES / 2;
+pub const HALF: usize = LANES / 2;
 
 /// Rows of a matrix that are packed together.
-pub(crate) const TILE: usize = 8;
+pub const TILE: usize = 8;
 
 /// One feature of all points of a block.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct Row<R>(pub(crate) [R; LANES]);
+pub struct Row<R>(pub [R; LANES]);
 
 impl<R: Real> Row<R> {
     /// A row of zeros.
-    pub(crate) fn zero() -> Self {
+    pub fn zero() -> Self {
         Row([R::zero(); LANES])
     }
 }
 
-/// Packs a matrix for [`multiply_rows`](super::multiply_rows): tile by tile of `TILE` rows, column
+/// Packs a matrix for [`multiply_rows`](crate::multiply_rows): tile by tile of `TILE` rows, column
 /// by column in a tile. Rows after the last are zero.
-pub(crate) fn pack<R: Real>(
+pub fn pack<R: Real>(
     rows: usize,
     columns: usize,
     entry: impl Fn(usize, usize) -> R,
@@ -50,6 +50,6 @@ pub(crate) fn pack<R: Real>(
 const COLUMN_MULTIPLE: usize = 16;
 
 /// The padded length of a row of a weight gradient with `columns` columns.
-pub(crate) fn padded(columns: usize) -> usize {
+pub fn padded(columns: usize) -> usize {
     columns.div_ceil(COLUMN_MULTIPLE) * COLUMN_MULTIPLE
 }

@@ -9,7 +9,7 @@ pub trait Isa: Copy {
     /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
     const FMA: bool;
 
-    /// The matrix product of [`super::multiply_rows`].
+    /// The matrix product of [`crate::multiply_rows`].
     fn multiply<const N: usize>(
         packed: &[[f32; TILE]],
         start: &[f32],
@@ -17,9 +17,9 @@ pub trait Isa: Copy {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     );
-    /// The sum of outer products of [`super::outer_rows`].
+    /// The sum of outer products of [`crate::outer_rows`].
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
-    /// The transposition of [`super::transpose_lanes`].
+    /// The transposition of [`crate::transpose_lanes`].
     fn transpose(rows: &[Row<f32>], out: &mut [f32]);
 }
 
@@ -27,13 +27,13 @@ pub trait Isa: Copy {
 ///
 /// Implementations mark `run` with `#[inline(always)]`: all of it is then compiled for the
 /// instruction set.
-pub(crate) trait Pass {
+pub trait Pass {
     /// Runs the computation with the instructions of `I`.
     fn run<I: Isa>(self);
 }
 
 /// a b + c, rounded once where the instruction set has a fused multiply–add.
 #[inline(always)]
-pub(crate) fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
+pub fn fma<R: Real, I: Isa>(a: R, b: R, c: R) -> R {
     if I::FMA { a.mul_add(b, c) } else { a * b + c }
 }

@@ -1,10 +1,10 @@
-//! The kernels of [`portable`](crate::simd::portable) with explicit vectors, in the same order of
+//! The kernels of [`portable`](crate::portable) with explicit vectors, in the same order of
 //! sums.
 
 use super::vector::Vector;
-use crate::simd::block::{LANES, Row, TILE, padded};
+use crate::block::{LANES, Row, TILE, padded};
 
-/// [`multiply_rows`](crate::simd::multiply_rows) with `ROWS` × `REGS` sums in registers.
+/// [`multiply_rows`](crate::multiply_rows) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
 pub(super) fn multiply<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
     packed: &[[f32; TILE]],
@@ -57,7 +57,7 @@ fn multiply_tile_rows<V: Vector, const N: usize, const ROWS: usize, const REGS: 
     }
 }
 
-/// [`outer_rows`](crate::simd::outer_rows) with `ROWS` × `REGS` sums in registers.
+/// [`outer_rows`](crate::outer_rows) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
 pub(super) fn outer<V: Vector, const ROWS: usize, const REGS: usize>(
     sides: &[(&[Row<f32>], &[f32])],
@@ -114,7 +114,7 @@ fn outer_part<V: Vector, const ROWS: usize, const REGS: usize>(
     }
 }
 
-/// [`transpose_lanes`](crate::simd::transpose_lanes) in squares of `N` = `V::N` rows and lanes.
+/// [`transpose_lanes`](crate::transpose_lanes) in squares of `N` = `V::N` rows and lanes.
 #[inline(always)]
 pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut [f32]) {
     let stride = padded(rows.len());

@@ -7,7 +7,7 @@ use super::isa::{Isa, fma};
 
 /// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Portable;
+pub struct Portable;
 
 impl Isa for Portable {
     const FMA: bool = cfg!(target_arch = "aarch64");
@@ -40,7 +40,7 @@ const PART: [usize; 2] = [4, 8];
 /// `packed` is the matrix W from [`pack`](super::pack). Rows after the end of `start` start at
 /// zero. `output` has whole tiles of rows.
 #[inline(always)]
-pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
+pub fn multiply_rows<R: Real, I: Isa, const N: usize>(
     packed: &[[R; TILE]],
     start: &[R],
     rows: usize,
@@ -76,7 +76,7 @@ pub(crate) fn multiply_rows<R: Real, I: Isa, const N: usize>(
 /// Transposes rows of lanes: `out[lane * padded(rows.len()) + row]`. The padding
 /// is unspecified.
 #[inline(always)]
-pub(crate) fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
+pub fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     let stride = padded(rows.len());
     for (r, row) in rows.iter().enumerate() {
         for l in 0..LANES {
@@ -90,7 +90,7 @@ pub(crate) fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
 /// A side is the adjoint of a layer's z and the layer's input, transposed by [`transpose_lanes`].
 /// Rows of `gradient` have length `padded(columns)`.
 #[inline(always)]
-pub(crate) fn outer_rows<R: Real, I: Isa>(
+pub fn outer_rows<R: Real, I: Isa>(
     sides: &[(&[Row<R>], &[R])],
     rows: usize,
     columns: usize,
