@@ -41,11 +41,12 @@ fn a_resumed_fit_trains_its_background_with_the_same_bits() {
 }
 
 #[test]
-fn a_fit_resumed_after_a_grouping_of_pixels_has_the_same_bits() {
+fn a_fit_resumed_after_a_survey_of_the_surface_has_the_same_bits() {
     let folder = Folder::new();
     folder.write("transforms.json", &dataset(&folder));
     let (data, whole, parts) = (folder.path(""), folder.path("whole"), folder.path("parts"));
-    // Pixels are grouped by the surface at a progress of 0.5, 0.6 and 0.8.
+    // The surface is surveyed at a progress of 0.5, 0.6 and 0.8: pixels far from it are grouped, and
+    // nodes near it become free.
     let options = ["--batch", "32", "--bounds", "0,0,0,1", "--iterations", "12"];
     let fit = ["fit", &data, "--background", "direction"];
     dsdf_ok(&[&fit[..], &options[..], &["-o", &whole]].concat());
@@ -59,7 +60,7 @@ fn a_fit_resumed_after_a_grouping_of_pixels_has_the_same_bits() {
     // The flags of the checkpoint are those that the fit goes on with.
     let length = u64::from_le_bytes(saved[..8].try_into().unwrap()) as usize;
     let header: Value = serde_json::from_slice(&saved[8..8 + length]).unwrap();
-    let place = header["grouping"]["data_offsets"].as_array().unwrap();
+    let place = header["is_far"]["data_offsets"].as_array().unwrap();
     let [from, to] = [0, 1].map(|i| 8 + length + place[i].as_u64().unwrap() as usize);
     let resumed_with = |flag: &dyn Fn(u8) -> u8| {
         let mut bytes = saved.clone();
@@ -74,7 +75,7 @@ fn a_fit_resumed_after_a_grouping_of_pixels_has_the_same_bits() {
     dsdf_ok(&["fit", "--resume", "-o", &others]);
     assert!(model(&whole) != model(&others), "the flags have no effect");
     let wrong = resumed_with(&|_| 2);
-    refused(&["fit", "--resume", "-o", &wrong], 2, &["grouping", "found 2, expected 0 or 1"]);
+    refused(&["fit", "--resume", "-o", &wrong], 2, &["is_far", "found 2, expected 0 or 1"]);
 }
 
 #[test]

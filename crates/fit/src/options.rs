@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use stereo::StereoChoice;
 use warp::WarpOptions;
 
-use crate::grid_levels::{is_fine, spline_memory, spline_size};
+use crate::grid_levels::{is_fine, spline_size};
 use crate::model::encoding;
 use photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 
@@ -198,20 +198,6 @@ impl Default for FitOptions {
     }
 }
 
-/// The check of the weight of a term of the loss.
-fn weight(name: &'static str, value: f64) -> Check {
-    Check::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
-}
-
-fn at_least_one(name: &'static str, value: u64) -> Check {
-    Check::new(name, value, value >= 1, "1 or more")
-}
-
-/// The check of a number of samples: as many as `dsdf gradient` accepts.
-fn samples(name: &'static str, value: u32) -> Check {
-    Check::new(name, value, (1..=65536).contains(&value), "1 to 65536")
-}
-
 /// The most pixels of an iteration: 2^24, the pixels of a photograph of 4096 × 4096.
 const MAX_BATCH: usize = 1 << 24;
 
@@ -255,7 +241,7 @@ impl FitOptions {
     /// An estimate of the memory of a network, its optimiser and its gradients, in bytes.
     fn network_memory(&self) -> u64 {
         let network = self.field_parameters() * MEMORY_PER_PARAMETER;
-        network + spline_memory(&self.grid, MEMORY_PER_PARAMETER)
+        network + spline_size(&self.grid).memory(is_fine, MEMORY_PER_PARAMETER)
     }
 
     /// The number of parameters of the network, without those of nodes of fine levels.
@@ -271,8 +257,8 @@ impl FitOptions {
     fn checks(&self) -> Vec<Check> {
         let radius = self.initial_radius;
         vec![
-            at_least_one("iterations", self.iterations.unwrap_or(1)),
-            at_least_one("downscale", self.downscale.unwrap_or(1).into()),
+            Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
+            Check::at_least_one("downscale", self.downscale.unwrap_or(1).into()),
             Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
             Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
             Check::new("bands", self.bands, self.bands <= 12, "at most 12"),
@@ -296,8 +282,8 @@ impl FitOptions {
                 "a number above 0, at most 1",
             ),
             Check::new("batch", self.batch, (1..=MAX_BATCH).contains(&self.batch), "1 to 16777216"),
-            samples("edge_rays", self.edge_rays),
-            samples("edge_samples", self.edge_samples),
+            Check::samples("edge_rays", self.edge_rays),
+            Check::samples("edge_samples", self.edge_samples),
             Check::new(
                 "sample_limit",
                 self.sample_limit,
@@ -306,10 +292,10 @@ impl FitOptions {
             ),
             // At 1 or less, the running mean falls in every iteration, and the fit stops moving.
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
-            weight("eikonal", self.eikonal),
+            Check::weight("eikonal", self.eikonal),
             Check::new("soft", self.soft, (0.0..1.0).contains(&self.soft), "at least 0, below 1"),
-            at_least_one("checkpoint_every", self.checkpoint_every),
-            at_least_one("preview_every", self.preview_every),
+            Check::at_least_one("checkpoint_every", self.checkpoint_every),
+            Check::at_least_one("preview_every", self.preview_every),
         ]
     }
 

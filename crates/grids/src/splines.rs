@@ -18,6 +18,14 @@ pub const MOST_COEFFICIENTS: usize = 512;
 /// The most features of a level.
 pub const MOST_FEATURES: usize = 16;
 
+/// Nodes near the surface, in units of the nodes of a square across the ball: the area of a sphere
+/// of its size times the nodes across the band.
+const NODES_OF_SQUARE: u64 = 19;
+
+/// Bytes of memory for each coefficient of a level, free or not: the tables of the model, its
+/// copies, and the model file that is written.
+const MEMORY_PER_COEFFICIENT: u64 = 16;
+
 /// The degree of the splines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Degree {
@@ -67,6 +75,18 @@ impl SplineSize {
     /// The number of coefficients of all levels.
     pub fn coefficient_count(&self) -> usize {
         self.levels.iter().map(|side| side.pow(3) * self.features).sum()
+    }
+
+    /// An estimate of the memory of splines that are fitted, in bytes. The nodes of levels that
+    /// `is_fine` are free near a surface only; `of_parameter` is the memory for a parameter.
+    pub fn memory(&self, is_fine: impl Fn(usize) -> bool, of_parameter: u64) -> u64 {
+        let of_level = |side: &usize| {
+            let all = (*side as u64).pow(3);
+            let near = (NODES_OF_SQUARE * (*side as u64).pow(2)).min(all);
+            let free = if is_fine(*side) { near } else { all };
+            self.features as u64 * (free * of_parameter + all * MEMORY_PER_COEFFICIENT)
+        };
+        self.levels.iter().map(of_level).sum()
     }
 
     /// The place of each level among the coefficients: side × side × side × features, x slowest.

@@ -13,7 +13,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// The check of the entry `name`, whose value `holds` or not, for what it found and expected.
+    /// The check of the entry `name`: its value, whether it is valid, and the valid values.
     pub fn new(
         name: &'static str,
         found: impl ToString,
@@ -21,6 +21,21 @@ impl Check {
         expected: &'static str,
     ) -> Self {
         Check { name, found: found.to_string(), holds, expected }
+    }
+
+    /// The check of a weight: from 0 to 1,000,000.
+    pub fn weight(name: &'static str, value: f64) -> Self {
+        Self::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
+    }
+
+    /// The check of a number that must be 1 or more.
+    pub fn at_least_one(name: &'static str, value: u64) -> Self {
+        Self::new(name, value, value >= 1, "1 or more")
+    }
+
+    /// The check of a number of samples: from 1 to 65,536.
+    pub fn samples(name: &'static str, value: u32) -> Self {
+        Self::new(name, value, (1..=65536).contains(&value), "1 to 65536")
     }
 
     /// The first failure of these checks. `source` is the origin of the values.
