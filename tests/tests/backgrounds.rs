@@ -45,8 +45,8 @@ fn a_fit_resumed_after_a_survey_of_the_surface_has_the_same_bits() {
     let folder = Folder::new();
     folder.write("transforms.json", &dataset(&folder));
     let (data, whole, parts) = (folder.path(""), folder.path("whole"), folder.path("parts"));
-    // The surface is surveyed at a progress of 0.5, 0.6 and 0.8: pixels far from it are grouped, and
-    // nodes near it become free.
+    // The surface is surveyed at a progress of 0.5, 0.6 and 0.8: pixels far from it are grouped,
+    // and nodes near it become free.
     let options = ["--batch", "32", "--bounds", "0,0,0,1", "--iterations", "12"];
     let fit = ["fit", &data, "--background", "direction"];
     dsdf_ok(&[&fit[..], &options[..], &["-o", &whole]].concat());
