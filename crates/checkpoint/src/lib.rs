@@ -104,8 +104,14 @@ const AVERAGE: &str = "average";
 /// The name of the tensor of [`State::exposures`].
 const EXPOSURES: &str = "exposures";
 
-/// The metadata entry of the number of [`State::survey`], and the names of its tensors.
-const SURVEY: [&str; 3] = ["survey", "is_far", "is_free"];
+/// The metadata entry of the number of [`State::survey`].
+const SURVEY: &str = "survey";
+
+/// The name of the tensor of [`Survey::is_far`].
+const IS_FAR: &str = "is_far";
+
+/// The name of the tensor of [`Survey::is_free`].
+const IS_FREE: &str = "is_free";
 
 /// The metadata entry of the number of steps of a tensor of [`Optimised`] or [`Average`].
 fn steps_of(name: &str) -> String {
@@ -164,11 +170,11 @@ impl State {
             metadata.insert(steps_of(name), steps.to_string());
         }
         if let Some(Survey { number, is_far, is_free }) = &self.survey {
-            for (name, flags) in [(SURVEY[1], is_far), (SURVEY[2], is_free)] {
+            for (name, flags) in [(IS_FAR, is_far), (IS_FREE, is_free)] {
                 let (shape, data) = (vec![flags.len()], bytemuck::cast_slice(flags));
                 views.push((name, TensorView::new(Dtype::BOOL, shape, data)?));
             }
-            metadata.insert(SURVEY[0].to_owned(), number.to_string());
+            metadata.insert(SURVEY.to_owned(), number.to_string());
         }
         let bytes = safetensors::serialize(views, Some(metadata))?;
         atomic_write(path, |out| Ok(out.write_all(&bytes)?))
@@ -199,7 +205,7 @@ impl State {
         };
         let has = |name: &str| tensors.names().contains(&name);
         let read_survey = || read_survey(path, &metadata, &tensors);
-        let survey = metadata.contains_key(SURVEY[0]).then(read_survey).transpose()?;
+        let survey = metadata.contains_key(SURVEY).then(read_survey).transpose()?;
         let is_free = survey.iter().flat_map(|survey| &survey.is_free);
         let count = count(is_free.filter(|free| **free).count());
         let vector = |name: &str, least: f32, expected: &str| {
@@ -320,8 +326,8 @@ fn read_survey(
         };
         view.data().iter().map(flag).collect()
     };
-    let number = read_count(path, SURVEY[0], metadata)?;
-    Ok(Survey { number, is_far: flags(SURVEY[1])?, is_free: flags(SURVEY[2])? })
+    let number = read_count(path, SURVEY, metadata)?;
+    Ok(Survey { number, is_far: flags(IS_FAR)?, is_free: flags(IS_FREE)? })
 }
 
 #[cfg(test)]

@@ -118,7 +118,7 @@ pub(crate) fn without_cavities(mesh: Mesh) -> Mesh {
     let apex = mesh.vertices.first().map_or(DVec3::ZERO, |v| v.as_dvec3());
     let mut volumes = vec![0.0; component.len()];
     for i in 0..mesh.faces.len() {
-        volumes[of_face(i)] += (mesh.corners(i)[0] - apex).dot(mesh.face_cross(i));
+        volumes[of_face(i)] += mesh.volume_to(i, apex);
     }
     select_faces(&mesh, |i| volumes[of_face(i)] > 0.0)
 }

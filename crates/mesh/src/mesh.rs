@@ -85,9 +85,12 @@ impl Mesh {
         // The sum of signed tetrahedra from one point to all faces. The point is a vertex rather
         // than the origin, so that a small mesh far from the origin keeps its digits.
         let apex = self.vertices.first().map_or(DVec3::ZERO, |v| v.as_dvec3());
-        (0..self.faces.len())
-            .map(|i| (self.corners(i)[0] - apex).dot(self.face_cross(i)) / 6.0)
-            .sum()
+        (0..self.faces.len()).map(|i| self.volume_to(i, apex)).sum()
+    }
+
+    /// The volume of the tetrahedron of face `i` and `apex`, positive if the face points away.
+    pub(crate) fn volume_to(&self, i: usize, apex: DVec3) -> f64 {
+        (self.corners(i)[0] - apex).dot(self.face_cross(i)) / 6.0
     }
 
     /// Whether each edge has exactly two half-edges, in opposite directions. False for a mesh

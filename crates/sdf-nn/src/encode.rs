@@ -3,8 +3,7 @@
 use field::{Real, Vector3};
 
 use crate::architecture::{Encoding, Transform};
-use lanes::Lane;
-use lanes::{Isa, LANES, Row, fma};
+use lanes::{Isa, LANES, Lane, Row, fma};
 
 /// The map from points in world space to features: the transform, then the frequency encoding.
 #[derive(Clone, Copy, Debug)]

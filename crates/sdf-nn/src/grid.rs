@@ -3,8 +3,7 @@
 use field::Real;
 use grids::{Jet, Splines};
 
-use lanes::Lane;
-use lanes::{Isa, LANES, Row, fma};
+use lanes::{Isa, LANES, Lane, Row, fma};
 
 /// The derivatives of the features of a grid by the position in the unit ball, for a block.
 pub(crate) struct Jets<R> {

@@ -8,8 +8,7 @@ use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
 use crate::mlp::Mlp;
-use lanes::Lane;
-use lanes::{Isa, LANES, Pass, Row, dispatch};
+use lanes::{Isa, LANES, Lane, Pass, Row, dispatch};
 
 /// A network from a surface point, its unit normal n and the view direction d to linear RGB.
 ///

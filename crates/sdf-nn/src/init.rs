@@ -5,8 +5,7 @@ use glam::DVec3;
 use crate::architecture::{Activation, Architecture, Transform};
 use crate::mlp::{LayerShape, Mlp};
 use crate::network::Network;
-use lanes::LANES;
-use lanes::Lane;
+use lanes::{LANES, Lane};
 
 /// The random number generator SplitMix64: a seed gives the same numbers on every machine.
 ///

@@ -281,7 +281,7 @@ impl<'a> Model<'a> {
         Ok(widths)
     }
 
-    /// Reads a tensor of this shape into a table.
+    /// Reads a tensor of this shape into the start of a table.
     fn fill_table<R: Lane>(&self, name: &str, expected: &[usize], table: &mut [R]) -> Result<()> {
         let (shape, numbers) = self.tensor(name, expected.len())?;
         if shape != expected {
@@ -300,15 +300,7 @@ impl<'a> Model<'a> {
                 (format!("layers.{l}.bias"), vec![layer.outputs], layer.bias()),
             ];
             for (name, expected, start) in parts {
-                let (shape, numbers) = self.tensor(&name, expected.len())?;
-                if shape != expected {
-                    let (found, expected) =
-                        (format!("of shape {shape:?}"), format!("{expected:?}"));
-                    return Err(ModelError::Tensor { name, found, expected });
-                }
-                for (p, v) in mlp.parameters[start..].iter_mut().zip(numbers) {
-                    *p = R::of(v);
-                }
+                self.fill_table(&name, &expected, &mut mlp.parameters[start..])?;
             }
         }
         mlp.repack();

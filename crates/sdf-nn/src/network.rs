@@ -8,8 +8,7 @@ use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use lanes::Lane;
-use lanes::{HALF, Isa, LANES, Pass, Portable, dispatch};
+use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, dispatch};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///

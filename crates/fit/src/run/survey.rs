@@ -36,7 +36,7 @@ impl Fit {
         let fine = self.model.fine_levels();
         let is_free = fine.map(|level| self.near_nodes(level)).collect::<Vec<_>>().concat();
         self.free_nodes(&is_free)?;
-        self.set_survey(Some(Survey { number, is_far, is_free }));
+        self.set_survey(Survey { number, is_far, is_free });
         Ok(())
     }
 
@@ -109,7 +109,7 @@ impl Fit {
 
     /// Restores the survey of a checkpoint. A longer budget can put the run back to before a
     /// survey: then it is made again when it is time.
-    pub(super) fn restore_survey(&mut self, state: Option<Survey>) -> Result<(), InputError> {
+    pub(super) fn restore_survey(&mut self, state: Option<Survey>) -> anyhow::Result<()> {
         let Some(Survey { number, is_far, is_free }) = state else { return Ok(()) };
         let check = |name: &str, found: usize, expected: usize| {
             if found == expected {
@@ -123,19 +123,16 @@ impl Fit {
         check("is_far", is_far.len(), if trained { pixels } else { 0 })?;
         check("is_free", is_free.len(), self.model.fine_nodes())?;
         let due = schedule::surveys(self.progress(), self.file.options.soft);
-        self.model.set_fine_nodes(&is_free);
-        self.parameters = self.model.parameters();
-        self.adam = Adam::new(self.parameters.len(), self.model.groups());
-        self.set_survey(Some(Survey { number: number.min(due), is_far, is_free }));
+        self.free_nodes(&is_free)?;
+        self.set_survey(Survey { number: number.min(due), is_far, is_free });
         Ok(())
     }
 
-    fn set_survey(&mut self, survey: Option<Survey>) {
-        let is_far = survey.as_ref().map(|survey| &survey.is_far).filter(|far| !far.is_empty());
-        if let Some(is_far) = is_far.filter(|_| survey.as_ref().is_some_and(|s| s.number > 0)) {
+    fn set_survey(&mut self, survey: Survey) {
+        if survey.number > 0 && !survey.is_far.is_empty() {
             let factor = 1 << self.traced_level();
-            self.levels[0].group(is_far, factor);
+            self.levels[0].group(&survey.is_far, factor);
         }
-        self.survey = survey;
+        self.survey = Some(survey);
     }
 }

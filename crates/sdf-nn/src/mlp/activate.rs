@@ -1,8 +1,7 @@
 //! The activation functions on rows of lanes.
 
 use crate::architecture::Activation;
-use lanes::Lane;
-use lanes::{Isa, Row, fma};
+use lanes::{Isa, Lane, Row, fma};
 
 /// Writes σ(z) to `value`; with `STORE` also σ′(z) to `slope`, and with `STORE` and `TANGENT` also
 /// σ″(z) to `curvature`. First `N` lanes only.

@@ -7,8 +7,7 @@ use field::Real;
 
 use super::perceptron::Mlp;
 use super::scratch::Scratch;
-use lanes::Lane;
-use lanes::{Isa, LANES, Row, TILE, fma, padded};
+use lanes::{Isa, LANES, Lane, Row, TILE, fma, padded};
 
 impl<R: Lane> Mlp<R> {
     /// VJP of the forward sweep: from the adjoints in the scratch's outputs to those of its

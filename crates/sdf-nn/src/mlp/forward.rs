@@ -4,8 +4,7 @@ use super::activate::activate;
 use super::perceptron::Mlp;
 use super::scratch::LayerScratch;
 use super::scratch::Scratch;
-use lanes::Lane;
-use lanes::{Isa, Row, TILE};
+use lanes::{Isa, Lane, Row, TILE};
 
 impl<R: Lane> Mlp<R> {
     /// Forward sweep from the scratch's features to its outputs, in the first `N` lanes.

@@ -1,8 +1,7 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
 use crate::architecture::Activation;
-use lanes::Lane;
-use lanes::{TILE, pack};
+use lanes::{Lane, TILE, pack};
 
 /// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

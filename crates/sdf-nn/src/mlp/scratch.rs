@@ -3,8 +3,7 @@
 use field::Real;
 
 use super::perceptron::{LayerShape, Mlp};
-use lanes::Lane;
-use lanes::{LANES, Row, TILE, padded};
+use lanes::{LANES, Lane, Row, TILE, padded};
 
 /// The working memory of one call: one block of points in all layers.
 ///
