@@ -52,6 +52,7 @@ runs = 2
 [fixed]
 width = 16
 layers = 2
+grid = "none"
 batch = 128
 checkpoint_every = 20
 [parameters]

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use fit::{BackgroundKind, ExposureModel, FitOptions, MaskUse, Model, ModelBackground, RunFile};
+use grids::GridLevels;
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -36,6 +37,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         layers,
         bands,
         batch: 16,
+        grid: GridLevels(vec![4, 6]),
         ..FitOptions::default()
     };
     RunFile {
