@@ -251,10 +251,11 @@ impl Splines {
     ) {
         let features = self.size.features;
         for (l, Level { side, start, support, .. }) in self.levels.iter().enumerate() {
-            let axes: [Axis<R, T>; 3] = std::array::from_fn(|a| Axis::new(y[a], *side));
+            let axes =
+                [Axis::<R, T>::new(y[0], *side), Axis::new(y[1], *side), Axis::new(y[2], *side)];
             let rows = Rows { side: *side, start: *start, features };
             let first = l * features;
-            if !support.reaches(axes.each_ref().map(|axis| axis.first)) {
+            if !support.reaches([axes[0].first, axes[1].first, axes[2].first]) {
                 (first..first + features).for_each(|f| put(f, Jet::default()));
                 continue;
             }
@@ -298,10 +299,11 @@ impl Splines {
     ) {
         let features = self.size.features;
         for (l, Level { side, first_free, support, .. }) in self.levels.iter().enumerate() {
-            let axes: [Axis<R, T>; 3] = std::array::from_fn(|a| Axis::new(y[a], *side));
+            let axes =
+                [Axis::<R, T>::new(y[0], *side), Axis::new(y[1], *side), Axis::new(y[2], *side)];
             let rows = Rows { side: *side, start: *first_free, features };
             let first = l * features;
-            if !support.reaches(axes.each_ref().map(|axis| axis.first)) {
+            if !support.reaches([axes[0].first, axes[1].first, axes[2].first]) {
                 continue;
             }
             if !support.is_all() {

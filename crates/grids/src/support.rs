@@ -79,7 +79,7 @@ impl Support {
     pub(crate) fn reaches(&self, first: [usize; 3]) -> bool {
         let Some(sparse) = &self.sparse else { return true };
         let across = self.side.div_ceil(BRICK);
-        let [x, y, z] = first.map(|i| i / BRICK);
+        let [x, y, z] = [first[0] / BRICK, first[1] / BRICK, first[2] / BRICK];
         sparse.reaches[(x * across + y) * across + z]
     }
 
@@ -94,7 +94,8 @@ impl Support {
     pub(crate) fn slot(&self, node: usize) -> Option<usize> {
         match &self.sparse {
             None => Some(node),
-            Some(sparse) => Some(sparse.slots[node]).filter(|s| *s != NONE).map(|s| s as usize),
+            Some(sparse) if sparse.slots[node] == NONE => None,
+            Some(sparse) => Some(sparse.slots[node] as usize),
         }
     }
 

@@ -66,6 +66,28 @@ impl<R: Real, const T: usize> Axis<R, T> {
         bends.iter_mut().for_each(|w| *w *= scale * scale);
         Axis { first, weights }
     }
+
+    /// The weights of coefficient number `i`.
+    #[inline(always)]
+    fn of(&self, i: usize) -> [R; 3] {
+        [self.weights[0][i], self.weights[1][i], self.weights[2][i]]
+    }
+}
+
+// Loops in place of `map` and `from_fn` of arrays: those are not always inlined, and are then not
+// compiled for the vector instructions of the caller.
+
+/// The sums of products of a row with weights, for each of `G` features.
+#[inline(always)]
+fn dot<R: Real, const W: usize, const G: usize>(row: &[R; W], weights: &[R; W]) -> [R; G] {
+    let (mut products, mut sums) = ([R::zero(); W], [R::zero(); G]);
+    for k in 0..W {
+        products[k] = row[k] * weights[k];
+    }
+    for k in 0..W {
+        sums[k % G] += products[k];
+    }
+    sums
 }
 
 /// The numbers of entries of a row: coefficients along z times features at once.
@@ -119,17 +141,15 @@ impl Rows {
         for i in 0..T {
             for j in 0..T {
                 let at = self.row(axes, i, j, f);
-                let row: [R; W] = if self.features == G {
-                    let row = &coefficients[at..at + W];
-                    std::array::from_fn(|k| row[k])
+                let mut row = [R::zero(); W];
+                if self.features == G {
+                    row.copy_from_slice(&coefficients[at..at + W]);
                 } else {
-                    let strided = |k: usize| coefficients[at + k / G * self.features + k % G];
-                    std::array::from_fn(|k| if k < T * G { strided(k) } else { R::zero() })
-                };
-                let [x, y] = [0, 1].map(|a| {
-                    let index = if a == 0 { i } else { j };
-                    [0, 1, 2].map(|order| axes[a].weights[order][index])
-                });
+                    for k in 0..T * G {
+                        row[k] = coefficients[at + k / G * self.features + k % G];
+                    }
+                }
+                let (x, y) = (axes[0].of(i), axes[1].of(j));
                 let factors =
                     [x[0] * y[0], x[1] * y[0], x[0] * y[1], x[2] * y[0], x[1] * y[1], x[0] * y[2]];
                 for (sum, factor) in sums[..kinds].iter_mut().zip(factors) {
@@ -139,18 +159,23 @@ impl Rows {
         }
         // Entries after the last coefficient have the weight 0. They are computed all the same, so
         // that the compiler takes one vector for a row.
-        let weights: [[R; W]; 3] = std::array::from_fn(|order| {
-            let of_row = &axes[2].weights[order];
-            std::array::from_fn(|k| if k < T * G { of_row[k / G] } else { R::zero() })
-        });
-        let along = |kind: usize, order: usize| -> [R; G] {
-            let products: [R; W] = std::array::from_fn(|k| sums[kind][k] * weights[order][k]);
-            std::array::from_fn(|g| (g..W).step_by(G).fold(R::zero(), |sum, k| sum + products[k]))
-        };
-        let mut jets = along(0, 0).map(|value| Jet { value, ..Jet::default() });
+        let mut weights = [[R::zero(); W]; 3];
+        for (weights, of_row) in weights.iter_mut().zip(&axes[2].weights) {
+            for k in 0..T * G {
+                weights[k] = of_row[k / G];
+            }
+        }
+        let along = |kind: usize, order: usize| dot::<R, W, G>(&sums[kind], &weights[order]);
+        let value = along(0, 0);
+        let mut jets = [Jet::default(); G];
+        for g in 0..G {
+            jets[g].value = value[g];
+        }
         if ORDER >= 1 {
-            let slopes = [along(1, 0), along(2, 0), along(0, 1)];
-            (0..G).for_each(|g| jets[g].slope = slopes.map(|slope| slope[g]));
+            let [x, y, z] = [along(1, 0), along(2, 0), along(0, 1)];
+            for g in 0..G {
+                jets[g].slope = [x[g], y[g], z[g]];
+            }
         }
         if ORDER >= 2 {
             let [xx, xy, yy] = [along(3, 0), along(4, 0), along(5, 0)];
@@ -179,10 +204,7 @@ impl Rows {
     ) {
         for i in 0..T {
             for j in 0..T {
-                let [x, y] = [0, 1].map(|a| {
-                    let index = if a == 0 { i } else { j };
-                    [0, 1].map(|order| axes[a].weights[order][index])
-                });
+                let (x, y) = (axes[0].of(i), axes[1].of(j));
                 let both = x[0] * y[0];
                 let moved = x[1] * p[0] * y[0] + x[0] * y[1] * p[1];
                 let node = ((axes[0].first + i) * self.side + axes[1].first + j) * self.side
@@ -221,10 +243,7 @@ impl Rows {
             for j in 0..T {
                 let at = self.row(axes, i, j, f);
                 let row = &mut sums[at..at + length];
-                let [x, y] = [0, 1].map(|a| {
-                    let index = if a == 0 { i } else { j };
-                    [0, 1].map(|order| axes[a].weights[order][index])
-                });
+                let (x, y) = (axes[0].of(i), axes[1].of(j));
                 let both = x[0] * y[0];
                 let moved = x[1] * p[0] * y[0] + x[0] * y[1] * p[1];
                 for z in 0..T {

@@ -11,10 +11,14 @@ pub const LANES: usize = 32;
 /// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
 pub const HALF: usize = LANES / 2;
 
+/// Points that take less time one by one than as half a block: see
+/// [`multiply_few`](crate::multiply_few).
+pub const FEW: usize = 8;
+
 /// Rows of a matrix that are packed together.
 pub const TILE: usize = 8;
 
-/// One feature of all points of a block.
+/// One feature of all points of a block, or some features of one of a few points.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Row<R>(pub [R; LANES]);
@@ -41,6 +45,25 @@ pub fn pack<R: Real>(
                 let row = tile * TILE + r;
                 if row < rows { entry(row, column) } else { R::zero() }
             }));
+        }
+    }
+}
+
+/// Packs a matrix for [`multiply_few`](crate::multiply_few): for every group of `LANES` rows, its
+/// columns. Rows after the last are zero.
+pub fn pack_columns<R: Real>(
+    rows: usize,
+    columns: usize,
+    entry: impl Fn(usize, usize) -> R,
+    out: &mut Vec<Row<R>>,
+) {
+    out.clear();
+    for group in 0..rows.div_ceil(LANES) {
+        for column in 0..columns {
+            out.push(Row(std::array::from_fn(|r| {
+                let row = group * LANES + r;
+                if row < rows { entry(row, column) } else { R::zero() }
+            })));
         }
     }
 }

@@ -17,6 +17,13 @@ pub trait Isa: Copy {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     );
+    /// The matrix product of [`crate::multiply_few`].
+    fn multiply_few<const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    );
     /// The sum of outer products of [`crate::outer_rows`].
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
     /// The transposition of [`crate::transpose_lanes`].

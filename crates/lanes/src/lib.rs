@@ -16,10 +16,10 @@ mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{HALF, LANES, Row, TILE, pack, padded};
+pub use block::{FEW, HALF, LANES, Row, TILE, pack, pack_columns, padded};
 pub use isa::{Isa, Pass, fma};
 pub use math::Lane;
-pub use portable::{Portable, multiply_rows, outer_rows, transpose_lanes};
+pub use portable::{Portable, multiply_few, multiply_rows, outer_rows, transpose_lanes};
 
 /// Runs a pass with the widest vectors of this machine.
 pub fn dispatch<P: Pass>(pass: P) {

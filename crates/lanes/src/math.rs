@@ -7,7 +7,7 @@
 
 use field::Real;
 
-use crate::{Isa, Row, TILE, fma, multiply_rows, outer_rows, transpose_lanes};
+use crate::{Isa, Row, TILE, fma, multiply_few, multiply_rows, outer_rows, transpose_lanes};
 
 /// A precision of the kernels, `f32` or `f64`, with its elementary functions.
 pub trait Lane: Real {
@@ -34,6 +34,16 @@ pub trait Lane: Real {
         output: &mut [Row<Self>],
     ) {
         multiply_rows::<Self, I, N>(packed, start, rows, input, output);
+    }
+    #[doc(hidden)]
+    #[inline(always)]
+    fn multiply_few<I: Isa, const P: usize>(
+        columns: &[Row<Self>],
+        start: &[Row<Self>],
+        input: [&[Row<Self>]; P],
+        output: &mut [Row<Self>],
+    ) {
+        multiply_few::<Self, I, P>(columns, start, input, output);
     }
     #[doc(hidden)]
     #[inline(always)]
@@ -71,6 +81,15 @@ impl Lane for f32 {
         output: &mut [Row<f32>],
     ) {
         I::multiply::<N>(packed, start, rows, input, output);
+    }
+    #[inline(always)]
+    fn multiply_few<I: Isa, const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    ) {
+        I::multiply_few::<P>(columns, start, input, output);
     }
     #[inline(always)]
     fn outer<I: Isa>(

@@ -23,6 +23,15 @@ impl Isa for Portable {
         multiply_rows::<f32, Self, N>(packed, start, rows, input, output);
     }
     #[inline(always)]
+    fn multiply_few<const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_few::<f32, Self, P>(columns, start, input, output);
+    }
+    #[inline(always)]
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
         outer_rows::<f32, Self>(sides, rows, columns, gradient);
     }
@@ -69,6 +78,36 @@ pub fn multiply_rows<R: Real, I: Isa, const N: usize>(
                     out[first + r].0[lane..lane + PART[1]].copy_from_slice(sum);
                 }
             }
+        }
+    }
+}
+
+/// Writes W x + `start` for each of `P` points x: lanes are rows of the matrix here, so no lane is
+/// left empty where points are few.
+///
+/// `columns` is the matrix from [`pack_columns`](super::pack_columns), and `start` has a row for
+/// each of its groups. The numbers of a point of `input` lie side by side in rows. `output` has,
+/// for each group, the rows of the points. The sums have the order of [`multiply_rows`], and so its
+/// bits.
+#[inline(always)]
+pub fn multiply_few<R: Real, I: Isa, const P: usize>(
+    columns: &[Row<R>],
+    start: &[Row<R>],
+    input: [&[Row<R>]; P],
+    output: &mut [Row<R>],
+) {
+    let inputs = columns.len() / start.len();
+    for (group, start) in start.iter().enumerate() {
+        let columns = &columns[group * inputs..(group + 1) * inputs];
+        for p in 0..P {
+            let mut sum = *start;
+            for (c, column) in columns.iter().enumerate() {
+                let x = input[p][c / LANES].0[c % LANES];
+                for l in 0..LANES {
+                    sum.0[l] = fma::<R, I>(column.0[l], x, sum.0[l]);
+                }
+            }
+            output[group * P + p] = sum;
         }
     }
 }

@@ -24,10 +24,10 @@ impl<R: Lane> Encoder<R> {
         self.inverse_radius
     }
 
-    /// Writes the features of at most `LANES` points. Lanes without a point repeat the last point.
+    /// Writes the features of at most `N` points. Lanes without a point repeat the last point.
     #[inline(always)]
-    pub(crate) fn encode<I: Isa>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
-        for l in 0..LANES {
+    pub(crate) fn encode<I: Isa, const N: usize>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
+        for l in 0..N {
             let y = ((x[l.min(x.len() - 1)] - self.center) * self.inverse_radius).to_array();
             for c in 0..3 {
                 features[c].0[l] = y[c];
@@ -38,7 +38,7 @@ impl<R: Lane> Encoder<R> {
             let frequency = R::of((1u64 << band) as f64);
             for c in 0..3 {
                 let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
-                for l in 0..LANES {
+                for l in 0..N {
                     let (s, k) = R::sin_cos_moderate::<I>(frequency * position[c].0[l]);
                     waves[sine].0[l] = s;
                     waves[cosine].0[l] = k;

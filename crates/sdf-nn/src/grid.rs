@@ -58,33 +58,36 @@ fn add_products<R: Lane, I: Isa>(
     }
 }
 
-/// Writes the features of a grid after the first `first` rows of `features`, in `N` lanes.
+/// Writes the features of a grid after the first `first` rows of `features`, in the first
+/// `count` lanes.
 #[inline(always)]
-pub(crate) fn write_values<R: Lane, const N: usize>(
+pub(crate) fn write_values<R: Lane>(
     splines: &Splines,
     coefficients: &[R],
     first: usize,
+    count: usize,
     features: &mut [Row<R>],
 ) {
     let (positions, features) = features.split_at_mut(first);
-    for l in 0..N {
+    for l in 0..count {
         let y = lane(positions, l);
         let put = |i: usize, jet: Jet<R>| features[i].0[l] = jet.value;
         splines.encode::<R, 0>(coefficients, y, [R::zero(); 3], put);
     }
 }
 
-/// Writes the features and their gradients.
+/// Writes the features and their gradients in the first `count` lanes.
 #[inline(always)]
-pub(crate) fn write_slopes<R: Lane, const N: usize>(
+pub(crate) fn write_slopes<R: Lane>(
     splines: &Splines,
     coefficients: &[R],
     first: usize,
+    count: usize,
     features: &mut [Row<R>],
     jets: &mut Jets<R>,
 ) {
     let (positions, features) = features.split_at_mut(first);
-    for l in 0..N {
+    for l in 0..count {
         let y = lane(positions, l);
         let put = |i: usize, jet: Jet<R>| {
             features[i].0[l] = jet.value;
@@ -97,16 +100,17 @@ pub(crate) fn write_slopes<R: Lane, const N: usize>(
 /// Writes the features, their gradients and tangents, and with `BEND` the products of their
 /// Hessians with the tangents of the positions.
 #[inline(always)]
-pub(crate) fn write_tangents<R: Lane, const N: usize, const BEND: bool>(
+pub(crate) fn write_tangents<R: Lane, const BEND: bool>(
     splines: &Splines,
     coefficients: &[R],
     first: usize,
+    count: usize,
     [features, tangent]: &mut [Vec<Row<R>>; 2],
     jets: &mut Jets<R>,
 ) {
     let (positions, features) = features.split_at_mut(first);
     let (motions, tangent) = tangent.split_at_mut(first);
-    for l in 0..N {
+    for l in 0..count {
         let (y, p) = (lane(positions, l), lane(motions, l));
         let put = |i: usize, jet: Jet<R>| {
             features[i].0[l] = jet.value;
@@ -145,5 +149,5 @@ pub(crate) fn add_coefficients<R: Lane>(
 /// The first three rows at a lane: the position in the unit ball, or its tangent.
 #[inline(always)]
 fn lane<R: Real>(rows: &[Row<R>], l: usize) -> [R; 3] {
-    std::array::from_fn(|a| rows[a].0[l])
+    [rows[0].0[l], rows[1].0[l], rows[2].0[l]]
 }

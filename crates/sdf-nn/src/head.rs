@@ -164,7 +164,7 @@ impl<R: Lane> RadianceHead<R> {
     #[inline(always)]
     fn write_inputs<I: Isa>(&self, points: SurfaceBatch<'_, R>, features: &mut [Row<R>]) {
         let SurfaceBatch { x, normal, direction } = points;
-        self.encoder.encode::<I>(x, features);
+        self.encoder.encode::<I, LANES>(x, features);
         let start = self.encoding.features();
         let (others, details) = features.split_at_mut(start + DIRECTIONS);
         if self.details.features() > 0 {

@@ -6,6 +6,7 @@
 
 mod architecture;
 mod encode;
+mod few_points;
 mod grid;
 mod head;
 mod init;

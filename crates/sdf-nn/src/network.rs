@@ -6,9 +6,10 @@ use grids::Splines;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
+use crate::few_points::{FewPoints, block_points};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, dispatch};
+use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, Row, dispatch};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -26,7 +27,7 @@ pub struct Network<R: Real> {
     /// All coefficients of the grid.
     pub(crate) table: Vec<R>,
     pub(crate) splines: Splines,
-    encoder: Encoder<R>,
+    pub(crate) encoder: Encoder<R>,
 }
 
 impl<R: Lane> Network<R> {
@@ -130,28 +131,35 @@ impl<R: Lane> Network<R> {
     }
 
     /// The number of features before those of the grid.
-    fn first_of_grid(&self) -> usize {
+    pub(crate) fn first_of_grid(&self) -> usize {
         self.architecture.encoding.features()
     }
 
     /// World units of f per unit of the perceptron's output.
-    fn output_factor(&self) -> R {
+    pub(crate) fn output_factor(&self) -> R {
         R::of(self.transform.radius / self.scale)
     }
 
     /// Forward sweep of one block with portable instructions, so that initial weights do not depend
     /// on the machine's vector instructions.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
-        self.encoder.encode::<Portable>(x, &mut s.features[0]);
-        self.write_grid::<LANES>(s);
+        self.encoder.encode::<Portable, LANES>(x, &mut s.features[0]);
+        self.write_grid(x.len(), &mut s.features[0]);
         self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
-    /// Writes the features of the grid after those of the encoding.
+    /// Writes the features of the grid after those of the encoding, in the first `count` lanes.
     #[inline(always)]
-    fn write_grid<const N: usize>(&self, s: &mut Scratch<R>) {
-        let first = self.first_of_grid();
-        grid::write_values::<R, N>(&self.splines, &self.table, first, &mut s.features[0]);
+    pub(crate) fn write_grid(&self, count: usize, features: &mut [Row<R>]) {
+        grid::write_values(&self.splines, &self.table, self.first_of_grid(), count, features);
+    }
+
+    /// The output of one block: a forward sweep.
+    #[inline(always)]
+    fn block_values<I: Isa, const N: usize>(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
+        self.encoder.encode::<I, N>(x, &mut s.features[0]);
+        self.write_grid(x.len(), &mut s.features[0]);
+        self.mlp.forward::<I, N, false, false>(s);
     }
 
     /// Value and gradient of one block: a forward and a backward sweep.
@@ -164,17 +172,31 @@ impl<R: Lane> Network<R> {
         gradient: &mut [R::Vec3],
     ) {
         let factor = self.output_factor();
-        self.encoder.encode::<I>(x, &mut s.features[0]);
+        self.encoder.encode::<I, N>(x, &mut s.features[0]);
         let first = self.first_of_grid();
-        grid::write_slopes::<R, N>(&self.splines, &self.table, first, &mut s.features[0], jets);
+        let features = &mut s.features[0];
+        grid::write_slopes(&self.splines, &self.table, first, x.len(), features, jets);
         self.mlp.forward::<I, N, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
         }
         s.output[0][0].0 = [R::one(); LANES];
         self.mlp.backward::<I, N, false, false>(s);
-        let mut g = self.encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], factor);
-        jets.add_vjp::<I>(&s.adjoint[0][first..], factor * self.encoder.inverse_radius(), &mut g);
+        self.write_gradients::<I>(&s.features[0], &s.adjoint[0], jets, gradient);
+    }
+
+    /// Writes the gradients in the first lanes from the adjoints of the features.
+    #[inline(always)]
+    pub(crate) fn write_gradients<I: Isa>(
+        &self,
+        features: &[Row<R>],
+        adjoint: &[Row<R>],
+        jets: &Jets<R>,
+        gradient: &mut [R::Vec3],
+    ) {
+        let (factor, first) = (self.output_factor(), self.first_of_grid());
+        let mut g = self.encoder.encode_vjp::<I>(features, adjoint, factor);
+        jets.add_vjp::<I>(&adjoint[first..], factor * self.encoder.inverse_radius(), &mut g);
         for (l, gradient) in gradient.iter_mut().enumerate() {
             *gradient = lane(&g, l);
         }
@@ -192,21 +214,15 @@ impl<R: Lane> Network<R> {
         (s, jets): (&mut Scratch<R>, &mut Jets<R>),
     ) {
         let factor = self.output_factor();
-        self.encoder.encode::<I>(x, &mut s.features[0]);
+        self.encoder.encode::<I, LANES>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
         self.encoder.encode_jvp(p, features, tangent);
-        let (splines, first) = (&self.splines, self.first_of_grid());
-        let coefficients = &self.table;
+        let (splines, table, first) = (&self.splines, &self.table, self.first_of_grid());
+        let features = &mut s.features;
         if WEIGHTS {
-            grid::write_tangents::<R, N, false>(
-                splines,
-                coefficients,
-                first,
-                &mut s.features,
-                jets,
-            );
+            grid::write_tangents::<R, false>(splines, table, first, x.len(), features, jets);
         } else {
-            grid::write_tangents::<R, N, true>(splines, coefficients, first, &mut s.features, jets);
+            grid::write_tangents::<R, true>(splines, table, first, x.len(), features, jets);
         }
         self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {
@@ -263,16 +279,23 @@ struct Value<'a, R: Real> {
 impl<R: Lane> Pass for Value<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let factor = self.network.output_factor();
-        let mut s = self.network.mlp.scratch(false, false, false);
+        let (network, factor) = (self.network, self.network.output_factor());
+        let (mut scratch, mut few) = (None, None);
         for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
-            self.network.encoder.encode::<I>(x, &mut s.features[0]);
+            let count = block_points(x.len());
+            let ((x, few_x), (f, few_f)) = (x.split_at(count), f.split_at_mut(count));
+            if !few_x.is_empty() {
+                let few = few.get_or_insert_with(|| FewPoints::new(network, false));
+                few.values::<I>(network, few_x, few_f);
+            }
+            if x.is_empty() {
+                continue;
+            }
+            let s = scratch.get_or_insert_with(|| network.mlp.scratch(false, false, false));
             if x.len() <= HALF {
-                self.network.write_grid::<HALF>(&mut s);
-                self.network.mlp.forward::<I, HALF, false, false>(&mut s);
+                network.block_values::<I, HALF>(x, s);
             } else {
-                self.network.write_grid::<LANES>(&mut s);
-                self.network.mlp.forward::<I, LANES, false, false>(&mut s);
+                network.block_values::<I, LANES>(x, s);
             }
             for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
                 *f = y * factor;
@@ -292,14 +315,27 @@ struct ValueGradient<'a, R: Real> {
 impl<R: Lane> Pass for ValueGradient<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let mut s = self.network.mlp.scratch(true, false, false);
-        let mut jets = Jets::new(&self.network.splines, true, false);
+        let network = self.network;
+        let (mut scratch, mut few) = (None, None);
+        let mut jets = Jets::new(&network.splines, true, false);
         let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
         for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
+            let count = block_points(x.len());
+            let (x, few_x) = x.split_at(count);
+            let ((f, few_f), (gradient, few_gradient)) =
+                (f.split_at_mut(count), gradient.split_at_mut(count));
+            if !few_x.is_empty() {
+                let few = few.get_or_insert_with(|| FewPoints::new(network, true));
+                few.gradients::<I>(network, few_x, &mut jets, few_f, few_gradient);
+            }
+            if x.is_empty() {
+                continue;
+            }
+            let s = scratch.get_or_insert_with(|| network.mlp.scratch(true, false, false));
             if x.len() <= HALF {
-                self.network.block_gradient::<I, HALF>(x, (&mut s, &mut jets), f, gradient);
+                network.block_gradient::<I, HALF>(x, (s, &mut jets), f, gradient);
             } else {
-                self.network.block_gradient::<I, LANES>(x, (&mut s, &mut jets), f, gradient);
+                network.block_gradient::<I, LANES>(x, (s, &mut jets), f, gradient);
             }
         }
     }
@@ -434,7 +470,7 @@ mod tests {
             };
             let network = Network::<f32>::geometric(architecture, Transform::default(), 0.5, 3);
             let x: Vec<Vec3> =
-                (0..75).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
+                (0..69).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
             let results = RefCell::new(Vec::new());
             let mut names = Vec::new();
             dispatch_all(|name| {

@@ -1,5 +1,8 @@
 //! The kernels of [`portable`](crate::portable) with explicit vectors, in the same order of
 //! sums.
+//!
+//! Loops in place of `from_fn`: a closure is not always inlined, and is then not compiled for the
+//! vector instructions.
 
 use super::vector::Vector;
 use crate::block::{LANES, Row, TILE, padded};
@@ -38,10 +41,15 @@ fn multiply_tile_rows<V: Vector, const N: usize, const ROWS: usize, const REGS: 
     out: &mut [Row<f32>],
 ) {
     for lane in (0..N).step_by(REGS * V::N) {
-        let mut sums: [[V; REGS]; ROWS] =
-            std::array::from_fn(|r| [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS]);
-        for (w, x) in weights.iter().zip(input) {
-            let x: [V; REGS] = std::array::from_fn(|v| V::load(&x.0[lane + v * V::N..]));
+        let mut sums = [[V::splat(0.0); REGS]; ROWS];
+        for (sum, start) in sums.iter_mut().zip(start.get(first..).unwrap_or(&[])) {
+            *sum = [V::splat(*start); REGS];
+        }
+        for (w, row) in weights.iter().zip(input) {
+            let mut x = [V::splat(0.0); REGS];
+            for v in 0..REGS {
+                x[v] = V::load(&row.0[lane + v * V::N..]);
+            }
             for r in 0..ROWS {
                 let w = V::splat(w[first + r]);
                 for v in 0..REGS {
@@ -52,6 +60,77 @@ fn multiply_tile_rows<V: Vector, const N: usize, const ROWS: usize, const REGS: 
         for r in 0..ROWS {
             for v in 0..REGS {
                 sums[r][v].store(&mut out[first + r].0[lane + v * V::N..]);
+            }
+        }
+    }
+}
+
+/// [`multiply_few`](crate::multiply_few) with `REGS` registers of a row.
+#[inline(always)]
+pub(super) fn multiply_few<V: Vector, const P: usize, const REGS: usize>(
+    columns: &[Row<f32>],
+    start: &[Row<f32>],
+    input: [&[Row<f32>]; P],
+    output: &mut [Row<f32>],
+) {
+    let inputs = columns.len() / start.len();
+    let mut group = 0;
+    while group < start.len() {
+        // One or two points alone have too few sums to keep the units busy.
+        let groups = if P <= 2 && group + 2 <= start.len() { 2 } else { 1 };
+        let columns = &columns[group * inputs..(group + groups) * inputs];
+        let (start, output) = (&start[group..group + groups], &mut output[group * P..]);
+        if groups == 2 {
+            multiply_groups::<V, P, REGS, 2>(columns, start, input, output);
+        } else {
+            multiply_groups::<V, P, REGS, 1>(columns, start, input, output);
+        }
+        group += groups;
+    }
+}
+
+/// [`multiply_few`] for `G` groups of rows, with `P` × `G` × `REGS` sums in registers.
+#[inline(always)]
+fn multiply_groups<V: Vector, const P: usize, const REGS: usize, const G: usize>(
+    columns: &[Row<f32>],
+    start: &[Row<f32>],
+    input: [&[Row<f32>]; P],
+    output: &mut [Row<f32>],
+) {
+    let inputs = columns.len() / G;
+    for lane in (0..LANES).step_by(REGS * V::N) {
+        let mut sums = [[[V::splat(0.0); REGS]; G]; P];
+        for p in 0..P {
+            for g in 0..G {
+                for v in 0..REGS {
+                    sums[p][g][v] = V::load(&start[g].0[lane + v * V::N..]);
+                }
+            }
+        }
+        for first in (0..inputs).step_by(LANES) {
+            for c in 0..LANES.min(inputs - first) {
+                let mut w = [[V::splat(0.0); REGS]; G];
+                for g in 0..G {
+                    for v in 0..REGS {
+                        let column = &columns[g * inputs + first + c];
+                        w[g][v] = V::load(&column.0[lane + v * V::N..]);
+                    }
+                }
+                for p in 0..P {
+                    let x = V::splat(input[p][first / LANES].0[c]);
+                    for g in 0..G {
+                        for v in 0..REGS {
+                            sums[p][g][v] = V::fma(w[g][v], x, sums[p][g][v]);
+                        }
+                    }
+                }
+            }
+        }
+        for p in 0..P {
+            for g in 0..G {
+                for v in 0..REGS {
+                    sums[p][g][v].store(&mut output[g * P + p].0[lane + v * V::N..]);
+                }
             }
         }
     }
@@ -97,7 +176,10 @@ fn outer_part<V: Vector, const ROWS: usize, const REGS: usize>(
     for (adjoint, input) in sides {
         let adjoint = &adjoint[first..first + ROWS];
         for (l, input) in input.chunks_exact(stride).enumerate().take(LANES) {
-            let x: [V; REGS] = std::array::from_fn(|v| V::load(&input[column + v * V::N..]));
+            let mut x = [V::splat(0.0); REGS];
+            for v in 0..REGS {
+                x[v] = V::load(&input[column + v * V::N..]);
+            }
             for r in 0..ROWS {
                 let a = V::splat(adjoint[r].0[l]);
                 for v in 0..REGS {
@@ -120,9 +202,10 @@ pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut 
     let stride = padded(rows.len());
     for first in (0..rows.len()).step_by(N) {
         for lane in (0..LANES).step_by(N) {
-            let mut square: [V; N] = std::array::from_fn(|r| {
-                rows.get(first + r).map_or(V::splat(0.0), |row| V::load(&row.0[lane..]))
-            });
+            let mut square = [V::splat(0.0); N];
+            for (square, row) in square.iter_mut().zip(&rows[first..]) {
+                *square = V::load(&row.0[lane..]);
+            }
             V::transpose(&mut square);
             for (l, column) in square.into_iter().enumerate() {
                 column.store(&mut out[(lane + l) * stride + first..]);

@@ -8,7 +8,7 @@ mod vector;
 
 use std::arch::x86_64::{__m256, __m512};
 
-use self::kernels::{multiply, outer, transpose};
+use self::kernels::{multiply, multiply_few, outer, transpose};
 use super::block::{HALF, Row, TILE};
 use super::isa::{Isa, Pass};
 
@@ -72,6 +72,15 @@ impl Isa for Avx512 {
         }
     }
     #[inline(always)]
+    fn multiply_few<const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_few::<__m512, P, 2>(columns, start, input, output);
+    }
+    #[inline(always)]
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
         outer::<__m512, 8, 2>(sides, rows, columns, gradient);
     }
@@ -94,6 +103,15 @@ impl Isa for Avx2 {
         output: &mut [Row<f32>],
     ) {
         multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
+    }
+    #[inline(always)]
+    fn multiply_few<const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_few::<__m256, P, 2>(columns, start, input, output);
     }
     #[inline(always)]
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {

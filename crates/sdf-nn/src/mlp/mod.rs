@@ -3,13 +3,16 @@
 //! - [`perceptron`]: layers, parameters and packed weights.
 //! - [`scratch`]: the working memory of the sweeps.
 //! - [`forward`] and [`backward`]: the two sweeps through all layers.
+//! - [`few`]: both sweeps for a few points.
 //! - [`activate`]: the nonlinearity σ(z) and its derivatives.
 
 mod activate;
 mod backward;
+mod few;
 mod forward;
 mod perceptron;
 mod scratch;
 
+pub(crate) use few::{FewScratch, MOST};
 pub(crate) use perceptron::{LayerShape, Mlp};
 pub(crate) use scratch::Scratch;

@@ -1,7 +1,7 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
 use crate::architecture::Activation;
-use lanes::{Lane, TILE, pack};
+use lanes::{Lane, Row, TILE, pack, pack_columns};
 
 /// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,12 +24,26 @@ impl LayerShape {
 }
 
 /// A layer's weights, packed for the kernels.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Packed<R> {
     /// W, for the forward sweep.
     pub(super) forward: Vec<[R; TILE]>,
     /// Wᵀ, for the backward sweep.
     pub(super) backward: Vec<[R; TILE]>,
+    /// W in columns, for the forward sweep of a few points.
+    pub(super) columns: Vec<Row<R>>,
+    /// The bias, beside the columns.
+    pub(super) bias: Vec<Row<R>>,
+    /// W in rows, for the backward sweep of a few points.
+    pub(super) rows: Vec<Row<R>>,
+}
+
+impl<R> Packed<R> {
+    /// Nothing yet.
+    fn new() -> Self {
+        let (forward, backward) = (Vec::new(), Vec::new());
+        Packed { forward, backward, columns: Vec::new(), bias: Vec::new(), rows: Vec::new() }
+    }
 }
 
 /// A perceptron: hidden layers with activation, then a linear layer.
@@ -66,7 +80,7 @@ impl<R: Lane> Mlp<R> {
             width = out;
             layers.push(layer);
         }
-        let packed = layers.iter().map(|_| Packed::default()).collect();
+        let packed = layers.iter().map(|_| Packed::new()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
         Mlp { features, layers, activation, parameters, window, packed }
     }
@@ -116,6 +130,10 @@ impl<R: Lane> Mlp<R> {
             };
             pack(layer.outputs, layer.inputs, weight, &mut packed.forward);
             pack(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.backward);
+            pack_columns(layer.outputs, layer.inputs, weight, &mut packed.columns);
+            pack_columns(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.rows);
+            let bias = &self.parameters[layer.bias()..][..layer.outputs];
+            pack_columns(layer.outputs, 1, |r, _| bias[r], &mut packed.bias);
         }
         self.packed = packed;
     }

@@ -1,0 +1,138 @@
+//! Passes over a few points, which would leave most lanes of a block empty.
+
+use lanes::{FEW, HALF, Isa, LANES, Lane, Row};
+
+use crate::grid::{self, Jets};
+use crate::mlp::{FewScratch, MOST};
+use crate::network::Network;
+
+/// The number of points of a chunk of at most `LANES` points that are computed as one block; the
+/// others, at most [`FEW`], are computed one by one.
+pub(crate) fn block_points(count: usize) -> usize {
+    let rest = count % HALF;
+    if count < LANES && rest <= FEW { count - rest } else { count }
+}
+
+/// The working memory of passes over at most [`FEW`] points.
+pub(crate) struct FewPoints<R> {
+    features: Vec<Row<R>>,
+    adjoint: Vec<Row<R>>,
+    scratch: FewScratch<R>,
+}
+
+impl<R: Lane> FewPoints<R> {
+    /// Working memory, for gradients too if `store`.
+    pub(crate) fn new(network: &Network<R>, store: bool) -> Self {
+        let count = network.mlp.features;
+        let adjoint = vec![Row::zero(); if store { count } else { 0 }];
+        let scratch = network.mlp.few_scratch(store);
+        FewPoints { features: vec![Row::zero(); count], adjoint, scratch }
+    }
+
+    /// Values of the network.
+    #[inline(always)]
+    pub(crate) fn values<I: Isa>(&mut self, network: &Network<R>, x: &[R::Vec3], f: &mut [R]) {
+        network.encoder.encode::<I, FEW>(x, &mut self.features);
+        network.write_grid(x.len(), &mut self.features);
+        let mut first = 0;
+        while first < x.len() {
+            first += match x.len() - first {
+                MOST.. => self.sweep::<I, MOST, false>(network, first, f),
+                2.. => self.sweep::<I, 2, false>(network, first, f),
+                _ => self.sweep::<I, 1, false>(network, first, f),
+            };
+        }
+        let factor = network.output_factor();
+        f.iter_mut().for_each(|f| *f *= factor);
+    }
+
+    /// Values and gradients of the network.
+    #[inline(always)]
+    pub(crate) fn gradients<I: Isa>(
+        &mut self,
+        network: &Network<R>,
+        x: &[R::Vec3],
+        jets: &mut Jets<R>,
+        f: &mut [R],
+        gradient: &mut [R::Vec3],
+    ) {
+        network.encoder.encode::<I, FEW>(x, &mut self.features);
+        let (splines, table, start) = (&network.splines, &network.table, network.first_of_grid());
+        grid::write_slopes(splines, table, start, x.len(), &mut self.features, jets);
+        let mut first = 0;
+        while first < x.len() {
+            first += match x.len() - first {
+                MOST.. => self.sweep::<I, MOST, true>(network, first, f),
+                2.. => self.sweep::<I, 2, true>(network, first, f),
+                _ => self.sweep::<I, 1, true>(network, first, f),
+            };
+        }
+        let factor = network.output_factor();
+        f.iter_mut().for_each(|f| *f *= factor);
+        network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
+    }
+
+    /// The forward sweep of `P` points from `first` on, and with `STORE` the backward sweep.
+    /// Returns `P`.
+    #[inline(always)]
+    fn sweep<I: Isa, const P: usize, const STORE: bool>(
+        &mut self,
+        network: &Network<R>,
+        first: usize,
+        f: &mut [R],
+    ) -> usize {
+        let (mlp, s) = (&network.mlp, &mut self.scratch);
+        mlp.forward_few::<I, P, STORE>(&self.features, first, s, &mut f[first..first + P]);
+        if STORE {
+            mlp.backward_few::<I, P>(s, first, &mut self.adjoint);
+        }
+        P
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use field::Field;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::architecture::{Activation, Architecture, Encoding, Transform};
+
+    /// Blocks, halves of blocks and few points: a point has the same bits in all of them.
+    #[test]
+    fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
+        for skip in [vec![], vec![1]] {
+            let mut network = Network::<f32>::geometric(
+                Architecture {
+                    encoding: Encoding::Frequency { bands: 4 },
+                    grid: grids::SplineSize {
+                        features: 2,
+                        degree: grids::Degree::Quadratic,
+                        levels: vec![8],
+                    },
+                    hidden: vec![40; 2],
+                    skip,
+                    activation: Activation::Softplus { beta: 100.0 },
+                },
+                Transform::default(),
+                0.5,
+                3,
+            );
+            let waves = network.parameters().iter().enumerate();
+            let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
+            network.set_parameters(&parameters);
+            let x: Vec<Vec3> =
+                (0..70).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
+            let (mut f, mut g) = (vec![0.0; 70], vec![Vec3::ZERO; 70]);
+            network.value_gradient(&x, &mut f, &mut g);
+            for count in 1..=70 {
+                let (mut some_f, mut values) = (vec![0.0; count], vec![0.0; count]);
+                let mut some_g = vec![Vec3::ZERO; count];
+                network.value(&x[..count], &mut values);
+                network.value_gradient(&x[..count], &mut some_f, &mut some_g);
+                assert_eq!((&values[..], &some_f[..]), (&f[..count], &f[..count]), "{count}");
+                assert_eq!(some_g, g[..count], "{count} points");
+            }
+        }
+    }
+}

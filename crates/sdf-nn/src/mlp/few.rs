@@ -1,0 +1,149 @@
+//! The sweeps for a few points, one by one: lanes are the outputs of a layer, so none is left
+//! empty.
+
+use super::activate::activate;
+use super::perceptron::Mlp;
+use lanes::{Isa, LANES, Lane, Row};
+
+/// The working memory of the sweeps for at most `P` points at once, as many as these sweeps take.
+///
+/// The numbers of a point lie side by side in rows, and its rows follow those of the point before.
+pub(crate) struct FewScratch<R> {
+    /// The input of every layer.
+    input: Vec<Vec<Row<R>>>,
+    /// σ′(z) of every hidden layer.
+    slope: Vec<Vec<Row<R>>>,
+    /// The adjoints of one layer's z.
+    z_adjoint: Vec<Row<R>>,
+    /// Results of matrix products, group after group: z in the forward sweep, the adjoints of a
+    /// layer's input in the backward sweep.
+    product: Vec<Row<R>>,
+    /// A start of zero for every group.
+    zero: Vec<Row<R>>,
+}
+
+/// The most points of a sweep: more sums would not fit into the registers of AVX2.
+pub(crate) const MOST: usize = 4;
+
+/// The number of rows that hold `n` numbers.
+fn groups(n: usize) -> usize {
+    n.div_ceil(LANES)
+}
+
+/// The rows of each of `P` points.
+#[inline(always)]
+fn of_points<R, const P: usize>(rows: &[Row<R>], groups: usize) -> [&[Row<R>]; P] {
+    std::array::from_fn(|p| &rows[p * groups..(p + 1) * groups])
+}
+
+impl<R: Lane> Mlp<R> {
+    /// Working memory for the sweeps of a few points, with or without the backward sweep.
+    pub(crate) fn few_scratch(&self, store: bool) -> FewScratch<R> {
+        let rows = |n: usize| vec![Row::zero(); MOST * groups(n)];
+        let rows_if = |n: usize| if store { rows(n) } else { Vec::new() };
+        let widest = self.layers.iter().map(|l| l.inputs.max(l.outputs)).max().unwrap_or(0);
+        FewScratch {
+            input: self.layers.iter().map(|l| rows(l.inputs)).collect(),
+            slope: self.layers.iter().map(|l| rows_if(l.outputs)).collect(),
+            z_adjoint: rows_if(widest),
+            product: rows(widest),
+            zero: vec![Row::zero(); groups(widest)],
+        }
+    }
+
+    /// Forward sweep of `P` points, whose features are in the lanes from `first` on. Writes the
+    /// first output of each to `output`. With `STORE` it keeps the slopes for
+    /// [`backward_few`](Self::backward_few).
+    ///
+    /// The bits are those of [`forward`](Self::forward).
+    #[inline(always)]
+    pub(crate) fn forward_few<I: Isa, const P: usize, const STORE: bool>(
+        &self,
+        features: &[Row<R>],
+        first: usize,
+        s: &mut FewScratch<R>,
+        output: &mut [R],
+    ) {
+        self.put_features::<P>(0, features, first, &mut s.input[0]);
+        let mut unused = [Row::zero(); 2];
+        for (l, layer) in self.layers.iter().enumerate() {
+            let (packed, [inputs, outputs]) =
+                (&self.packed[l], [layer.inputs, layer.outputs].map(groups));
+            let (current, above) = s.input.split_at_mut(l + 1);
+            let (input, z) = (of_points::<R, P>(&current[l], inputs), &mut s.product);
+            R::multiply_few::<I, P>(&packed.columns, &packed.bias, input, z);
+            let Some(next) = above.first_mut() else {
+                for p in 0..P {
+                    output[p] = z[p].0[0];
+                }
+                break;
+            };
+            let next_groups = groups(self.layers[l + 1].inputs);
+            for (i, z) in z[..outputs * P].iter().enumerate() {
+                let (group, p) = (i / P, i % P);
+                let value = &mut next[p * next_groups + group];
+                let [slope, curvature] = &mut unused;
+                let slope = if STORE { &mut s.slope[l][i] } else { slope };
+                activate::<R, I, LANES, STORE, false>(self.activation, z, value, slope, curvature);
+            }
+            if let Some(next) = above.first_mut().filter(|_| self.layers[l + 1].skip) {
+                self.put_features::<P>(l + 1, features, first, next);
+            }
+        }
+    }
+
+    /// Copies the features of `P` points to their columns of the input of layer `l`.
+    #[inline(always)]
+    fn put_features<const P: usize>(
+        &self,
+        l: usize,
+        features: &[Row<R>],
+        first: usize,
+        input: &mut [Row<R>],
+    ) {
+        let (hidden, groups) = (self.hidden_columns(l), groups(self.layers[l].inputs));
+        for (f, row) in features[..self.features].iter().enumerate() {
+            let column = hidden + f;
+            for p in 0..P {
+                input[p * groups + column / LANES].0[column % LANES] = row.0[first + p];
+            }
+        }
+    }
+
+    /// VJP of [`forward_few`](Self::forward_few) with an adjoint of 1: writes the gradient of the
+    /// first output by the features to the lanes of `adjoint` from `first` on.
+    #[inline(always)]
+    pub(crate) fn backward_few<I: Isa, const P: usize>(
+        &self,
+        s: &mut FewScratch<R>,
+        first: usize,
+        adjoint: &mut [Row<R>],
+    ) {
+        for row in &mut *adjoint {
+            row.0[first..first + P].fill(R::zero());
+        }
+        for z_adjoint in &mut s.z_adjoint[..P] {
+            *z_adjoint = Row::zero();
+            z_adjoint.0[0] = R::one();
+        }
+        for (l, layer) in self.layers.iter().enumerate().rev() {
+            let [inputs, outputs] = [layer.inputs, layer.outputs].map(groups);
+            let (of_outputs, zero) = (of_points::<R, P>(&s.z_adjoint, outputs), &s.zero[..inputs]);
+            R::multiply_few::<I, P>(&self.packed[l].rows, zero, of_outputs, &mut s.product);
+            let hidden = self.hidden_columns(l);
+            for (row, column) in adjoint.iter_mut().zip(hidden..layer.inputs) {
+                for p in 0..P {
+                    row.0[first + p] += s.product[column / LANES * P + p].0[column % LANES];
+                }
+            }
+            let below = groups(hidden);
+            for i in 0..below * P {
+                let (group, p) = (i / P, i % P);
+                let slope = &s.slope[l - 1][i];
+                for k in 0..LANES {
+                    s.z_adjoint[p * below + group].0[k] = s.product[i].0[k] * slope.0[k];
+                }
+            }
+        }
+    }
+}
