@@ -7,7 +7,7 @@ use crate::refusal::Refusal;
 use crate::sweep::Sweep;
 
 /// The sweeps that come with the command: their names and the contents of their files.
-pub const SHIPPED: [(&str, &str); 8] = [
+pub const SHIPPED: [(&str, &str); 9] = [
     ("k-gamma", include_str!("../../../xtask/sweeps/k-gamma.toml")),
     ("high-gamma", include_str!("../../../xtask/sweeps/high-gamma.toml")),
     ("bare", include_str!("../../../xtask/sweeps/bare.toml")),
@@ -15,6 +15,7 @@ pub const SHIPPED: [(&str, &str); 8] = [
     ("steps-refined", include_str!("../../../xtask/sweeps/steps-refined.toml")),
     ("filters", include_str!("../../../xtask/sweeps/filters.toml")),
     ("precision", include_str!("../../../xtask/sweeps/precision.toml")),
+    ("detail", include_str!("../../../xtask/sweeps/detail.toml")),
     ("smoke", include_str!("../../../xtask/sweeps/smoke.toml")),
 ];
 

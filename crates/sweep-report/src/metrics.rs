@@ -68,7 +68,7 @@ const fn cost(name: &'static str, label: &'static str, shown: (f64, &'static str
 const MILLIONS: (f64, &str) = (1e-6, " M");
 
 /// All metrics, in the order of the columns of `results.csv`.
-pub const METRICS: [Metric; 17] = [
+pub const METRICS: [Metric; 18] = [
     metric_of(
         "chamfer",
         "Chamfer distance, of the bounding radius",
@@ -80,6 +80,7 @@ pub const METRICS: [Metric; 17] = [
     score("ssim", "SSIM of held-out views"),
     score("mask_iou", "mask IoU of held-out views"),
     score("f_score", "F-score at 1 % of the bounding radius"),
+    metric_of("normal_error", "mean error of normals", Better::Less, [90.0, 1e-3], (1.0, "°")),
     loss("loss", "final loss, in thousandths"),
     loss("best_loss", "lowest loss, in thousandths"),
     bias("first_bias", "bias of the gradient, first iterate"),

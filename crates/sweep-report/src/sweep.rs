@@ -43,6 +43,10 @@ pub struct Sweep {
     /// The metrics in the report, of [`crate::metrics::METRICS`]; by default all.
     #[serde(default)]
     pub metrics: Vec<String>,
+    /// The resolution of the mesh of each fit, as in `dsdf eval --resolution`. The normals of a
+    /// mesh are those of its faces: a coarse one is wrong about fine ridges.
+    #[serde(default = "mesh_resolution")]
+    pub mesh_resolution: u32,
     /// The limits of each process.
     #[serde(default)]
     pub limits: Limits,
@@ -69,6 +73,10 @@ pub struct Sweep {
 
 fn app() -> String {
     "app".to_owned()
+}
+
+fn mesh_resolution() -> u32 {
+    128
 }
 
 /// One fit of a sweep.

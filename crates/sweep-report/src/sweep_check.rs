@@ -175,6 +175,9 @@ impl Sweep {
     }
 
     fn check_data(&self) -> Result<(), Wrong> {
+        if !(8..=1024).contains(&self.mesh_resolution) {
+            return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 1024");
+        }
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         for (i, data) in self.data.iter().enumerate() {
             if data.scene.is_some() == data.dataset.is_some() {

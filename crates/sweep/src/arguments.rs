@@ -11,7 +11,7 @@ use crate::program_check::check_package;
 #[derive(Args, Debug)]
 pub struct Ablate {
     /// A shipped sweep (k-gamma, high-gamma, bare, steps-epsilon, steps-refined, filters,
-    /// precision, smoke) or a TOML file
+    /// precision, detail, smoke) or a TOML file
     #[arg(required_unless_present = "compare")]
     pub(crate) sweep: Option<String>,
     /// Output folder; finished cells in it are not run again

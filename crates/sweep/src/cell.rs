@@ -19,12 +19,13 @@ use crate::runner::{CellRunner, text};
 const PICTURE: &str = "96";
 
 /// Numbers of the evaluation's report, with the metrics that they become.
-const EVALUATED: [(&str, &str); 5] = [
+const EVALUATED: [(&str, &str); 6] = [
     ("chamfer_relative", "chamfer"),
     ("psnr", "psnr"),
     ("ssim", "ssim"),
     ("mask_iou", "mask_iou"),
     ("f_score", "f_score"),
+    ("normal_error", "normal_error"),
 ];
 
 impl CellRunner<'_> {
@@ -90,8 +91,8 @@ impl CellRunner<'_> {
         run: &Path,
         result: &mut CellResult,
     ) -> Result<(), StageError> {
-        let mut arguments =
-            vec!["eval".to_owned(), text(run), "--resolution=128".to_owned(), self.threads()];
+        let resolution = format!("--resolution={}", self.sweep.mesh_resolution);
+        let mut arguments = vec!["eval".to_owned(), text(run), resolution, self.threads()];
         let truth = &self.data[cell.data].truth;
         arguments.extend(truth.iter().map(|path| format!("--mesh={}", text(path))));
         let report = self.stage(folder, "eval", &arguments)?;
