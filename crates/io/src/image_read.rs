@@ -140,6 +140,22 @@ fn decoded(
     Ok((image, format))
 }
 
+/// Whether an image has an EXIF orientation that no size tells of: it turns the image by 180
+/// degrees or mirrors it, or the image is a square. [`read_image_of`] reads it as stored.
+///
+/// `false` if the file cannot be read.
+pub fn has_untold_orientation(path: &Path) -> bool {
+    let find = || {
+        let reader = ImageReader::new(BufReader::new(open(path, "image", IMAGE).ok()?.0));
+        let mut decoder = reader.with_guessed_format().ok()?.into_decoder().ok()?;
+        let (width, height) = decoder.dimensions();
+        let orientation = decoder.orientation().ok()?;
+        let is_turned = orientation != Orientation::NoTransforms;
+        Some(is_turned && (width == height || !swaps_sides(orientation)))
+    };
+    find().unwrap_or(false)
+}
+
 /// Whether an image of this orientation is shown with its width as height.
 fn swaps_sides(orientation: Orientation) -> bool {
     use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};

@@ -29,7 +29,9 @@ pub use check::Check;
 pub use duration::parse_duration;
 pub use error::{InputError, is_hidden, printable};
 pub use heif::refuse_unconverted;
-pub use image_read::{image_size, read_image, read_image_of, reading_memory};
+pub use image_read::{
+    has_untold_orientation, image_size, read_image, read_image_of, reading_memory,
+};
 pub use image_write::{png, write_image};
 pub use lock::lock;
 pub use memory::check_memory;

@@ -1,9 +1,9 @@
-//! The notes that every format has: missing images, reduced images, fisheye lenses.
+//! The notes that every format has: missing images, reduced images, orientations, fisheye lenses.
 
 use std::path::{Path, PathBuf};
 
 use crate::{Recognised, Result, UnreadView};
-use io::{InputError, printable};
+use io::{InputError, has_untold_orientation, printable};
 
 /// Missing images that a note names.
 const NAMED: usize = 3;
@@ -11,14 +11,14 @@ const NAMED: usize = 3;
 /// The most characters of a note.
 const LONGEST: usize = 400;
 
-/// Adds the notes on missing images, reduced images and fisheye lenses.
+/// Adds the notes on missing images, reduced images, orientations and fisheye lenses.
 ///
 /// # Errors
 /// If more than half of the images to fit are missing; `path` is the data set.
 pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
     let missing = missing(recognised, path)?;
     let views = || recognised.train.iter().chain(recognised.test.iter().flatten());
-    let notes = [missing, reduced(views()), fisheye(views())];
+    let notes = [missing, reduced(views()), orientations(views()), fisheye(views())];
     recognised.notes.extend(notes.into_iter().flatten());
     // Notes have names from files.
     for note in &mut recognised.notes {
@@ -61,6 +61,19 @@ fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String
         from[1],
         to[0],
         to[1],
+    ))
+}
+
+/// The note on EXIF orientations of which it is unknown whether the cameras expect them.
+fn orientations<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let turned: Vec<_> = views.filter(|view| has_untold_orientation(&view.path)).collect();
+    let first = turned.first()?;
+    Some(format!(
+        "{} images have an EXIF orientation that turns them by 180 degrees or mirrors them, or are \
+         turned squares: all are read as stored. If the poses were found with upright images, write \
+         those. The first is {}",
+        turned.len(),
+        first.name,
     ))
 }
 

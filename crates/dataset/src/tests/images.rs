@@ -1,5 +1,7 @@
 //! Images and masks: size, alpha, distortion, files that are missing or damaged.
 
+use std::path::Path;
+
 use super::*;
 
 #[test]
@@ -89,6 +91,31 @@ fn truncated_and_unreadable_images_are_refused_and_a_missing_one_is_left_out() {
     refused(folder.path(), &["images", "2 of 3 missing", "transforms_1", "no such file"]);
 }
 
+/// Writes an image with an EXIF block of one entry: the orientation.
+fn write_oriented(path: &Path, image: &image::RgbImage, orientation: u8) {
+    let mut encoder = image::codecs::png::PngEncoder::new(std::fs::File::create(path).unwrap());
+    let mut exif = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+    image::ImageEncoder::set_exif_metadata(&mut encoder, exif).unwrap();
+    image.write_with_encoder(encoder).unwrap();
+}
+
+#[test]
+fn photographs_upside_down_by_exif_are_read_as_stored_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    write_nerf(folder.path(), "transforms.json", &cameras(3));
+    let plain = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert!(plain.notes.is_empty());
+    for (i, orientation) in [(0, 1), (1, 3), (2, 4)] {
+        let path = folder.path().join(format!("transforms_{i}.png"));
+        write_oriented(&path, &image::open(&path).unwrap().to_rgb8(), orientation);
+    }
+    let found = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert_eq!(found.train[1].image, plain.train[1].image);
+    assert_eq!(found.notes.len(), 1, "{:?}", found.notes);
+    assert!(found.notes[0].starts_with("2 images have") && found.notes[0].ends_with("_1"));
+}
+
 #[test]
 fn photographs_are_turned_by_exif_where_the_camera_file_has_the_size_as_shown() {
     let folder = tempfile::tempdir().unwrap();
@@ -97,11 +124,8 @@ fn photographs_are_turned_by_exif_where_the_camera_file_has_the_size_as_shown() 
     for i in 0..3 {
         let path = folder.path().join(format!("transforms_{i}.png"));
         let stored = image::imageops::rotate270(&image::open(&path).unwrap().to_rgb8());
-        let mut encoder = image::codecs::png::PngEncoder::new(std::fs::File::create(path).unwrap());
-        // Orientation 6: the image is shown turned by a quarter, clockwise.
-        let exif = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
-        image::ImageEncoder::set_exif_metadata(&mut encoder, exif.to_vec()).unwrap();
-        stored.write_with_encoder(encoder).unwrap();
+        // The image is shown turned by a quarter, clockwise.
+        write_oriented(&path, &stored, 6);
     }
     let turned = load(folder.path(), &LoadOptions::default()).unwrap();
     assert_eq!(turned.train[0].image, shown.train[0].image);
