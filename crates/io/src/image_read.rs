@@ -1,6 +1,6 @@
 //! Reading images, with errors that tell missing, cut, damaged and foreign files apart.
 
-use std::io::{BufRead, BufReader, Cursor, ErrorKind};
+use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read};
 use std::path::Path;
 
 use film::{Film, srgb_decode};
@@ -140,20 +140,33 @@ fn decoded(
     Ok((image, format))
 }
 
-/// Whether an image has an EXIF orientation that no size tells of: it turns the image by 180
-/// degrees or mirrors it, or the image is a square. [`read_image_of`] reads it as stored.
+/// The bytes at the start of a file in which an EXIF block is looked for.
+const HEAD: u64 = 1 << 18;
+
+/// Whether an image has an EXIF orientation that changes its pixels, and how: by another size as
+/// shown than as stored, or with the same size.
 ///
-/// `false` if the file cannot be read.
-pub fn has_untold_orientation(path: &Path) -> bool {
-    let find = || {
-        let reader = ImageReader::new(BufReader::new(open(path, "image", IMAGE).ok()?.0));
-        let mut decoder = reader.with_guessed_format().ok()?.into_decoder().ok()?;
-        let (width, height) = decoder.dimensions();
-        let orientation = decoder.orientation().ok()?;
-        let is_turned = orientation != Orientation::NoTransforms;
-        Some(is_turned && (width == height || !swaps_sides(orientation)))
-    };
-    find().unwrap_or(false)
+/// `None` if it has no such orientation, or if the start of the file cannot be read.
+pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
+    let mut head = Vec::new();
+    open(path, "image", IMAGE).ok()?.0.take(HEAD).read_to_end(&mut head).ok()?;
+    let reader = ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?;
+    let mut decoder = reader.into_decoder().ok()?;
+    let (width, height) = decoder.dimensions();
+    match decoder.orientation().ok()? {
+        Orientation::NoTransforms => None,
+        turned if width != height && swaps_sides(turned) => Some(TurnedByExif::OtherSize),
+        _ => Some(TurnedByExif::SameSize),
+    }
+}
+
+/// The size of an image as its EXIF orientation shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TurnedByExif {
+    /// Width and height are exchanged: a camera's size tells whether it is for the shown image.
+    OtherSize,
+    /// The size is that of the stored pixels: turned by 180 degrees, mirrored, or a square.
+    SameSize,
 }
 
 /// Whether an image of this orientation is shown with its width as height.

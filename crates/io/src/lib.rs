@@ -30,7 +30,7 @@ pub use duration::parse_duration;
 pub use error::{InputError, is_hidden, printable};
 pub use heif::refuse_unconverted;
 pub use image_read::{
-    has_untold_orientation, image_size, read_image, read_image_of, reading_memory,
+    TurnedByExif, image_size, read_image, read_image_of, reading_memory, turned_by_exif,
 };
 pub use image_write::{png, write_image};
 pub use lock::lock;

@@ -7,7 +7,9 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, RgbImage};
 
-use crate::{has_untold_orientation, image_size, read_image, read_image_of, refuse_unconverted};
+use crate::{
+    TurnedByExif, image_size, read_image, read_image_of, refuse_unconverted, turned_by_exif,
+};
 
 /// An image of 16 × 8 pixels that is bright in its upper left quarter.
 fn quarter() -> RgbImage {
@@ -55,13 +57,13 @@ fn an_image_is_turned_if_only_then_it_has_the_size_of_its_camera() {
         let path = folder.path().join("b.jpg");
         write_quarter(JpegEncoder::new(File::create(&path).unwrap()), orientation);
         assert_eq!(read_image_of(&path, (8, 16)).unwrap(), read_image(&path).unwrap());
-        assert_eq!(has_untold_orientation(&path), (2..=4).contains(&orientation), "{orientation}");
+        let turned = (2..=4).contains(&orientation).then_some(TurnedByExif::SameSize);
+        assert_eq!(turned_by_exif(&path), turned, "{orientation}");
     }
-    // One that the size tells of, and no image.
     let path = folder.path().join("c.jpg");
     write_quarter(JpegEncoder::new(File::create(&path).unwrap()), 6);
-    assert!(!has_untold_orientation(&path));
-    assert!(!has_untold_orientation(&folder.path().join("absent.jpg")));
+    assert_eq!(turned_by_exif(&path), Some(TurnedByExif::OtherSize));
+    assert_eq!(turned_by_exif(&folder.path().join("absent.jpg")), None);
 }
 
 #[test]

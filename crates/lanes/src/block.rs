@@ -5,14 +5,14 @@ use field::Real;
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
 pub const LANES: usize = 32;
 
-/// Points of half a block. A block with at most this many points takes half the time, except in a
-/// parameter VJP, which always computes whole blocks.
+/// Points of half a block. A block with at most this many points takes half the time, and less
+/// where it takes the sweeps for a few points; a parameter VJP always computes whole blocks.
 ///
 /// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
 pub const HALF: usize = LANES / 2;
 
-/// Points that take less time one by one than as half a block: see
-/// [`multiply_few`](crate::multiply_few).
+/// Points that take less time with [`multiply_few`](crate::multiply_few) than as half a block. At
+/// 8 points, both products take about as many multiply–adds of registers as half of that.
 pub const FEW: usize = 8;
 
 /// Rows of a matrix that are packed together.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::{Recognised, Result, UnreadView};
-use io::{InputError, has_untold_orientation, printable};
+use io::{InputError, TurnedByExif, printable, turned_by_exif};
 
 /// Missing images that a note names.
 const NAMED: usize = 3;
@@ -64,15 +64,20 @@ fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String
     ))
 }
 
-/// The note on EXIF orientations of which it is unknown whether the cameras expect them.
+/// The note on EXIF orientations of which the size cannot tell whether the cameras expect them.
 fn orientations<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
-    let turned: Vec<_> = views.filter(|view| has_untold_orientation(&view.path)).collect();
-    let first = turned.first()?;
+    let is_unknown = |view: &&UnreadView| match turned_by_exif(&view.path) {
+        None => false,
+        Some(TurnedByExif::OtherSize) => view.has_size_of_image(),
+        Some(TurnedByExif::SameSize) => true,
+    };
+    let turned: Vec<_> = views.filter(is_unknown).collect();
+    let (count, first) = (turned.len(), turned.first()?);
+    let images = if count == 1 { "image has" } else { "images have" };
     Some(format!(
-        "{} images have an EXIF orientation that turns them by 180 degrees or mirrors them, or are \
-         turned squares: all are read as stored. If the poses were found with upright images, write \
-         those. The first is {}",
-        turned.len(),
+        "{count} {images} an EXIF orientation, and the size cannot tell whether the poses are for \
+         the upright image: the pixels are read as stored. If the poses are for upright images, \
+         turn the files first. The first one is {}",
         first.name,
     ))
 }

@@ -52,10 +52,13 @@ const MEMORY_PER_MASK_PIXEL: u64 = 16;
 /// Programs round the sides of a reduced image to whole pixels, down or up.
 const ROUNDING: f64 = 1.5;
 
+/// The source of the size of a camera whose file states none.
+const OF_IMAGE: &str = "the image";
+
 impl UnreadView {
     /// A view without a mask, whose camera has the size of the image.
     pub(crate) fn of_image(name: String, path: PathBuf, camera: Camera, lens: Lens) -> Self {
-        let size_source = "the image".to_owned();
+        let size_source = OF_IMAGE.to_owned();
         UnreadView { name, path, mask: None, camera, lens, size_source, full_size: None }
     }
 
@@ -63,6 +66,11 @@ impl UnreadView {
     pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
         let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
         UnreadView { mask, ..self }
+    }
+
+    /// Whether the camera has the size of the stored image, since its file states none.
+    pub(crate) fn has_size_of_image(&self) -> bool {
+        self.size_source == OF_IMAGE
     }
 
     /// Width and height of the photograph in pixels.

@@ -24,7 +24,8 @@ impl<R: Lane> Encoder<R> {
         self.inverse_radius
     }
 
-    /// Writes the features of at most `N` points. Lanes without a point repeat the last point.
+    /// Writes the features of at most `N` points. Lanes up to `N` without a point repeat the last
+    /// point; the others keep old numbers.
     #[inline(always)]
     pub(crate) fn encode<I: Isa, const N: usize>(&self, x: &[R::Vec3], features: &mut [Row<R>]) {
         for l in 0..N {

@@ -7,7 +7,7 @@ use crate::mlp::{FewScratch, MOST};
 use crate::network::Network;
 
 /// The number of points of a chunk of at most `LANES` points that are computed as one block; the
-/// others, at most [`FEW`], are computed one by one.
+/// others, at most [`FEW`], take the sweeps for a few points.
 pub(crate) fn block_points(count: usize) -> usize {
     let rest = count % HALF;
     if count < LANES && rest <= FEW { count - rest } else { count }
@@ -34,16 +34,7 @@ impl<R: Lane> FewPoints<R> {
     pub(crate) fn values<I: Isa>(&mut self, network: &Network<R>, x: &[R::Vec3], f: &mut [R]) {
         network.encoder.encode::<I, FEW>(x, &mut self.features);
         network.write_grid(x.len(), &mut self.features);
-        let mut first = 0;
-        while first < x.len() {
-            first += match x.len() - first {
-                MOST.. => self.sweep::<I, MOST, false>(network, first, f),
-                2.. => self.sweep::<I, 2, false>(network, first, f),
-                _ => self.sweep::<I, 1, false>(network, first, f),
-            };
-        }
-        let factor = network.output_factor();
-        f.iter_mut().for_each(|f| *f *= factor);
+        self.sweeps::<I, false>(network, f);
     }
 
     /// Values and gradients of the network.
@@ -59,17 +50,23 @@ impl<R: Lane> FewPoints<R> {
         network.encoder.encode::<I, FEW>(x, &mut self.features);
         let (splines, table, start) = (&network.splines, &network.table, network.first_of_grid());
         grid::write_slopes(splines, table, start, x.len(), &mut self.features, jets);
+        self.sweeps::<I, true>(network, f);
+        network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
+    }
+
+    /// Writes the values of all points, and with `STORE` the adjoints of their features.
+    #[inline(always)]
+    fn sweeps<I: Isa, const STORE: bool>(&mut self, network: &Network<R>, f: &mut [R]) {
         let mut first = 0;
-        while first < x.len() {
-            first += match x.len() - first {
-                MOST.. => self.sweep::<I, MOST, true>(network, first, f),
-                2.. => self.sweep::<I, 2, true>(network, first, f),
-                _ => self.sweep::<I, 1, true>(network, first, f),
+        while first < f.len() {
+            first += match f.len() - first {
+                MOST.. => self.sweep::<I, MOST, STORE>(network, first, f),
+                2.. => self.sweep::<I, 2, STORE>(network, first, f),
+                _ => self.sweep::<I, 1, STORE>(network, first, f),
             };
         }
         let factor = network.output_factor();
         f.iter_mut().for_each(|f| *f *= factor);
-        network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
     }
 
     /// The forward sweep of `P` points from `first` on, and with `STORE` the backward sweep.

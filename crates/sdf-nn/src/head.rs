@@ -73,7 +73,7 @@ impl<R: Lane> RadianceHead<R> {
     ) -> Self {
         let details = Grids::new(details);
         let inputs = encoding.features() + DIRECTIONS + details.features();
-        let mlp = Mlp::new(inputs, hidden, 3, &[], activation);
+        let mlp = Mlp::new(inputs, hidden, 3, &[], activation, false);
         let (tables, encoder) =
             (vec![R::zero(); details.table_length()], Encoder::new(encoding, &transform));
         RadianceHead { encoding, transform, mlp, details, tables, encoder }

@@ -242,6 +242,37 @@ proptest! {
         }
     }
 
+    /// A part of a block after a whole one: the lanes without a point have numbers of the block
+    /// before.
+    #[test]
+    fn passes_with_tangents_do_not_depend_on_the_batch(
+        a in architecture(),
+        seed in 0u64..1000,
+        kept in 1usize..9,
+    ) {
+        let mut network = network(&a, seed);
+        for (level, side) in a.grid.levels.iter().enumerate() {
+            let is_free = (0..side.pow(3)).map(|node| node % kept == 0).collect::<Vec<_>>();
+            network.set_free_nodes(level, &is_free);
+        }
+        let (x, p) = (points(37), points(40)[3..].to_vec());
+        let alpha: Vec<f64> = (0..37).map(|i| f64::from(i).cos()).collect();
+        let (mut g, mut h) = (vec![DVec3::ZERO; 37], vec![DVec3::ZERO; 37]);
+        network.hessian_vector(&x, &p, &mut g, &mut h);
+        let mut adjoint = vec![0.0; network.parameter_count()];
+        let mut sum = adjoint.clone();
+        network.parameter_vjp(&x, &alpha, &p, &mut adjoint);
+        for i in 0..37 {
+            let (mut one, mut product) = ([DVec3::ZERO], [DVec3::ZERO]);
+            network.hessian_vector(&x[i..=i], &p[i..=i], &mut one, &mut product);
+            prop_assert_eq!((one[0], product[0]), (g[i], h[i]));
+            network.parameter_vjp(&x[i..=i], &alpha[i..=i], &p[i..=i], &mut sum);
+        }
+        for (all, sum) in adjoint.iter().zip(&sum) {
+            prop_assert!((all - sum).abs() <= 1e-10 * (1.0 + sum.abs()), "{all} and {sum}");
+        }
+    }
+
     #[test]
     fn a_file_keeps_the_function_with_its_octave_weights(
         a in architecture(),

@@ -175,8 +175,8 @@ impl Sweep {
     }
 
     fn check_data(&self) -> Result<(), Wrong> {
-        if !(8..=1024).contains(&self.mesh_resolution) {
-            return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 1024");
+        if !(8..=2048).contains(&self.mesh_resolution) {
+            return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 2048");
         }
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         for (i, data) in self.data.iter().enumerate() {

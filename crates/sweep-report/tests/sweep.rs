@@ -88,6 +88,12 @@ fn wrong_sweep_files_are_refused_in_one_line() {
         ("[fixed]", "[gradient]\nruns = 1\n[fixed]", "gradient.runs: found 1", "2 or more"),
         ("[fixed]", "[gradient]\nspp = 0\n[fixed]", "gradient.spp: found 0", "1 or more"),
         ("iterations = 5", "", "iterations", "one of them"),
+        (
+            "iterations = 5",
+            "iterations = 5\nmesh_resolution = 4",
+            "mesh_resolution: found 4",
+            "8 to 2048",
+        ),
         ("iterations = 5", "iterations = 5\ntime = \"3s\"", "iterations", "one of them"),
         ("iterations = 5", "iterations = 5\nrows = \"k\"", "rows", "a key of parameters"),
         ("name = \"a\"", "name = \"a/b\"", "data.name", "letters"),

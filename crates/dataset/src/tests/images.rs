@@ -101,7 +101,7 @@ fn write_oriented(path: &Path, image: &image::RgbImage, orientation: u8) {
 }
 
 #[test]
-fn photographs_upside_down_by_exif_are_read_as_stored_and_told() {
+fn photographs_upside_down_by_exif_are_read_as_stored_with_a_note() {
     let folder = tempfile::tempdir().unwrap();
     write_nerf(folder.path(), "transforms.json", &cameras(3));
     let plain = load(folder.path(), &LoadOptions::default()).unwrap();
@@ -128,12 +128,13 @@ fn photographs_are_turned_by_exif_where_the_camera_file_has_the_size_as_shown() 
         write_oriented(&path, &stored, 6);
     }
     let turned = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!(turned.train[0].image, shown.train[0].image);
+    assert_eq!((&turned.train[0].image, turned.notes.len()), (&shown.train[0].image, 0));
     // Without a size in the file, the pixels count as stored.
     root.as_object_mut().unwrap().retain(|key, _| key != "w" && key != "h");
     write_json(&folder.path().join("transforms.json"), &root);
     let stored = load(folder.path(), &LoadOptions::default()).unwrap();
     assert_eq!((stored.train[0].image.width, stored.train[0].image.height), (HEIGHT, WIDTH));
+    assert!(stored.notes[0].starts_with("3 images have an EXIF"), "{:?}", stored.notes);
     assert_eq!(open(folder.path()).unwrap().sizes()[0][0], [HEIGHT, WIDTH]);
 }
 

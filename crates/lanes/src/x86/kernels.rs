@@ -76,7 +76,7 @@ pub(super) fn multiply_few<V: Vector, const P: usize, const REGS: usize>(
     let inputs = columns.len() / start.len();
     let mut group = 0;
     while group < start.len() {
-        // One or two points alone have too few sums to keep the units busy.
+        // One or two points alone have too few sums to hide the latency of a multiply–add.
         let groups = if P <= 2 && group + 2 <= start.len() { 2 } else { 1 };
         let columns = &columns[group * inputs..(group + groups) * inputs];
         let (start, output) = (&start[group..group + groups], &mut output[group * P..]);

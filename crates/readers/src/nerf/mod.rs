@@ -136,10 +136,13 @@ impl Frame<'_> {
             }
             let camera = self.camera(&path)?;
             let mask = self.mask(folder, name)?;
-            let file = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let name = name.trim_start_matches("./").to_owned();
             let view = UnreadView::of_image(name, path, camera, lens);
-            let view = UnreadView { mask, size_source: file, ..view };
+            let mut view = UnreadView { mask, ..view };
+            if self.number("w")?.is_some() && self.number("h")?.is_some() {
+                let file = self.file.file_name().unwrap_or_default();
+                view.size_source = file.to_string_lossy().into_owned();
+            }
             if is_reduced { view.of_reduced_image() } else { Ok(view) }
         })
     }

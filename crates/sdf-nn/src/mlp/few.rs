@@ -1,11 +1,11 @@
-//! The sweeps for a few points, one by one: lanes are the outputs of a layer, so none is left
-//! empty.
+//! The sweeps for a few points, at most four at once: lanes are the outputs of a layer, so few are
+//! left empty.
 
 use super::activate::activate;
 use super::perceptron::Mlp;
 use lanes::{Isa, LANES, Lane, Row};
 
-/// The working memory of the sweeps for at most `P` points at once, as many as these sweeps take.
+/// The working memory of the sweeps for at most [`MOST`] points at once.
 ///
 /// The numbers of a point lie side by side in rows, and its rows follow those of the point before.
 pub(crate) struct FewScratch<R> {
@@ -22,7 +22,7 @@ pub(crate) struct FewScratch<R> {
     zero: Vec<Row<R>>,
 }
 
-/// The most points of a sweep: more sums would not fit into the registers of AVX2.
+/// The most points of a sweep. 8 would need 16 sums, all registers of AVX2.
 pub(crate) const MOST: usize = 4;
 
 /// The number of rows that hold `n` numbers.
@@ -41,10 +41,10 @@ impl<R: Lane> Mlp<R> {
     pub(crate) fn few_scratch(&self, store: bool) -> FewScratch<R> {
         let rows = |n: usize| vec![Row::zero(); MOST * groups(n)];
         let rows_if = |n: usize| if store { rows(n) } else { Vec::new() };
-        let widest = self.layers.iter().map(|l| l.inputs.max(l.outputs)).max().unwrap_or(0);
+        let (widest, hidden) = (self.widest(), self.layers.len() - 1);
         FewScratch {
             input: self.layers.iter().map(|l| rows(l.inputs)).collect(),
-            slope: self.layers.iter().map(|l| rows_if(l.outputs)).collect(),
+            slope: self.layers[..hidden].iter().map(|l| rows_if(l.outputs)).collect(),
             z_adjoint: rows_if(widest),
             product: rows(widest),
             zero: vec![Row::zero(); groups(widest)],

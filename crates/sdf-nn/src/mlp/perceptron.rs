@@ -57,19 +57,22 @@ pub(crate) struct Mlp<R> {
     pub(crate) parameters: Vec<R>,
     /// A factor for every feature, folded into the packed weights of its columns.
     pub(super) window: Vec<R>,
+    /// Whether the weights are packed for a few points too: a radiance head has no such sweep.
+    has_few: bool,
     /// Up to date with `parameters` only after [`Mlp::repack`].
     pub(super) packed: Vec<Packed<R>>,
 }
 
 impl<R: Lane> Mlp<R> {
     /// A perceptron with all parameters zero; layers with indices in `skip` have the features as
-    /// additional inputs.
+    /// additional inputs. With `has_few` it has the sweeps for a few points.
     pub(crate) fn new(
         features: usize,
         hidden: &[usize],
         outputs: usize,
         skip: &[usize],
         activation: Activation,
+        has_few: bool,
     ) -> Self {
         let (mut layers, mut width, mut start) = (Vec::new(), features, 0);
         for (i, &out) in hidden.iter().chain([&outputs]).enumerate() {
@@ -82,7 +85,12 @@ impl<R: Lane> Mlp<R> {
         }
         let packed = layers.iter().map(|_| Packed::new()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
-        Mlp { features, layers, activation, parameters, window, packed }
+        Mlp { features, layers, activation, parameters, window, has_few, packed }
+    }
+
+    /// The most inputs or outputs of a layer.
+    pub(super) fn widest(&self) -> usize {
+        self.layers.iter().map(|l| l.inputs.max(l.outputs)).max().unwrap_or(0)
     }
 
     /// The window's factor for a column of the weights of layer `l`.
@@ -130,6 +138,9 @@ impl<R: Lane> Mlp<R> {
             };
             pack(layer.outputs, layer.inputs, weight, &mut packed.forward);
             pack(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.backward);
+            if !self.has_few {
+                continue;
+            }
             pack_columns(layer.outputs, layer.inputs, weight, &mut packed.columns);
             pack_columns(layer.inputs, layer.outputs, |r, c| weight(c, r), &mut packed.rows);
             let bias = &self.parameters[layer.bias()..][..layer.outputs];

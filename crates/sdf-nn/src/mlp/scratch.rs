@@ -55,7 +55,7 @@ fn rows_if<R: Real>(needed: bool, n: usize) -> Vec<Row<R>> {
 impl<R: Lane> Mlp<R> {
     /// Working memory for sweeps with the flags `STORE`, `TANGENT` and `WEIGHTS` of these values.
     pub(crate) fn scratch(&self, store: bool, tangent: bool, weights: bool) -> Scratch<R> {
-        let widest = self.layers.iter().map(|l| l.inputs.max(l.outputs)).max().unwrap_or(0);
+        let widest = self.widest();
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
         let layers = self.layers.iter().map(|layer| LayerScratch {
             input: [rows(layer.inputs), rows_if(tangent, layer.inputs)],
