@@ -207,8 +207,8 @@ const MEMORY_PER_DRAW: u64 = 32;
 /// Bytes of memory for each parameter of the network: the parameters, their packed copies, the
 /// moments of Adam, the copies of a checkpoint that is written, and 16 partial sums of the
 /// gradient. Measured: 116, and 59 for a batch of two chunks, before the weights were packed for a
-/// few points too. These are 8 more for each of two networks, and 16 at widths just above a multiple
-/// of 32.
+/// few points too. These are 8 more for each of two networks, and 16 at widths just above a
+/// multiple of 32.
 const MEMORY_PER_PARAMETER: u64 = 160;
 
 impl FitOptions {

@@ -43,9 +43,9 @@ pub struct Sweep {
     /// The metrics in the report, of [`crate::metrics::METRICS`]; by default all.
     #[serde(default)]
     pub metrics: Vec<String>,
-    /// The resolution of the mesh of each fit, as in `dsdf eval --resolution`; 128 by default, which
-    /// is enough for Chamfer distances. The normals of a mesh are those of its faces: a coarse one
-    /// is wrong about fine ridges.
+    /// The resolution of the mesh of each fit, as in `dsdf eval --resolution`; 128 by default,
+    /// which is enough for Chamfer distances. The normals of a mesh are those of its faces: a
+    /// coarse one is wrong about fine ridges.
     #[serde(default = "mesh_resolution")]
     pub mesh_resolution: u32,
     /// The limits of each process.
