@@ -3,31 +3,44 @@
 use field::Real;
 
 use super::block::{Row, TILE};
+use super::portable::{multiply_few, multiply_rows, outer_rows, transpose_lanes};
 
-/// An instruction set that kernels are compiled for.
+/// An instruction set that kernels are compiled for. The provided kernels have no explicit vectors.
 pub trait Isa: Copy {
     /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
     const FMA: bool;
 
     /// The matrix product of [`crate::multiply_rows`].
+    #[inline(always)]
     fn multiply<const N: usize>(
         packed: &[[f32; TILE]],
         start: &[f32],
         rows: usize,
         input: &[Row<f32>],
         output: &mut [Row<f32>],
-    );
+    ) {
+        multiply_rows::<f32, Self, N>(packed, start, rows, input, output);
+    }
     /// The matrix product of [`crate::multiply_few`].
+    #[inline(always)]
     fn multiply_few<const P: usize>(
         columns: &[Row<f32>],
         start: &[Row<f32>],
         input: [&[Row<f32>]; P],
         output: &mut [Row<f32>],
-    );
+    ) {
+        multiply_few::<f32, Self, P>(columns, start, input, output);
+    }
     /// The sum of outer products of [`crate::outer_rows`].
-    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]);
+    #[inline(always)]
+    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+        outer_rows::<f32, Self>(sides, rows, columns, gradient);
+    }
     /// The transposition of [`crate::transpose_lanes`].
-    fn transpose(rows: &[Row<f32>], out: &mut [f32]);
+    #[inline(always)]
+    fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
+        transpose_lanes(rows, out);
+    }
 }
 
 /// A computation over a batch, generic over the instruction set.

@@ -46,7 +46,7 @@ pub(crate) fn read(folder: &Path) -> Result<Recognised> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let camera = camera(&file, *i, &rows[*i])?;
         let view = UnreadView::of_image(name, path.clone(), camera, Lens::default());
-        let size_source = "poses_bounds.npy".to_owned();
+        let size_source = Some("poses_bounds.npy".to_owned());
         views
             .found
             .push(UnreadView { size_source, ..view }.with_object_mask(folder).of_reduced_image()?);

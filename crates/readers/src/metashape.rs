@@ -203,7 +203,7 @@ impl<'a, 'i> Chunk<'a, 'i> {
                 })?;
                 let view = UnreadView::of_image(label.to_owned(), path, camera, lens);
                 let view = view.with_object_mask(folder);
-                let view = UnreadView { size_source: format!("sensor {id}"), ..view };
+                let view = UnreadView { size_source: Some(format!("sensor {id}")), ..view };
                 if is_reduced { view.of_reduced_image() } else { Ok(view) }
             })?;
         }

@@ -68,7 +68,7 @@ fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String
 fn orientations<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
     let is_unknown = |view: &&UnreadView| match turned_by_exif(&view.path) {
         None => false,
-        Some(TurnedByExif::OtherSize) => view.has_size_of_image(),
+        Some(TurnedByExif::OtherSize) => view.size_source.is_none(),
         Some(TurnedByExif::SameSize) => true,
     };
     let turned: Vec<_> = views.filter(is_unknown).collect();

@@ -25,8 +25,8 @@ pub struct UnreadView {
     pub(crate) camera: Camera,
     /// Distortion and skew, to be removed from the photograph.
     pub(crate) lens: Lens,
-    /// The file or the record that the camera's size comes from, for messages.
-    pub(crate) size_source: String,
+    /// The file or the record that states the camera's size; without one it is that of the image.
+    pub(crate) size_source: Option<String>,
     /// The size in the camera file, if the image is a reduced copy of another size.
     pub(crate) full_size: Option<[u32; 2]>,
 }
@@ -52,25 +52,21 @@ const MEMORY_PER_MASK_PIXEL: u64 = 16;
 /// Programs round the sides of a reduced image to whole pixels, down or up.
 const ROUNDING: f64 = 1.5;
 
-/// The source of the size of a camera whose file states none.
-const OF_IMAGE: &str = "the image";
+/// A view's [`UnreadView::size_source`] in messages.
+fn source_of(size: &Option<String>) -> &str {
+    size.as_deref().unwrap_or("the image")
+}
 
 impl UnreadView {
     /// A view without a mask, whose camera has the size of the image.
     pub(crate) fn of_image(name: String, path: PathBuf, camera: Camera, lens: Lens) -> Self {
-        let size_source = OF_IMAGE.to_owned();
-        UnreadView { name, path, mask: None, camera, lens, size_source, full_size: None }
+        UnreadView { name, path, mask: None, camera, lens, size_source: None, full_size: None }
     }
 
     /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
     pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
         let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
         UnreadView { mask, ..self }
-    }
-
-    /// Whether the camera has the size of the stored image, since its file states none.
-    pub(crate) fn has_size_of_image(&self) -> bool {
-        self.size_source == OF_IMAGE
     }
 
     /// Width and height of the photograph in pixels.
@@ -96,7 +92,8 @@ impl UnreadView {
         // An image may be turned by its EXIF orientation.
         let size = [(width, height), (height, width)].into_iter().find(fits).ok_or_else(|| {
             let [w, h] = [camera.width, camera.height];
-            let expected = format!("the aspect ratio of {w} x {h} (from {})", self.size_source);
+            let expected =
+                format!("the aspect ratio of {w} x {h} (from {})", source_of(&self.size_source));
             InputError::new(&self.path, "size", format!("{width} x {height}"), expected)
         })?;
         if size != (camera.width, camera.height) {
@@ -145,7 +142,7 @@ impl UnreadView {
     fn read_photograph(&self) -> Result<Photograph> {
         let UnreadView { path, camera, .. } = self;
         let (image, alpha) = read_image_of(path, (camera.width, camera.height))?;
-        check_size(path, &image, camera, &format!("(from {})", self.size_source))?;
+        check_size(path, &image, camera, &format!("(from {})", source_of(&self.size_source)))?;
         if let Some(bad) = image.pixels.as_flattened().iter().find(|v| !v.is_finite()) {
             return Err(InputError::new(path, "pixels", bad, "finite numbers"));
         }

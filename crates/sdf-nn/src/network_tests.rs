@@ -1,4 +1,4 @@
-//! The passes of a network with every instruction set.
+//! The passes of a network with every instruction set, and with few points.
 
 use std::cell::RefCell;
 
@@ -34,6 +34,40 @@ impl Pass for AllPasses<'_> {
     }
 }
 
+/// A network with splines whose parameters are all unlike each other.
+fn wavy(encoding: Encoding, hidden: &[usize], skip: Vec<usize>) -> Network<f32> {
+    let grid = grids::SplineSize { features: 2, degree: grids::Degree::Quadratic, levels: vec![6] };
+    let (hidden, activation) = (hidden.to_vec(), Activation::Softplus { beta: 100.0 });
+    let architecture = Architecture { encoding, grid, hidden, skip, activation };
+    let mut network = Network::geometric(architecture, Transform::default(), 0.5, 3);
+    let waves = network.parameters().iter().enumerate();
+    let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
+    network.set_parameters(&parameters);
+    network
+}
+
+fn points(count: usize) -> Vec<Vec3> {
+    (0..count).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect()
+}
+
+/// Blocks, halves of blocks and few points: a point has the same bits in all of them.
+#[test]
+fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
+    for skip in [vec![], vec![1]] {
+        let (network, x) = (wavy(Encoding::Frequency { bands: 4 }, &[40; 2], skip), points(70));
+        let (mut f, mut g) = (vec![0.0; 70], vec![Vec3::ZERO; 70]);
+        network.value_gradient(&x, &mut f, &mut g);
+        for count in 1..=70 {
+            let (mut some_f, mut values) = (vec![0.0; count], vec![0.0; count]);
+            let mut some_g = vec![Vec3::ZERO; count];
+            network.value(&x[..count], &mut values);
+            network.value_gradient(&x[..count], &mut some_f, &mut some_g);
+            assert_eq!((&values[..], &some_f[..]), (&f[..count], &f[..count]), "{count}");
+            assert_eq!(some_g, g[..count], "{count} points");
+        }
+    }
+}
+
 /// All instruction sets add in the same order, so those with fused multiply–add give the same
 /// bits.
 #[test]
@@ -47,24 +81,7 @@ fn instruction_sets_agree() {
         (37, vec![2], Encoding::None, 75),
         (8, vec![1], Encoding::None, 69),
     ] {
-        let activation = Activation::Softplus { beta: 100.0 };
-        let architecture = Architecture {
-            encoding,
-            grid: grids::SplineSize {
-                features: 2,
-                degree: grids::Degree::Quadratic,
-                levels: vec![6],
-            },
-            hidden: vec![width; 3],
-            skip,
-            activation,
-        };
-        let mut network = Network::<f32>::geometric(architecture, Transform::default(), 0.5, 3);
-        let waves = network.parameters().iter().enumerate();
-        let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
-        network.set_parameters(&parameters);
-        let x: Vec<Vec3> =
-            (0..count).map(|i| Vec3::new((i as f32).sin(), (i as f32).cos(), 0.3) * 0.6).collect();
+        let (network, x) = (wavy(encoding, &[width; 3], skip), points(count));
         let results = RefCell::new(Vec::new());
         let mut names = Vec::new();
         dispatch_all(|name| {

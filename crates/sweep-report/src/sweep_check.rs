@@ -54,6 +54,7 @@ impl Sweep {
             .and_then(|()| self.check_budget())
             .and_then(|()| self.check_data())
             .and_then(|()| self.check_report())
+            .and_then(|()| self.check_mesh_resolution())
             .and_then(|()| self.check_gradient_test())
             .and_then(|()| self.check_names())
             .and_then(|()| self.claim.iter().try_for_each(|claim| self.check_claim(claim)))
@@ -175,9 +176,6 @@ impl Sweep {
     }
 
     fn check_data(&self) -> Result<(), Wrong> {
-        if !(8..=2048).contains(&self.mesh_resolution) {
-            return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 2048");
-        }
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         for (i, data) in self.data.iter().enumerate() {
             if data.scene.is_some() == data.dataset.is_some() {
@@ -208,6 +206,13 @@ impl Sweep {
     }
 
     /// The variance of a gradient needs two runs.
+    fn check_mesh_resolution(&self) -> Result<(), Wrong> {
+        if !(8..=2048).contains(&self.mesh_resolution) {
+            return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 2048");
+        }
+        Ok(())
+    }
+
     fn check_gradient_test(&self) -> Result<(), Wrong> {
         let test = &self.gradient;
         let least = [("size", test.size, 1), ("spp", test.spp, 1), ("runs", test.runs, 2)];

@@ -136,6 +136,10 @@ fn photographs_are_turned_by_exif_where_the_camera_file_has_the_size_as_shown() 
     assert_eq!((stored.train[0].image.width, stored.train[0].image.height), (HEIGHT, WIDTH));
     assert!(stored.notes[0].starts_with("3 images have an EXIF"), "{:?}", stored.notes);
     assert_eq!(open(folder.path()).unwrap().sizes()[0][0], [HEIGHT, WIDTH]);
+    // One of the two is a size of the file too.
+    root["w"] = (HEIGHT + 1).into();
+    write_json(&folder.path().join("transforms.json"), &root);
+    refused(folder.path(), &["size", "(from transforms.json)"]);
 }
 
 #[test]

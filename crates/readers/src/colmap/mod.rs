@@ -226,7 +226,11 @@ fn unread_view(
         InputError::new(file, place, pose_fault(pose), "a rotation and a translation")
     })?;
     let mask = mask_of(image_folder, &image.name);
-    Ok(UnreadView { mask, size_source, ..UnreadView::of_image(image.name, path, camera, *lens) })
+    Ok(UnreadView {
+        mask,
+        size_source: Some(size_source),
+        ..UnreadView::of_image(image.name, path, camera, *lens)
+    })
 }
 
 /// The camera-to-world matrix of an image record.

@@ -138,11 +138,9 @@ impl Frame<'_> {
             let mask = self.mask(folder, name)?;
             let name = name.trim_start_matches("./").to_owned();
             let view = UnreadView::of_image(name, path, camera, lens);
-            let mut view = UnreadView { mask, ..view };
-            if self.number("w")?.is_some() && self.number("h")?.is_some() {
-                let file = self.file.file_name().unwrap_or_default();
-                view.size_source = file.to_string_lossy().into_owned();
-            }
+            let file = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let is_stated = self.number("w")?.is_some() || self.number("h")?.is_some();
+            let view = UnreadView { mask, size_source: is_stated.then_some(file), ..view };
             if is_reduced { view.of_reduced_image() } else { Ok(view) }
         })
     }

@@ -24,7 +24,7 @@ impl LayerShape {
 }
 
 /// A layer's weights, packed for the kernels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Packed<R> {
     /// W, for the forward sweep.
     pub(super) forward: Vec<[R; TILE]>,
@@ -36,14 +36,6 @@ pub(super) struct Packed<R> {
     pub(super) bias: Vec<Row<R>>,
     /// W in rows, for the backward sweep of a few points.
     pub(super) rows: Vec<Row<R>>,
-}
-
-impl<R> Packed<R> {
-    /// Nothing yet.
-    fn new() -> Self {
-        let (forward, backward) = (Vec::new(), Vec::new());
-        Packed { forward, backward, columns: Vec::new(), bias: Vec::new(), rows: Vec::new() }
-    }
 }
 
 /// A perceptron: hidden layers with activation, then a linear layer.
@@ -83,7 +75,7 @@ impl<R: Lane> Mlp<R> {
             width = out;
             layers.push(layer);
         }
-        let packed = layers.iter().map(|_| Packed::new()).collect();
+        let packed = layers.iter().map(|_| Packed::default()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
         Mlp { features, layers, activation, parameters, window, has_few, packed }
     }
