@@ -30,9 +30,12 @@ enum Task {
     Style,
     /// Measure the throughput of network passes and the time and memory of whole commands
     Bench {
-        /// File for the results as JSON [default: target/bench.json]
+        /// File for the results as JSON [default: target/bench.json, or target/workers.json]
         #[arg(short, long)]
         output: Option<PathBuf>,
+        /// Simulate the iterations of a fit on this number of threads instead
+        #[arg(long, value_name = "THREADS")]
+        workers: Option<usize>,
     },
     /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
     Ablate(sweep::Ablate),
@@ -92,7 +95,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Ci => ci(),
         Task::Style => style::run(),
         Task::Ablate(arguments) => sweep::run(&arguments),
-        Task::Bench { output } => bench::run(output),
+        Task::Bench { output, workers: None } => bench::run(output),
+        Task::Bench { output, workers: Some(workers) } => bench::workers::run(workers, output),
         Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
         Task::Fuzz(fuzz) => fuzz.run(),

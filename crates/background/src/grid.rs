@@ -1,6 +1,6 @@
 //! Features on grids of several resolutions, interpolated between the corners of a cell.
 
-use field::{Real, Vector3};
+use field::{AddAt, Real, Vector3};
 
 /// Cells along a side of the grid, for each level.
 ///
@@ -118,14 +118,12 @@ impl<R: Real> Cells<R> {
     }
 
     /// Adds the adjoint of the tables to `sum`.
-    pub(crate) fn table_vjp(&self, adjoint: &[R; INPUTS], sum: &mut [R]) {
+    pub(crate) fn table_vjp(&self, adjoint: &[R; INPUTS], sum: &mut (impl AddAt<R> + ?Sized)) {
         for (cell, adjoint) in self.0.iter().zip(adjoint.chunks_exact(FEATURES)) {
             for corner in 0..CORNERS {
                 let weight = cell.weight(corner);
                 let at = cell.corners[corner] as usize;
-                for (sum, adjoint) in sum[at..at + FEATURES].iter_mut().zip(adjoint) {
-                    *sum += weight * *adjoint;
-                }
+                sum.add_pair(at, [weight * adjoint[0], weight * adjoint[1]]);
             }
         }
     }

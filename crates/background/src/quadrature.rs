@@ -1,6 +1,8 @@
 //! Sums along rays through a volume, and their derivatives.
 
-use field::{Real, Sphere, Vector3};
+use std::ops::Range;
+
+use field::{PartialSum, Real, Sphere, Vector3};
 use random::Stream;
 use render::{Background, BackgroundRay, RayAdjoint};
 
@@ -42,7 +44,7 @@ struct Seen<R: Real> {
 
 impl<R: Real> Quadrature<'_, R> {
     /// The ray relative to the sphere, and the numbers of its first steps.
-    fn path(&self, ray: &BackgroundRay<R>) -> (Path<R>, std::ops::Range<usize>) {
+    fn path(&self, ray: &BackgroundRay<R>) -> (Path<R>, Range<usize>) {
         let Sphere { center, radius } = self.volume.sphere;
         let origin = (ray.origin - R::Vec3::of(center)) * R::of(radius).recip();
         let first = if self.volume.extent == Extent::Volume { 0 } else { POINTS - 1 };
@@ -61,12 +63,7 @@ impl<R: Real> Quadrature<'_, R> {
     }
 
     /// The points of a ray with a part in its radiance, in order.
-    fn points(
-        &self,
-        path: &Path<R>,
-        steps: std::ops::Range<usize>,
-        mut visit: impl FnMut(Seen<R>),
-    ) {
+    fn points(&self, path: &Path<R>, steps: Range<usize>, mut visit: impl FnMut(Seen<R>)) {
         let (tables, decoder) = self.volume.parameters.split_at(table_length());
         let mut before = R::one();
         for step in steps {
@@ -167,6 +164,23 @@ impl<R: Real> Background<R> for Quadrature<'_, R> {
             point.cells.table_vjp(&bars.features, tables);
         });
     }
+
+    fn table(&self) -> Range<usize> {
+        0..table_length()
+    }
+
+    fn add_parameter_vjp(
+        &self,
+        rays: &[BackgroundRay<R>],
+        adjoint: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        assert_eq!(sum.place(), self.table(), "place of the features");
+        self.backward(rays, adjoint, |_, _, point, bars| {
+            point.decoded.parameter_vjp(&bars, &mut sum.others);
+            point.cells.table_vjp(&bars.features, &mut sum.table);
+        });
+    }
 }
 
 impl<R: Real> Volume<R> {
@@ -191,5 +205,18 @@ impl<R: Real> Background<R> for Volume<R> {
 
     fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]) {
         self.with_middles().parameter_vjp(rays, adjoint, parameters);
+    }
+
+    fn table(&self) -> Range<usize> {
+        self.with_middles().table()
+    }
+
+    fn add_parameter_vjp(
+        &self,
+        rays: &[BackgroundRay<R>],
+        adjoint: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        self.with_middles().add_parameter_vjp(rays, adjoint, sum);
     }
 }

@@ -112,6 +112,13 @@ pub trait Estimator<R: Real>: Send + Sync {
         false
     }
 
+    /// Whether the samples of a pixel depend on no other pixel of the batch: a record can then be
+    /// dealt to parts ([`Record::deal`]), and the parts have the same bits as records of their own.
+    /// A warp's depend on the edges that pixels share.
+    fn is_by_pixel(&self) -> bool {
+        false
+    }
+
     /// Whether other seeds give other samples. Without that, there are no independent replicates,
     /// and no standard error.
     fn depends_on_seed(&self) -> bool {

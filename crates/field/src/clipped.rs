@@ -1,8 +1,11 @@
 //! A field clipped to a ball.
 
+use std::ops::Range;
+
 use crate::csg::mixed;
 use crate::fibonacci::fibonacci_direction;
 use crate::field::Field;
+use crate::partial_sum::PartialSum;
 use crate::real::{Real, Vector3};
 use crate::sphere::Sphere;
 
@@ -38,6 +41,18 @@ impl<F: Field<R>, R: Real> Clipped<F, R> {
         let mut f = vec![R::zero(); x.len()];
         self.inner.value(x, &mut f);
         f
+    }
+
+    /// The adjoints of values and gradients of the inner field.
+    fn of_inner(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3]) -> (Vec<R>, Vec<R::Vec3>) {
+        let f = self.inner_values(x);
+        let (mut alpha, mut c) = (alpha.to_vec(), c.to_vec());
+        for (i, on_sphere) in self.on_sphere(x, &f).enumerate() {
+            if on_sphere {
+                (alpha[i], c[i]) = (R::zero(), R::Vec3::zero());
+            }
+        }
+        (alpha, c)
     }
 }
 
@@ -128,14 +143,23 @@ impl<F: Field<R>, R: Real> Field<R> for Clipped<F, R> {
     }
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
-        let f = self.inner_values(x);
-        let (mut alpha, mut c) = (alpha.to_vec(), c.to_vec());
-        for (i, on_sphere) in self.on_sphere(x, &f).enumerate() {
-            if on_sphere {
-                (alpha[i], c[i]) = (R::zero(), R::Vec3::zero());
-            }
-        }
+        let (alpha, c) = self.of_inner(x, alpha, c);
         self.inner.parameter_vjp(x, &alpha, &c, adjoint);
+    }
+
+    fn table(&self) -> Range<usize> {
+        self.inner.table()
+    }
+
+    fn add_parameter_vjp(
+        &self,
+        x: &[R::Vec3],
+        alpha: &[R],
+        c: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        let (alpha, c) = self.of_inner(x, alpha, c);
+        self.inner.add_parameter_vjp(x, &alpha, &c, sum);
     }
 
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {

@@ -1,8 +1,10 @@
 //! Counts of field evaluations by kind.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::field::Field;
+use crate::partial_sum::PartialSum;
 use crate::real::Real;
 use crate::sphere::Sphere;
 
@@ -118,6 +120,19 @@ impl<R: Real, F: Field<R>> Field<R> for Counted<F> {
         count(&self.parameter, x.len());
         self.inner.parameter_vjp(x, alpha, c, adjoint);
     }
+    fn table(&self) -> Range<usize> {
+        self.inner.table()
+    }
+    fn add_parameter_vjp(
+        &self,
+        x: &[R::Vec3],
+        alpha: &[R],
+        c: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        count(&self.parameter, x.len());
+        self.inner.add_parameter_vjp(x, alpha, c, sum);
+    }
     fn parameter_jvp(&self, x: &[R::Vec3], tangent: &[R], f: &mut [R], gradient: &mut [R::Vec3]) {
         count(&self.parameter, x.len());
         self.inner.parameter_jvp(x, tangent, f, gradient);
@@ -160,6 +175,18 @@ macro_rules! implement_for_pointer {
             }
             fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
                 (**self).parameter_vjp(x, alpha, c, adjoint);
+            }
+            fn table(&self) -> Range<usize> {
+                (**self).table()
+            }
+            fn add_parameter_vjp(
+                &self,
+                x: &[R::Vec3],
+                alpha: &[R],
+                c: &[R::Vec3],
+                sum: &mut PartialSum<R>,
+            ) {
+                (**self).add_parameter_vjp(x, alpha, c, sum);
             }
             fn parameter_jvp(
                 &self,

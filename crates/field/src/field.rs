@@ -1,5 +1,8 @@
 //! The field trait.
 
+use std::ops::Range;
+
+use crate::partial_sum::PartialSum;
 use crate::real::{Real, Vector3};
 use crate::sphere::Sphere;
 
@@ -71,6 +74,24 @@ pub trait Field<R: Real>: Send + Sync {
     /// `alpha` holds the adjoints α_i of the values, `c` those of the gradients. The points do not
     /// move with θ.
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]);
+
+    /// The parameters of which a point has few, for example coefficients on a grid. By default
+    /// none.
+    fn table(&self) -> Range<usize> {
+        0..0
+    }
+
+    /// As [`parameter_vjp`](Field::parameter_vjp), for a part of a batch. A field with a
+    /// [`table`](Field::table) keeps the adjoints of its parameters as additions.
+    fn add_parameter_vjp(
+        &self,
+        x: &[R::Vec3],
+        alpha: &[R],
+        c: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        self.parameter_vjp(x, alpha, c, &mut sum.others);
+    }
 
     /// JVP of θ ↦ (f(x; θ), ∇f(x; θ)): writes the changes of values and gradients as θ moves along
     /// `tangent`. The points do not move with θ.

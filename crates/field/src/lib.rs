@@ -7,6 +7,7 @@ mod dual;
 mod fibonacci;
 #[allow(clippy::module_inception, reason = "the trait that the crate is named for")]
 mod field;
+mod partial_sum;
 mod real;
 mod shape;
 mod slope;
@@ -19,6 +20,7 @@ pub use csg::{Csg, Operation};
 pub use dual::{Dual, Scalar};
 pub use fibonacci::fibonacci_direction;
 pub use field::Field;
+pub use partial_sum::{AddAt, Additions, PartialSum};
 pub use real::{Real, Vector3};
 pub use shape::{Kind, Shape};
 pub use slope::{SLOPE_POINTS, slope};

@@ -1,6 +1,7 @@
 //! The alignment of held-out cameras to a model whose cameras were refined.
 
 use estimate::{Refined, SampleCounts};
+use objective::{Batch, Workspace, gradient};
 use photometry::{MaskUse, Pixel, pyramid};
 use random::{Purpose, Stream};
 use render::{Camera, Scene};
@@ -12,7 +13,6 @@ use crate::cameras::corrected;
 use crate::model::Model;
 use crate::run::SLOPE_POINTS;
 use crate::run_file::RunFile;
-use crate::step::{Batch, gradient};
 
 /// Steps of an alignment.
 const STEPS: u64 = 200;
@@ -47,6 +47,7 @@ pub fn align(
     let mut calibration = Calibration::new(given, file.sphere(), Freedom::POSES).without_gauge();
     let stream = Stream::new(file.options.seed, Purpose::CameraTrial);
     let draws = PIXELS * views.len() as u64;
+    let mut work = Workspace::default();
     for step in 0..STEPS {
         let draw = |i| level.draw(i, 1, stream.at(3));
         let pixels: Vec<Pixel> = (step * draws..(step + 1) * draws).map(draw).collect();
@@ -72,7 +73,7 @@ pub fn align(
             carves: false,
             seed: stream.at(4).at(step).bits(),
         };
-        let adjoints = gradient(&batch)?.cameras;
+        let adjoints = gradient(&batch, &mut work)?.cameras;
         let rate = RATE * (1.0 - step as f64 / STEPS as f64);
         calibration.step(&level.cameras, &adjoints, rate)?;
         progress((step + 1) as f64 / STEPS as f64);

@@ -14,7 +14,6 @@ mod run;
 mod run_cameras;
 mod run_file;
 mod solid;
-mod step;
 
 pub use alignment::align;
 pub use calibrate::{CameraDecision, RefineCameras};
@@ -23,6 +22,7 @@ pub use grids::GridLevels;
 pub use iteration::Metrics;
 pub use model::Model;
 pub use model_background::ModelBackground;
+pub use objective::{Observer, Stage};
 pub use options::{DEFAULT_ITERATIONS, FitOptions};
 pub use photometry::{
     BackgroundChoice, BackgroundKind, ExposureChoice, ExposureModel, Limit, MaskChoice, MaskUse,

@@ -158,9 +158,11 @@ impl Model {
     pub fn set_parameters(&mut self, parameters: &[f32]) {
         let (field, others) = parameters.split_at(self.field.parameters().len());
         let (head, background) = others.split_at(self.head.parameter_count());
-        self.field.set_parameters(field);
-        self.head.set_parameters(head);
-        self.background.set_parameters(background);
+        let others = || {
+            self.head.set_parameters(head);
+            self.background.set_parameters(background);
+        };
+        rayon::join(|| self.field.set_parameters(field), others);
     }
 
     /// Writes `model.safetensors`, `radiance.safetensors` and, if the background is trained,

@@ -12,6 +12,7 @@ use field::{Counted, Evaluations};
 use film::srgb_decode;
 use glam::Vec3;
 use io::{InputError, check_memory};
+use objective::{Batch, BatchStats, Gradient, Observer, Stage, Workspace, gradient};
 use optim::Adam;
 use photometry::{
     ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, pyramid, without_gains,
@@ -26,7 +27,6 @@ use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::options::DEFAULT_ITERATIONS;
 use crate::run_file::RunFile;
-use crate::step::{Batch, BatchStats, Gradient, gradient};
 use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
@@ -109,6 +109,8 @@ pub struct Fit {
     held_out_psnr: Option<f64>,
     /// The depths of the training views, once they were looked for.
     pub(crate) depths: Option<Depths>,
+    /// The working memory of gradients.
+    work: Workspace,
 }
 
 impl Fit {
@@ -174,6 +176,7 @@ impl Fit {
             usual_norm: 0.0,
             held_out_psnr: None,
             depths: None,
+            work: Workspace::default(),
         };
         if let Some(state) = state {
             fit.restore(state)?;
@@ -222,6 +225,11 @@ impl Fit {
         self.save_cameras()?;
         self.save_exposures()?;
         self.model.save(&self.folder, self.file.origin())
+    }
+
+    /// Shows the tasks of iterations to an observer, and shares them as for this number of threads.
+    pub fn observe(&mut self, workers: usize, observer: Observer) {
+        self.work = Workspace::observed(workers, observer);
     }
 
     /// Wall time of all sessions of the run, in seconds.
@@ -283,18 +291,11 @@ impl Fit {
         self.survey_surface()?;
         let (Gradient { parameters: mut gradient, cameras, gains, stats }, evaluations) =
             self.gradient(level)?;
-        let background = self.model.background.parameters().len();
-        let shape = gradient.len() - background;
-        let norm = self.clip(&mut gradient[..shape]);
         let schedule = learning_rate(self.progress());
-        let rate = self.file.options.learning_rate * schedule;
-        self.adam.step(&mut self.parameters, &gradient, rate as f32)?;
-        if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
-            let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
-            Volume::smooth(&mut self.parameters[shape..], step as f32);
-        }
-        self.model.set_parameters(&self.parameters);
-        self.add_to_average();
+        let work = std::mem::take(&mut self.work);
+        let norm = work.run(Stage::Parameters, || self.move_parameters(&mut gradient, schedule))?;
+        self.work = work;
+        self.work.reuse(gradient);
         if let Some(calibration) = self.corrections.refined_mut() {
             calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;
         }
@@ -306,12 +307,33 @@ impl Fit {
         Ok(Metrics { trial, ..self.metrics(&stats, evaluations, level, norm) })
     }
 
+    /// Takes a step against the gradient, at this fraction of the learning rate. Returns the norm
+    /// of the gradient before clipping.
+    fn move_parameters(&mut self, gradient: &mut [f32], schedule: f64) -> anyhow::Result<f32> {
+        let background = self.model.background.parameters().len();
+        let shape = gradient.len() - background;
+        let norm = self.clip(&mut gradient[..shape]);
+        let rate = self.file.options.learning_rate * schedule;
+        self.adam.step(&mut self.parameters, gradient, rate as f32)?;
+        if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
+            let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
+            Volume::smooth(&mut self.parameters[shape..], step as f32);
+        }
+        self.model.set_parameters(&self.parameters);
+        self.add_to_average();
+        Ok(norm)
+    }
+
     /// The gradient of this iteration's batch, and the number of its field evaluations.
-    fn gradient(&self, level: usize) -> anyhow::Result<(Gradient, Evaluations)> {
+    fn gradient(&mut self, level: usize) -> anyhow::Result<(Gradient, Evaluations)> {
         let (pixels, count) = self.draw(level);
         let stream = Stream::new(self.file.options.seed, Purpose::Iteration);
         let seed = stream.at(self.iteration).bits();
-        self.gradient_of(level, (&pixels, count), self.corrections.calibration(), seed)
+        let mut work = std::mem::take(&mut self.work);
+        let calibration = self.corrections.calibration();
+        let found = self.gradient_of(level, (&pixels, count), calibration, seed, &mut work);
+        self.work = work;
+        found
     }
 
     /// The gradient of a batch, with cameras that are corrected by `calibration`. `pixels` come
@@ -322,6 +344,7 @@ impl Fit {
         (pixels, pixel_count): (&[Pixel], f32),
         calibration: Option<&Calibration>,
         seed: u64,
+        work: &mut Workspace,
     ) -> anyhow::Result<(Gradient, Evaluations)> {
         let options = &self.file.options;
         let counted = Counted::new(&self.model.field);
@@ -354,7 +377,7 @@ impl Fit {
             carves: self.carves(),
             seed,
         };
-        Ok((gradient(&batch)?, counted.evaluations()))
+        Ok((gradient(&batch, work)?, counted.evaluations()))
     }
 
     /// A random colour for each view, uniform in display space.
@@ -399,8 +422,10 @@ impl Fit {
         let draws = level_pixels.draws_for(batch, every);
         let seed = self.file.options.seed;
         let stream = Stream::new(seed, Purpose::PixelOrder).at(level as u64);
-        let pixels = (0..draws)
-            .map(|i| level_pixels.draw(self.iteration * draws + i, every, stream))
+        let pixels = (0..draws as usize)
+            .into_par_iter()
+            .with_min_len(DRAWS)
+            .map(|i| level_pixels.draw(self.iteration * draws + i as u64, every, stream))
             .collect();
         (pixels, level_pixels.count_of(draws, every) as f32)
     }
@@ -452,6 +477,9 @@ impl Fit {
         Ok(any_hit(&self.levels[coarsest])? || (coarsest > 0 && any_hit(&self.levels[0])?))
     }
 }
+
+/// Pixels that a thread draws at a time, at least.
+const DRAWS: usize = 64;
 
 /// Rays that a thread traces together.
 const TRACED_CHUNK: usize = 1024;

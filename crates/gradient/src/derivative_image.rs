@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
+use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use film::Film;
 use random::{Purpose, Stream, gaussian};
 use rayon::prelude::*;
@@ -119,7 +119,8 @@ type Jacobian<R> = [Vec<PointAdjoint<R>>; 3];
 fn jacobian<R: Real>(scene: &Scene<'_, R>, record: &Record<R>, pixels: usize) -> Jacobian<R> {
     let rows: Jacobian<R> = std::array::from_fn(|c| {
         let mut row = Adjoints::default();
-        let mut ignored = vec![R::zero(); scene.shader.parameter_count()];
+        let shader = scene.shader;
+        let mut ignored = PartialSum::zero(shader.parameter_count(), shader.table());
         let delta = vec![channel::<R>(c); pixels];
         record.vjp(scene, &delta, Pass::PerPixel, &mut ignored, &mut row);
         row.points

@@ -1,6 +1,6 @@
 //! The gradient of an image loss by all parameters of the field.
 
-use field::{Real, Vector3};
+use field::{PartialSum, Real, Vector3};
 use film::Film;
 use random::{Purpose, Stream};
 use render::{InvalidField, Scene, render};
@@ -62,7 +62,8 @@ pub fn target_gradient<R: Real>(
             let record = estimator.record(scene, &part.batch(pixels, Terms::All), &mut mask)?;
             let delta: Vec<R::Vec3> = pixels.iter().map(of).collect();
             let mut adjoints = Adjoints::default();
-            let mut ignored = vec![R::zero(); scene.shader.parameter_count()];
+            let shader = scene.shader;
+            let mut ignored = PartialSum::zero(shader.parameter_count(), shader.table());
             record.vjp(scene, &delta, Pass::Sum, &mut ignored, &mut adjoints);
             adjoints.backward(scene.field, sum);
             Ok(mask)

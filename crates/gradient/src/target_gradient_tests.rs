@@ -91,7 +91,7 @@ fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
         let record = estimator(name, baseline).record(scene, &batch, &mut mask).unwrap();
         let gradient = |delta: &[DVec3], pass| {
             let mut adjoints = Adjoints::default();
-            let mut shader = vec![0.0; scene.shader.parameter_count()];
+            let mut shader = PartialSum::zero(scene.shader.parameter_count(), 0..0);
             record.vjp(scene, delta, pass, &mut shader, &mut adjoints);
             let mut sum = vec![0.0; scene.field.parameter_count()];
             adjoints.backward(scene.field, &mut sum);

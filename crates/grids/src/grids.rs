@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use field::Real;
+use field::{AddAt, Real};
 
 /// Features of an entry.
 pub const FEATURES: usize = 2;
@@ -158,7 +158,7 @@ impl Grids {
         tables: &[R],
         y: [R; 3],
         adjoint: impl Fn(usize) -> R,
-        sums: &mut [R],
+        sums: &mut (impl AddAt<R> + ?Sized),
     ) -> [R; 3] {
         let mut out = [R::zero(); 3];
         for (l, level) in self.levels.iter().enumerate() {
@@ -166,9 +166,9 @@ impl Grids {
             for Corner { at, factors, signs } in level.corners(y) {
                 let weight = factors[0] * factors[1] * factors[2];
                 let mut along = R::zero();
-                for (f, bar) in bars.iter().enumerate() {
-                    sums[at + f] += weight * *bar;
-                    along += *bar * tables[at + f];
+                sums.add_pair(at, bars.map(|bar| weight * bar));
+                for (bar, feature) in bars.iter().zip(&tables[at..at + FEATURES]) {
+                    along += *bar * *feature;
                 }
                 for (a, out) in out.iter_mut().enumerate() {
                     let others = factors[(a + 1) % 3] * factors[(a + 2) % 3];
@@ -206,7 +206,7 @@ mod tests {
         let tables = tables(&grids);
         let y = [0.31, -0.47, 0.83];
         let mut sums = vec![0.0; tables.len()];
-        let bars = grids.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut sums);
+        let bars = grids.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut sums[..]);
         let h = 1e-6;
         for axis in 0..3 {
             let moved = |h: f64| {
@@ -233,7 +233,7 @@ mod tests {
         let tables = tables(&grids);
         let far = [7.0, -9.0, 0.3];
         assert_eq!(total(&grids, &tables, far), total(&grids, &tables, [1.0, -1.0, 0.3]));
-        let bars = grids.encode_vjp(&tables, far, |_| 1.0, &mut vec![0.0; tables.len()]);
+        let bars = grids.encode_vjp(&tables, far, |_| 1.0, &mut vec![0.0; tables.len()][..]);
         assert!(bars[0] == 0.0 && bars[1] == 0.0 && bars[2] != 0.0, "{bars:?}");
     }
 }

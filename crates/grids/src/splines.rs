@@ -7,7 +7,8 @@
 
 use std::ops::Range;
 
-use field::Real;
+use field::{AddAt, Real};
+use rayon::prelude::*;
 
 use crate::support::Support;
 use crate::taps::{Axis, Jet, PADDING, Rows};
@@ -200,12 +201,20 @@ impl Splines {
     /// Writes the free coefficients into the table of all coefficients. The others stay.
     pub fn expand<R: Real>(&self, free: &[R], table: &mut [R]) {
         let features = self.size.features;
-        for Level { start, first_free, support, .. } in &self.levels {
-            let free = free[*first_free..].chunks_exact(features);
-            for (node, free) in support.nodes().zip(free) {
-                let at = start + node * features;
-                table[at..at + features].copy_from_slice(free);
-            }
+        for Level { side, start, first_free, support } in &self.levels {
+            let free = &free[*first_free..];
+            let plane = side * side;
+            // A plane of nodes, with x alike, has consecutive coefficients in both.
+            let planes =
+                table[*start..][..side * plane * features].par_chunks_mut(plane * features);
+            planes.enumerate().for_each(|(x, table)| {
+                let (first, nodes) = support.nodes_between(x * plane..(x + 1) * plane);
+                let free = free[first * features..].chunks_exact(features);
+                for (node, free) in nodes.zip(free) {
+                    let at = (node - x * plane) * features;
+                    table[at..at + features].copy_from_slice(free);
+                }
+            });
         }
     }
 
@@ -281,7 +290,7 @@ impl Splines {
         y: [R; 3],
         p: [R; 3],
         adjoint: impl Fn(usize) -> [R; 2],
-        sums: &mut [R],
+        sums: &mut (impl AddAt<R> + ?Sized),
     ) {
         match self.size.degree {
             Degree::Quadratic => self.vjp_taps::<R, 3>(y, p, adjoint, sums),
@@ -295,7 +304,7 @@ impl Splines {
         y: [R; 3],
         p: [R; 3],
         adjoint: impl Fn(usize) -> [R; 2],
-        sums: &mut [R],
+        sums: &mut (impl AddAt<R> + ?Sized),
     ) {
         let features = self.size.features;
         for (l, Level { side, first_free, support, .. }) in self.levels.iter().enumerate() {
@@ -306,20 +315,15 @@ impl Splines {
             if !support.reaches([axes[0].first, axes[1].first, axes[2].first]) {
                 continue;
             }
-            if !support.is_all() {
-                let sums = &mut sums[*first_free..];
-                for f in 0..features {
-                    rows.add_sparse(sums, f, &axes, p, adjoint(first + f), support);
-                }
-                continue;
-            }
+            let slot = |node| support.slot(node);
             if features == 2 {
                 let rows = Rows { features: 2, ..rows };
                 let bars = [adjoint(first), adjoint(first + 1)];
-                rows.add::<R, T, 2>(sums, 0, &axes, p, bars);
+                rows.add::<R, T, 2>(sums, 0, &axes, p, bars, slot);
             } else {
-                (0..features)
-                    .for_each(|f| rows.add::<R, T, 1>(sums, f, &axes, p, [adjoint(first + f)]));
+                for f in 0..features {
+                    rows.add::<R, T, 1>(sums, f, &axes, p, [adjoint(first + f)], slot);
+                }
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The nodes of a level of splines whose coefficients are free; all others are zero.
 
+use std::ops::Range;
+
 /// Nodes along a side of a brick, of which it is known whether a node is free.
 const BRICK: usize = 4;
 
@@ -83,12 +85,6 @@ impl Support {
         sparse.reaches[(x * across + y) * across + z]
     }
 
-    /// Whether all nodes are free.
-    #[inline(always)]
-    pub(crate) fn is_all(&self) -> bool {
-        self.sparse.is_none()
-    }
-
     /// The number of a node among the free ones.
     #[inline(always)]
     pub(crate) fn slot(&self, node: usize) -> Option<usize> {
@@ -99,11 +95,28 @@ impl Support {
         }
     }
 
+    /// The free nodes in a range, and the number of the first of them among the free ones.
+    pub(crate) fn nodes_between(
+        &self,
+        range: Range<usize>,
+    ) -> (usize, impl Iterator<Item = usize> + '_) {
+        let slots = match &self.sparse {
+            None => range,
+            Some(Sparse { nodes, .. }) => {
+                let slot = |node: usize| nodes.partition_point(|n| (*n as usize) < node);
+                slot(range.start)..slot(range.end)
+            }
+        };
+        (slots.start, slots.map(|slot| self.node(slot)))
+    }
+
     /// The free nodes, in the order of their numbers.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.count()).map(|slot| match &self.sparse {
-            None => slot,
-            Some(sparse) => sparse.nodes[slot] as usize,
-        })
+        (0..self.count()).map(|slot| self.node(slot))
+    }
+
+    /// The free node with this number.
+    fn node(&self, slot: usize) -> usize {
+        self.sparse.as_ref().map_or(slot, |sparse| sparse.nodes[slot] as usize)
     }
 }

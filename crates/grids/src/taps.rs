@@ -1,8 +1,6 @@
 //! The weights of the coefficients of a point, and sums over them.
 
-use field::Real;
-
-use crate::support::Support;
+use field::{AddAt, Real};
 
 /// A feature at a point: its value, gradient, and the product of its Hessian and a vector. Those
 /// of a higher order than was asked for are zero.
@@ -105,18 +103,11 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// The index of feature `f` of the first coefficient of a row.
+    /// The first node of a row.
     #[inline(always)]
-    fn row<R, const T: usize>(
-        &self,
-        axes: &[Axis<R, T>; 3],
-        i: usize,
-        j: usize,
-        f: usize,
-    ) -> usize {
+    fn node<R, const T: usize>(&self, axes: &[Axis<R, T>; 3], i: usize, j: usize) -> usize {
         let [x, y, z] = axes;
-        let place = ((x.first + i) * self.side + y.first + j) * self.side + z.first;
-        self.start + place * self.features + f
+        ((x.first + i) * self.side + y.first + j) * self.side + z.first
     }
 
     /// The jets of `G` features from the number `f` on. `W` is a number of entries of at least
@@ -140,7 +131,7 @@ impl Rows {
         let kinds = [1, 3, 6][ORDER];
         for i in 0..T {
             for j in 0..T {
-                let at = self.row(axes, i, j, f);
+                let at = self.start + self.node(axes, i, j) * self.features + f;
                 let mut row = [R::zero(); W];
                 if self.features == G {
                     row.copy_from_slice(&coefficients[at..at + W]);
@@ -191,43 +182,18 @@ impl Rows {
         jets
     }
 
-    /// Adds the adjoints of the free coefficients of a feature; `sums` has those of the level.
-    #[inline(always)]
-    pub(crate) fn add_sparse<R: Real, const T: usize>(
-        &self,
-        sums: &mut [R],
-        f: usize,
-        axes: &[Axis<R, T>; 3],
-        p: [R; 3],
-        [value, along]: [R; 2],
-        support: &Support,
-    ) {
-        for i in 0..T {
-            for j in 0..T {
-                let (x, y) = (axes[0].of(i), axes[1].of(j));
-                let both = x[0] * y[0];
-                let moved = x[1] * p[0] * y[0] + x[0] * y[1] * p[1];
-                let node = ((axes[0].first + i) * self.side + axes[1].first + j) * self.side
-                    + axes[2].first;
-                for z in 0..T {
-                    let Some(slot) = support.slot(node + z) else { continue };
-                    let [w, slope] = [axes[2].weights[0][z], axes[2].weights[1][z] * p[2]];
-                    sums[slot * self.features + f] +=
-                        both * (value * w + along * slope) + moved * along * w;
-                }
-            }
-        }
-    }
-
-    /// Adds the adjoints of the coefficients of `G` features from the number `f` on.
+    /// Adds the adjoints of the coefficients of `G` features from the number `f` on. `slot` is the
+    /// number of a node among the free ones, if it is free. For two features, `f` and the start of
+    /// the level are even.
     #[inline(always)]
     pub(crate) fn add<R: Real, const T: usize, const G: usize>(
         &self,
-        sums: &mut [R],
+        sums: &mut (impl AddAt<R> + ?Sized),
         f: usize,
         axes: &[Axis<R, T>; 3],
         p: [R; 3],
         bars: [[R; 2]; G],
+        slot: impl Fn(usize) -> Option<usize>,
     ) {
         // A coefficient has wx wy wz of the value and ∇(wx wy wz)·p of the slope along p.
         let (mut flat, mut steep) = ([R::zero(); ROW], [R::zero(); ROW]);
@@ -238,18 +204,20 @@ impl Rows {
                 steep[z * G + g] = *along * w;
             }
         }
-        let length = (T - 1) * self.features + G;
         for i in 0..T {
             for j in 0..T {
-                let at = self.row(axes, i, j, f);
-                let row = &mut sums[at..at + length];
+                let node = self.node(axes, i, j);
                 let (x, y) = (axes[0].of(i), axes[1].of(j));
                 let both = x[0] * y[0];
                 let moved = x[1] * p[0] * y[0] + x[0] * y[1] * p[1];
                 for z in 0..T {
-                    for g in 0..G {
-                        row[z * self.features + g] +=
-                            both * flat[z * G + g] + moved * steep[z * G + g];
+                    let Some(slot) = slot(node + z) else { continue };
+                    let at = self.start + slot * self.features + f;
+                    let bar = |g: usize| both * flat[z * G + g] + moved * steep[z * G + g];
+                    if G == 2 {
+                        sums.add_pair(at, [bar(0), bar(1)]);
+                    } else {
+                        (0..G).for_each(|g| sums.add_at(at + g, bar(g)));
                     }
                 }
             }

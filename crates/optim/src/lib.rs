@@ -127,7 +127,7 @@ fn normal<R: Float>(moment: R) -> R {
     if moment.abs() < R::min_positive_value() / R::epsilon() { R::zero() } else { moment }
 }
 
-impl<R: Float> Step<R> {
+impl<R: Float + Send + Sync> Step<R> {
     /// The step number `exponent` with the learning rate `rate` before the group's factor.
     fn new(group: &Group, rate: R, exponent: i32) -> Self {
         let betas = [group.beta1, group.beta2];
@@ -148,7 +148,7 @@ impl<R: Float> Step<R> {
     /// step.
     fn raise(&mut self, floor: f64, second: &[R]) {
         let count = R::from(second.len().max(1)).unwrap_or_else(R::one);
-        let typical = (sum_of(second, |v| v) / count).sqrt() * self.unbias;
+        let typical = (long_sum(second, |v| v) / count).sqrt() * self.unbias;
         self.epsilon = self.epsilon.max(constant::<R>(floor) * typical);
     }
 
@@ -269,7 +269,7 @@ fn assert_groups(length: usize, groups: &[Group]) {
 
 /// Refuses a step if a gradient of this group, its square, or the rate over the bias of the mean is
 /// not finite.
-fn check_group<R: Float>(
+fn check_group<R: Float + Send + Sync>(
     group: &Group,
     gradient: &[R],
     rate: R,
@@ -279,7 +279,7 @@ fn check_group<R: Float>(
     let is_finite = |g: &R| (*g * *g).is_finite();
     // Without an early end, the check of a part is vector code.
     let all_finite = |part: &[R]| part.iter().fold(true, |all, g| all & is_finite(g));
-    let part = own.chunks(PART).position(|part| !all_finite(part));
+    let part = own.par_chunks(PART).position_first(|part| !all_finite(part));
     let wrong = |part| own[PART * part..].iter().position(|g| !is_finite(g));
     if let Some(at) = part.and_then(|part| Some(PART * part + wrong(part)?)) {
         let (name, index) = (group.name.clone(), group.range.start + at);
@@ -323,11 +323,17 @@ fn sum_of<R: Float>(values: &[R], f: impl Fn(R) -> R) -> R {
     sums.into_iter().fold(R::zero(), |all, sum| all + sum)
 }
 
+/// The sum of f of each value: the sums of parts of a fixed length, added in order.
+fn long_sum<R: Float + Send + Sync>(values: &[R], f: impl Fn(R) -> R + Sync) -> R {
+    let parts: Vec<R> = values.par_chunks(PART).map(|part| sum_of(part, &f)).collect();
+    parts.into_iter().fold(R::zero(), |all, sum| all + sum)
+}
+
 /// The Euclidean norm, summed in a fixed order. Where squares would overflow or underflow, values
 /// are divided by the largest one first. A NaN or an infinity in the slice gives a norm that is not
 /// finite.
-pub fn norm<R: Float>(values: &[R]) -> R {
-    let sum = sum_of(values, |v| v * v);
+pub fn norm<R: Float + Send + Sync>(values: &[R]) -> R {
+    let sum = long_sum(values, |v| v * v);
     if sum.is_finite() && sum > R::min_positive_value() / R::epsilon() {
         return sum.sqrt();
     }
@@ -343,11 +349,12 @@ pub fn norm<R: Float>(values: &[R]) -> R {
 /// Scales a gradient to norm `most` if its norm is larger, and returns the norm before (gradient
 /// norm clipping: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent neural
 /// networks", ICML 2013). A gradient whose norm is not finite stays unchanged.
-pub fn clip_norm<R: Float>(gradient: &mut [R], most: R) -> R {
+pub fn clip_norm<R: Float + Send + Sync>(gradient: &mut [R], most: R) -> R {
     let length = norm(gradient);
     if length > most && length.is_finite() {
         let factor = most / length;
-        gradient.iter_mut().for_each(|g| *g = *g * factor);
+        let scale = |part: &mut [R]| part.iter_mut().for_each(|g| *g = *g * factor);
+        gradient.par_chunks_mut(PART).for_each(scale);
     }
     length
 }

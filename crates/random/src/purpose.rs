@@ -34,8 +34,8 @@ pub enum Purpose {
     BackgroundPixel,
     /// The seed of an iteration of a fit.
     Iteration,
-    /// The seed of a chunk of an iteration.
-    Chunk,
+    /// The seed of a part of the batch of an iteration.
+    Part,
     /// The film position of a fit's sample in its pixel.
     FitSamples,
     /// The seed of the estimator's samples in a chunk.
@@ -89,7 +89,7 @@ impl Purpose {
         Purpose::Permutation,
         Purpose::BackgroundPixel,
         Purpose::Iteration,
-        Purpose::Chunk,
+        Purpose::Part,
         Purpose::FitSamples,
         Purpose::FitSilhouettes,
         Purpose::EikonalHits,
@@ -124,7 +124,7 @@ impl Purpose {
             Purpose::Permutation => 11,
             Purpose::BackgroundPixel => 12,
             Purpose::Iteration => 13,
-            Purpose::Chunk => 14,
+            Purpose::Part => 14,
             Purpose::FitSamples => 15,
             Purpose::FitSilhouettes => 16,
             Purpose::EikonalHits => 17,

@@ -1,7 +1,7 @@
 //! The result of reverse mode: coefficients of f and ∇f at points, for one pass over the
 //! parameters.
 
-use field::{Field, Real, Vector3};
+use field::{Field, PartialSum, Real, Vector3};
 
 use crate::cameras::CameraAdjoints;
 
@@ -50,10 +50,25 @@ impl<R: Real> Adjoints<R> {
     ///
     /// One call of `Field::parameter_vjp` over the points whose coefficients are not both zero.
     pub fn backward(self, field: &dyn Field<R>, sum: &mut [R]) {
-        let points: Vec<_> = self.points.into_iter().filter(|p| !p.is_zero()).collect();
-        let x: Vec<R::Vec3> = points.iter().map(|p| p.x).collect();
-        let alpha: Vec<R> = points.iter().map(|p| p.alpha).collect();
-        let c: Vec<R::Vec3> = points.iter().map(|p| p.c).collect();
+        let (x, alpha, c) = self.columns();
         field.parameter_vjp(&x, &alpha, &c, sum);
+    }
+
+    /// As [`backward`](Self::backward), for a part of a batch.
+    pub fn add_backward(self, field: &dyn Field<R>, sum: &mut PartialSum<R>) {
+        let (x, alpha, c) = self.columns();
+        field.add_parameter_vjp(&x, &alpha, &c, sum);
+    }
+
+    /// The points whose coefficients are not both zero: x, α and c.
+    fn columns(self) -> (Vec<R::Vec3>, Vec<R>, Vec<R::Vec3>) {
+        let points = self.points.into_iter().filter(|point| !point.is_zero());
+        let (mut x, mut alpha, mut c) = (Vec::new(), Vec::new(), Vec::new());
+        for point in points {
+            x.push(point.x);
+            alpha.push(point.alpha);
+            c.push(point.c);
+        }
+        (x, alpha, c)
     }
 }

@@ -1,11 +1,12 @@
 //! Samples of the areas of pixels.
 
-use field::{Real, Vector3};
+use field::{PartialSum, Real, Vector3};
 use render::{Primary, RayAdjoint, Scene, retain_flagged};
 
 use crate::adjoints::{Adjoints, PointAdjoint};
 use crate::cameras::CameraAdjoints;
 use crate::film_warp::FilmWarpWithDivergence;
+use crate::parts::PixelParts;
 use crate::pass::Pass;
 use crate::surface::{SurfaceCoefficients, surface_vjp};
 
@@ -71,7 +72,7 @@ impl<R: Real> Area<R> {
         scene: &Scene<'_, R>,
         delta: &[R::Vec3],
         pass: Pass<R>,
-        shader: &mut [R],
+        shader: &mut PartialSum<R>,
         out: &mut Adjoints<R>,
     ) {
         let delta: Vec<R::Vec3> =
@@ -183,7 +184,7 @@ impl<R: Real> Area<R> {
 
     /// Adds the gradient by the background's parameters of the part of these samples in the pixel
     /// values. `delta` has one adjoint per pixel.
-    pub fn background_vjp(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], parameters: &mut [R]) {
+    pub fn background_vjp(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], sum: &mut PartialSum<R>) {
         let (mut rays, mut adjoint) = (Vec::new(), Vec::new());
         for (i, hit) in self.primary.hit_mask().into_iter().enumerate() {
             let share = self.shares[i];
@@ -192,7 +193,7 @@ impl<R: Real> Area<R> {
                 adjoint.push(delta[share.pixel as usize] * share.weight);
             }
         }
-        scene.background.parameter_vjp(&rays, &adjoint, parameters);
+        scene.background.add_parameter_vjp(&rays, &adjoint, sum);
     }
 
     /// For every sample, the factor on its coefficients that enforces the limit of
@@ -228,6 +229,28 @@ impl<R: Real> Area<R> {
         let camera = &scene.cameras[sample.sample.camera];
         let t = self.primary.ray_of(sample).map_or(R::infinity(), |traced| traced.found.t);
         R::of(camera.focal.max_element()) / t.max(R::min_positive_value()) * delta.length()
+    }
+
+    /// Adds samples of other pixels, which get the numbers from `first` on.
+    pub(crate) fn append(&mut self, other: Self, first: u32) {
+        debug_assert!(self.warp.is_none() && other.warp.is_none());
+        self.primary.append(other.primary);
+        let moved = |share: Share<R>| Share { pixel: share.pixel + first, ..share };
+        self.shares.extend(other.shares.into_iter().map(moved));
+    }
+
+    /// Deals the samples to parts of consecutive pixels, whose pixels are numbered anew.
+    pub(crate) fn deal(self, parts: &PixelParts) -> Vec<Self> {
+        debug_assert!(self.warp.is_none());
+        let of_pixel = |share: &Share<R>| parts.of(share.pixel);
+        let of_sample: Vec<usize> = self.shares.iter().map(of_pixel).collect();
+        let dealt = self.primary.deal(parts.count(), &of_sample);
+        let own = |primary| Area { primary, shares: Vec::new(), warp: None };
+        let mut out: Vec<Self> = dealt.into_iter().map(own).collect();
+        for (share, part) in self.shares.into_iter().zip(of_sample) {
+            out[part].shares.push(Share { pixel: share.pixel - parts.first(part), ..share });
+        }
+        out
     }
 
     /// Keeps the samples of the pixels for which `keep` is true. The samples must not have a warp.

@@ -7,6 +7,7 @@ mod cameras;
 mod film_line;
 mod film_warp;
 mod ordered_sum;
+mod parts;
 mod pass;
 mod record;
 mod silhouettes;

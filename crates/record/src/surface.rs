@@ -1,7 +1,7 @@
 //! Reverse mode of shaded hits: from adjoints of radiance to coefficients of f and ∇f at the hit
 //! points.
 
-use field::{Real, SurfaceAdjoint, Vector3};
+use field::{PartialSum, Real, SurfaceAdjoint, Vector3};
 use render::{Primary, RayAdjoint, Scene};
 use trace::{HitAdjoint, hit_film_derivative, hit_vjp};
 
@@ -26,11 +26,14 @@ pub fn surface_vjp<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
     adjoint: &[R::Vec3],
-    shader: &mut [R],
+    shader: &mut PartialSum<R>,
 ) -> Vec<SurfaceCoefficients<R>> {
     let n = primary.hits.len();
+    if n == 0 {
+        return Vec::new();
+    }
     let mut bars = SurfaceAdjoint::zeros(n);
-    scene.shader.vjp(&primary.surface.batch(), adjoint, &mut bars, shader);
+    scene.shader.add_vjp(&primary.surface.batch(), adjoint, &mut bars, shader);
     if bars.is_zero() {
         // The radiance does not depend on the hit points.
         let zero = R::zero();

@@ -63,7 +63,7 @@ fn reverse(file: &SceneFile, u: DVec2, adjoint: DVec3) -> Option<(Vec<f64>, [f64
         if primary.hits.is_empty() || !is_clear(&primary) {
             return None;
         }
-        let mut shader = vec![0.0; scene.shader.parameter_count()];
+        let mut shader = PartialSum::zero(scene.shader.parameter_count(), 0..0);
         let surface = surface_vjp(scene, &primary, &[adjoint], &mut shader)[0];
         let mut gradient = vec![0.0; scene.field.parameter_count()];
         let x = &primary.surface.x;

@@ -1,6 +1,8 @@
 //! The radiance along rays that hit nothing.
 
-use field::{Real, Vector3};
+use std::ops::Range;
+
+use field::{PartialSum, Real, Vector3};
 
 /// A ray that hits nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +58,22 @@ pub trait Background<R: Real>: Send + Sync {
     ///
     /// `adjoint` has one element per ray. The adjoint of the parameters is added to `parameters`.
     fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]);
+
+    /// The parameters of which a ray has few, for example features on a grid. By default none.
+    fn table(&self) -> Range<usize> {
+        0..0
+    }
+
+    /// As [`parameter_vjp`](Background::parameter_vjp), for a part of a batch. A background with a
+    /// [`table`](Background::table) keeps the adjoints of its parameters as additions.
+    fn add_parameter_vjp(
+        &self,
+        rays: &[BackgroundRay<R>],
+        adjoint: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        self.parameter_vjp(rays, adjoint, &mut sum.others);
+    }
 }
 
 /// The same radiance along all rays. Its parameters are red, green and blue.

@@ -52,7 +52,7 @@ pub struct Hit<R: Real> {
 }
 
 /// The first hits of a batch of samples.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Primary<R: Real> {
     /// The samples.
     pub samples: Vec<TracedSample<R>>,
@@ -150,6 +150,47 @@ impl<R: Real> Primary<R> {
         retain_flagged(&mut self.surface.normal, &kept_hits);
         retain_flagged(&mut self.surface.direction, &kept_hits);
         self.hits.iter_mut().for_each(|hit| hit.sample = number[hit.sample]);
+    }
+}
+
+impl<R: Real> Primary<R> {
+    /// Adds the samples of another batch, with their hits, after its own.
+    pub fn append(&mut self, other: Self) {
+        let (samples, rays) = (self.samples.len(), self.rays.len() as u32);
+        let moved = |sample: TracedSample<R>| TracedSample {
+            ray: sample.ray.map(|ray| ray + rays),
+            ..sample
+        };
+        self.samples.extend(other.samples.into_iter().map(moved));
+        self.rays.extend(other.rays);
+        let moved = |hit: Hit<R>| Hit { sample: hit.sample + samples, ..hit };
+        self.hits.extend(other.hits.into_iter().map(moved));
+        self.surface.x.extend(other.surface.x);
+        self.surface.normal.extend(other.surface.normal);
+        self.surface.direction.extend(other.surface.direction);
+    }
+
+    /// Deals the samples, with their hits, to `count` parts. `part` has the number of the part of
+    /// each sample. Samples of a part keep their order.
+    pub fn deal(self, count: usize, part: &[usize]) -> Vec<Self> {
+        let mut parts: Vec<Self> = (0..count).map(|_| Primary::default()).collect();
+        let mut number = Vec::with_capacity(part.len());
+        for (mut sample, part) in self.samples.into_iter().zip(part) {
+            let own = &mut parts[*part];
+            if let Some(ray) = &mut sample.ray {
+                own.rays.push(self.rays[*ray as usize]);
+                *ray = own.rays.len() as u32 - 1;
+            }
+            number.push(own.samples.len());
+            own.samples.push(sample);
+        }
+        let Surface { x, normal, direction } = self.surface;
+        for (i, hit) in self.hits.into_iter().enumerate() {
+            let own = &mut parts[part[hit.sample]];
+            own.hits.push(Hit { sample: number[hit.sample], ..hit });
+            own.surface.push(x[i], normal[i], direction[i]);
+        }
+        parts
     }
 }
 

@@ -1,6 +1,6 @@
 //! The features of a grid of splines for a block of positions, and their derivatives.
 
-use field::Real;
+use field::{AddAt, Real};
 use grids::{Jet, Splines};
 
 use lanes::{Isa, LANES, Lane, Row, fma};
@@ -137,7 +137,7 @@ pub(crate) fn add_coefficients<R: Lane>(
     count: usize,
     [features, tangent]: &[Vec<Row<R>>; 2],
     [adjoint, of_tangent]: &[Vec<Row<R>>; 2],
-    sums: &mut [R],
+    sums: &mut (impl AddAt<R> + ?Sized),
 ) {
     for l in 0..count {
         let (y, p) = (lane(features, l), lane(tangent, l));

@@ -1,6 +1,8 @@
 //! The radiance head: the radiance from a surface point towards the camera.
 
-use field::{Real, SurfaceAdjoint, SurfaceBatch, Vector3};
+use std::ops::Range;
+
+use field::{AddAt, PartialSum, Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use glam::DVec3;
 use grids::Grids;
 
@@ -157,7 +159,34 @@ impl<R: Lane> RadianceHead<R> {
     ) {
         assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
         let points = *points;
-        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, parameter_adjoint });
+        let (weights, tables) = parameter_adjoint.split_at_mut(self.mlp.parameters.len());
+        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables });
+    }
+
+    /// The place of the features of details among the parameters.
+    pub fn table(&self) -> Range<usize> {
+        self.mlp.parameters.len()..self.parameter_count()
+    }
+
+    /// As [`vjp`](Self::vjp), for a part of a batch: the adjoints of the features of details are
+    /// additions.
+    ///
+    /// # Panics
+    /// If the table of `sum` has another place, or if `surface_adjoint` is shorter than the batch.
+    pub fn add_vjp(
+        &self,
+        points: &SurfaceBatch<'_, R>,
+        rgb_adjoint: &[R::Vec3],
+        surface_adjoint: &mut SurfaceAdjoint<R>,
+        sum: &mut PartialSum<R>,
+    ) {
+        assert_eq!(sum.place(), self.table(), "place of the features of details");
+        if points.is_empty() {
+            return;
+        }
+        let points = *points;
+        let (weights, tables) = (&mut sum.others[..], &mut sum.table);
+        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables });
     }
 
     /// Writes the inputs of at most `LANES` points. Lanes without a point repeat the last point.
@@ -226,20 +255,21 @@ impl<R: Lane> Pass for Radiance<'_, R> {
 }
 
 /// The pass of [`RadianceHead::vjp`].
-struct Vjp<'a, R: Real> {
+struct Vjp<'a, R: Real, T: ?Sized> {
     head: &'a RadianceHead<R>,
     points: SurfaceBatch<'a, R>,
     rgb_adjoint: &'a [R::Vec3],
     surface_adjoint: &'a mut SurfaceAdjoint<R>,
-    parameter_adjoint: &'a mut [R],
+    weights: &'a mut [R],
+    /// The sums of the features of details.
+    tables: &'a mut T,
 }
 
-impl<R: Lane> Pass for Vjp<'_, R> {
+impl<R: Lane, T: AddAt<R> + ?Sized> Pass for Vjp<'_, R, T> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let (mlp, start) = (&self.head.mlp, self.head.encoding.features());
         let details = &self.head.details;
-        let (parameters, tables) = self.parameter_adjoint.split_at_mut(mlp.parameters.len());
         let inverse_radius = R::of(self.head.transform.radius.recip());
         let mut s = mlp.scratch(true, false, true);
         for first in (0..self.points.len()).step_by(LANES) {
@@ -265,7 +295,7 @@ impl<R: Lane> Pass for Vjp<'_, R> {
                 if details.features() > 0 {
                     let y = unit_position(&s.features[0], l);
                     let adjoint = |f: usize| s.adjoint[0][start + DIRECTIONS + f].0[l];
-                    let bar = details.encode_vjp(&self.head.tables, y, adjoint, tables);
+                    let bar = details.encode_vjp(&self.head.tables, y, adjoint, self.tables);
                     x += R::Vec3::from_array(bar) * inverse_radius;
                 }
                 self.surface_adjoint.x[i] = x;
@@ -273,6 +303,6 @@ impl<R: Lane> Pass for Vjp<'_, R> {
                 self.surface_adjoint.direction[i] = lane(&d_rows, l);
             }
         }
-        mlp.collect_gradient(&s, parameters);
+        mlp.collect_gradient(&s, self.weights);
     }
 }

@@ -1,6 +1,8 @@
 //! A perceptron as a signed distance field.
 
-use field::{Field, Real, Sphere, Vector3};
+use std::ops::Range;
+
+use field::{AddAt, Field, PartialSum, Real, Sphere, Vector3};
 use glam::DVec3;
 use grids::Splines;
 
@@ -268,7 +270,27 @@ impl<R: Lane> Field<R> for Network<R> {
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        dispatch(ParameterVjp { network: self, x, alpha, c, adjoint });
+        let (weights, table) = adjoint.split_at_mut(self.weight_count());
+        dispatch(ParameterVjp { network: self, x, alpha, c, weights, table });
+    }
+
+    fn table(&self) -> Range<usize> {
+        self.weight_count()..self.parameter_count()
+    }
+
+    fn add_parameter_vjp(
+        &self,
+        x: &[R::Vec3],
+        alpha: &[R],
+        c: &[R::Vec3],
+        sum: &mut PartialSum<R>,
+    ) {
+        assert_eq!(sum.place(), self.table(), "place of the grid's coefficients");
+        if x.is_empty() {
+            return;
+        }
+        let (weights, table) = (&mut sum.others[..], &mut sum.table);
+        dispatch(ParameterVjp { network: self, x, alpha, c, weights, table });
     }
 }
 
@@ -387,21 +409,22 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
 }
 
 /// The pass of [`Field::parameter_vjp`].
-struct ParameterVjp<'a, R: Real> {
+struct ParameterVjp<'a, R: Real, T: ?Sized> {
     network: &'a Network<R>,
     x: &'a [R::Vec3],
     alpha: &'a [R],
     c: &'a [R::Vec3],
-    adjoint: &'a mut [R],
+    weights: &'a mut [R],
+    /// The sums of the free coefficients of the grid.
+    table: &'a mut T,
 }
 
-impl<R: Lane> Pass for ParameterVjp<'_, R> {
+impl<R: Lane, T: AddAt<R> + ?Sized> Pass for ParameterVjp<'_, R, T> {
     #[inline(always)]
     fn run<I: Isa>(self) {
         let network = self.network;
         let mut s = network.mlp.scratch(true, true, true);
         let mut jets = Jets::new(&network.splines, true, false);
-        let (weights, table) = self.adjoint.split_at_mut(network.weight_count());
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
             network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
@@ -411,10 +434,10 @@ impl<R: Lane> Pass for ParameterVjp<'_, R> {
                 x.len(),
                 &s.features,
                 &s.adjoint,
-                table,
+                self.table,
             );
         }
-        network.mlp.collect_gradient(&s, weights);
+        network.mlp.collect_gradient(&s, self.weights);
     }
 }
 

@@ -25,7 +25,8 @@ impl Pass for AllPasses<'_> {
         Value { network, x, f: &mut f }.run::<I>();
         let alpha = f.clone();
         ValueGradient { network, x, f: &mut f, gradient: &mut g }.run::<I>();
-        ParameterVjp { network, x, alpha: &alpha, c: &g, adjoint: &mut theta }.run::<I>();
+        let (weights, table) = theta.split_at_mut(network.weight_count());
+        ParameterVjp { network, x, alpha: &alpha, c: &g, weights, table }.run::<I>();
         let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
         let mut all = [alpha, f, flat(&g)].concat();
         HessianVector { network, x, p: x, gradient: &mut g, product: &mut h }.run::<I>();

@@ -5,6 +5,7 @@ mod accuracy;
 mod growth;
 mod programs;
 mod scenes;
+pub(crate) mod workers;
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -75,7 +76,7 @@ pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
 }
 
 /// Replaces the JSON file whole.
-fn write(path: &Path, results: &BenchResults) -> anyhow::Result<()> {
+fn write(path: &Path, results: &impl Serialize) -> anyhow::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
     let mut file = tempfile::NamedTempFile::new_in(folder)?;

@@ -95,6 +95,10 @@ impl<R: Real> Estimator<R> for Refined {
         true
     }
 
+    fn is_by_pixel(&self) -> bool {
+        true
+    }
+
     fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
         let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
         Discontinuity::of_scene_except(scene, &modelled)

@@ -5,9 +5,13 @@
 //! last one.
 
 use checkpoint::Average;
+use rayon::prelude::*;
 use schedule::is_averaged;
 
 use super::Fit;
+
+/// The number of parameters that a thread takes at a time.
+const PART: usize = 1 << 14;
 
 impl Fit {
     /// Adds the parameters after a step to their mean, in the last part of the budget.
@@ -22,7 +26,9 @@ impl Fit {
             self.average.get_or_insert_with(|| Average { parameters: vec![0.0; count], steps: 0 });
         *steps += 1;
         let share = 1.0 / *steps as f32;
-        parameters.iter_mut().zip(&self.parameters).for_each(|(a, p)| *a += share * (*p - *a));
+        parameters.par_chunks_mut(PART).zip(self.parameters.par_chunks(PART)).for_each(
+            |(mean, own)| mean.iter_mut().zip(own).for_each(|(a, p)| *a += share * (*p - *a)),
+        );
     }
 
     /// Takes the mean as the model, if the budget is spent.

@@ -4,6 +4,7 @@ use calibrate::{Calibration, CameraDecision, Freedom, RefineCameras, Trial};
 use checkpoint::{Optimised, Refinement};
 use glam::Vec3;
 use io::InputError;
+use objective::{Gradient, Workspace};
 use photometry::{Gains, Pixel, photometric, without_gains};
 use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
@@ -12,7 +13,6 @@ use super::{Fit, scene};
 use crate::cameras::{Corrections, calibration, corrected};
 use crate::exposure::RunExposures;
 use crate::run_cameras::RunCameras;
-use crate::step::Gradient;
 
 /// The share of the sharp part of the budget before the refinement of cameras: the surface has
 /// become sharp by then.
@@ -157,12 +157,13 @@ impl Fit {
     fn trial(&self, mut refined: Calibration, steps: u64) -> anyhow::Result<(Calibration, Trial)> {
         let stream = Stream::new(self.file.options.seed, Purpose::CameraTrial);
         let draws = self.file.options.batch as u64;
+        let mut work = Workspace::default();
         for step in 0..steps {
             let pixels = self.trial_pixels(step * draws..(step + 1) * draws, stream.at(0));
             let count = pixels.iter().map(|p| f32::from(p.count)).sum();
             let seed = stream.at(1).at(step).bits();
             let (Gradient { cameras, .. }, _) =
-                self.gradient_of(0, (&pixels, count), Some(&refined), seed)?;
+                self.gradient_of(0, (&pixels, count), Some(&refined), seed, &mut work)?;
             let rate = TRIAL_RATE * (1.0 - step as f64 / steps as f64);
             refined.step(&self.levels[0].cameras, &cameras, rate)?;
         }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use estimate::{Batch, EstimatorOptions, Registry, SampleCounts, SilhouetteMask, Terms};
-use field::SLOPE_POINTS;
+use field::{PartialSum, SLOPE_POINTS};
 use glam::{DQuat, DVec2, DVec3};
 use random::{Purpose, Stream};
 use record::{Adjoints, CameraAdjoints, Pass};
@@ -135,7 +135,7 @@ fn adjoint(scene: &Scene<'_, f64>, delta: &[DVec3], estimator: &str, seeds: u64)
         let batch = Batch { pixels: &pixels, counts, seed, terms: Terms::All };
         let record = estimator.record(scene, &batch, &mut SilhouetteMask::default()).unwrap();
         assert!(record.has_cameras());
-        record.vjp(scene, &delta, Pass::Sum, &mut [0.0; 64], &mut out);
+        record.vjp(scene, &delta, Pass::Sum, &mut PartialSum::zero(64, 0..0), &mut out);
     }
     out.cameras.unwrap().sums[0]
 }

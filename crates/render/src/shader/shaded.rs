@@ -1,6 +1,8 @@
 //! The shader trait, and the radiance head as a shader.
 
-use field::{Real, Scalar, SurfaceAdjoint, SurfaceBatch};
+use std::ops::Range;
+
+use field::{PartialSum, Real, Scalar, SurfaceAdjoint, SurfaceBatch};
 use sdf_nn::RadianceHead;
 
 /// A precision of scenes and networks: `f32` or `f64`.
@@ -41,6 +43,23 @@ pub trait Shader<R: Real>: Send + Sync {
         bars: &mut SurfaceAdjoint<R>,
         parameters: &mut [R],
     );
+
+    /// The parameters of which a point has few, for example features on a grid. By default none.
+    fn table(&self) -> Range<usize> {
+        0..0
+    }
+
+    /// As [`vjp`](Shader::vjp), for a part of a batch. A shader with a [`table`](Shader::table)
+    /// keeps the adjoints of its parameters as additions.
+    fn add_vjp(
+        &self,
+        points: &SurfaceBatch<'_, R>,
+        adjoint: &[R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
+        sum: &mut PartialSum<R>,
+    ) {
+        self.vjp(points, adjoint, bars, &mut sum.others);
+    }
 }
 
 impl<R: Precision> Shader<R> for RadianceHead<R> {
@@ -58,5 +77,17 @@ impl<R: Precision> Shader<R> for RadianceHead<R> {
         parameters: &mut [R],
     ) {
         RadianceHead::vjp(self, points, adjoint, bars, parameters);
+    }
+    fn table(&self) -> Range<usize> {
+        RadianceHead::table(self)
+    }
+    fn add_vjp(
+        &self,
+        points: &SurfaceBatch<'_, R>,
+        adjoint: &[R::Vec3],
+        bars: &mut SurfaceAdjoint<R>,
+        sum: &mut PartialSum<R>,
+    ) {
+        RadianceHead::add_vjp(self, points, adjoint, bars, sum);
     }
 }

@@ -6,13 +6,13 @@ use random::{Purpose, Stream};
 use render::Sample;
 use stereo::{GuidedRay, guide};
 
-use crate::step::chunk::Chunk;
+use crate::part::Part;
 
 /// The weight of a pixel's term, in units of its photometric loss: a surface that is off by a tenth
 /// of the bounding radius counts as much as an error of a tenth of white.
 const WEIGHT: f32 = 1.0;
 
-impl Chunk<'_> {
+impl Part<'_> {
     /// Adds the term of known depths for the pixels that have one.
     pub(super) fn add_guide(&mut self, samples: &[Sample]) {
         let Some(depths) = self.batch.depths else { return };

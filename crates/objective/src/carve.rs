@@ -2,9 +2,8 @@
 
 use estimate::record::PointAdjoint;
 use glam::Vec3;
-use stereo::pushes;
 
-use super::chunk::Chunk;
+use crate::part::Part;
 
 /// The push of a surface point, in units of the term of a known depth.
 const STRENGTH: f32 = 20.0;
@@ -12,21 +11,14 @@ const STRENGTH: f32 = 20.0;
 /// A point stays if a depth map has its surface within this distance, in bounding radii.
 const NEAR: f32 = 0.03;
 
-impl Chunk<'_> {
+impl Part<'_> {
     /// Pushes f up at points of the surface whose pixels have a large loss, unless a depth map has
-    /// its surface there, or it is overexposed. Each point has the number of its pixel. `losses`
-    /// has one loss for each pixel; pixels without a loss do not count.
-    pub(super) fn carve(
-        &mut self,
-        points: impl Iterator<Item = (usize, Vec3)>,
-        losses: &[Option<f32>],
-    ) {
-        let Some(depths) = self.batch.depths.filter(|_| self.batch.carves) else { return };
+    /// its surface there, or it is overexposed. `pushes` has one push for each pixel.
+    pub(crate) fn carve(&mut self, pushes: &[f32]) {
+        let Some(depths) = self.batch.depths else { return };
         let scene = &self.batch.scene;
-        let counts = self.pixels.iter().map(|p| f32::from(p.count));
-        let pushes = pushes(losses.iter().copied().zip(counts));
         let (radius, near) = (scene.radius(), f64::from(NEAR * scene.radius()));
-        for (pixel, x) in points.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
+        for (pixel, x) in self.surface.iter().copied().filter(|(pixel, _)| pushes[*pixel] > 0.0) {
             let (view, at) = (self.pixels[pixel].view as usize, x.as_dvec3());
             let is_kept = depths.is_surface(scene.cameras, at, near)
                 || self.batch.level.is_overexposed(scene.cameras, view, at);

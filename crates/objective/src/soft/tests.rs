@@ -5,30 +5,27 @@ use std::path::PathBuf;
 use dataset::View;
 use estimate::record::Pass;
 use estimate::{Refined, SampleCounts};
-use field::{Field, Sphere};
+use field::Field;
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use random::{Purpose, Stream};
-use render::{BackgroundRay, Camera, Scene};
+use render::{Background, BackgroundRay, Camera, Scene};
 use stereo::{DepthMap, Guide};
 
 use super::*;
-use crate::model::Model;
-use crate::options::FitOptions;
-use crate::run_file::RunFile;
-use crate::step::chunk::Batch;
-use photometry::{
-    BackgroundKind, BackgroundModel, Level, MaskUse, Pixel, Target, photometric, pyramid,
-};
+use crate::gradient::PARTS;
+use crate::sums::PartSums;
+use crate::test_model::{BOUNDS, Model, background_model};
+use crate::{Batch, Workspace, gradient};
+use photometry::{Level, MaskUse, Pixel, Target, photometric, pyramid};
+use sdf_nn::Encoding;
 
 const SIZE: u32 = 12;
 const SHARPNESS: f32 = 12.0;
 
-/// A run with an initial ball of this radius, in bounding radii.
-fn run_file(initial_radius: f64) -> RunFile {
-    let small = FitOptions { width: 16, layers: 2, bands: 2, beta: 20.0, ..FitOptions::default() };
-    let options = FitOptions { initial_radius, ..small };
-    RunFile { background_kind: BackgroundKind::Volume, ..RunFile::of_test(options) }
+/// A ball of this radius, in bounding radii.
+fn model(radius: f64) -> Model {
+    Model::ball(radius, 16, Encoding::Frequency { bands: 2 })
 }
 
 fn camera() -> Camera {
@@ -43,16 +40,11 @@ fn level() -> Level {
     let image = Film { width: SIZE, height: SIZE, pixels: (0..SIZE * SIZE).map(value).collect() };
     let view =
         View { name: String::new(), path: PathBuf::new(), camera: camera(), image, mask: None };
-    pyramid(&[view], MaskUse::None, &background_model(), 1).remove(0)
-}
-
-fn background_model() -> BackgroundModel {
-    run_file(0.5).background_model(&[])
+    pyramid(&[view], MaskUse::None, &background_model(true), 1).remove(0)
 }
 
 fn scene<'a>(model: &'a Model, cameras: &'a [Camera]) -> Scene<'a, f32> {
-    let bounds = Sphere { center: DVec3::ZERO, radius: 1.0 };
-    Scene::new(&model.field, &model.head, cameras, &bounds, model.background.as_background())
+    Scene::new(&model.field, &model.head, cameras, &BOUNDS, &model.background)
 }
 
 /// Φ of the opacity.
@@ -66,7 +58,7 @@ fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 
     for (sample, pixel) in pixels.iter().enumerate() {
         let ray: BackgroundRay<f32> = rays.background[sample];
         let mut seen = [Vec3::ZERO];
-        model.background.as_background().radiance(&[ray], &mut seen);
+        model.background.radiance(&[ray], &mut seen);
         let (mut sum, mut pass) = (DVec3::ZERO, 1.0);
         if let Some(i) = rays.samples.iter().position(|of| *of == sample) {
             let (origin, direction): (Vec3, Vec3) = (ray.origin, ray.direction);
@@ -138,7 +130,7 @@ fn all_pixels() -> Vec<Pixel> {
 
 #[test]
 fn known_depths_and_contradictions_move_the_surface() {
-    let (model, cameras, pixels) = (Model::initial(&run_file(0.5)), [camera()], all_pixels());
+    let (model, cameras, pixels) = (model(0.5), [camera()], all_pixels());
     // Two pixels of the ball are not as grey as its first radiance.
     let level_of = |value: f32| {
         let mut level = level();
@@ -155,7 +147,7 @@ fn known_depths_and_contradictions_move_the_surface() {
         let depths = Guide { maps: &maps, scale: 1.0 };
         let batch = batch(scene(&model, &cameras), level, &pixels);
         let batch = Batch { depths: Some(depths), carves, sharpness: Some(80.0), ..batch };
-        crate::step::gradient(&batch).unwrap().parameters[bias]
+        gradient(&batch, &mut Workspace::default()).unwrap().parameters[bias]
     };
     let slope = |distance: f32, carves: bool| slope_of(&bright, distance, carves);
     // A surface behind or before that of the ball, and no known depth.
@@ -168,8 +160,7 @@ fn known_depths_and_contradictions_move_the_surface() {
 }
 
 fn check_gradient(initial_radius: f64) {
-    let file = run_file(initial_radius);
-    let (mut model, level, cameras) = (Model::initial(&file), level(), [camera()]);
+    let (mut model, level, cameras) = (model(initial_radius), level(), [camera()]);
     // The colours of the initial head are nearly the same everywhere.
     let mut parameters = model.parameters();
     let head = model.field.parameters().len()..;
@@ -177,22 +168,20 @@ fn check_gradient(initial_radius: f64) {
     model.set_parameters(&parameters);
     let pixels = all_pixels();
     let batch = batch(scene(&model, &cameras), &level, &pixels);
-    let gradient = crate::step::gradient(&batch).unwrap().parameters;
-    // `gradient` has two chunks, each with points of its own. Their points are found again here.
-    let parts: Vec<(&[Pixel], SoftRays)> = pixels
-        .chunks(pixels.len() / 2)
-        .enumerate()
-        .map(|(number, own)| {
-            let seed = Stream::new(batch.seed, Purpose::Chunk).at(number as u64).bits();
-            let chunk = Chunk::new(&batch, own, seed);
-            (own, SoftRays::new(&chunk, &chunk.samples(), SHARPNESS))
+    let gradient = gradient(&batch, &mut Workspace::default()).unwrap().parameters;
+    // The parts have points of their own. These are found again here.
+    let parts: Vec<(&[Pixel], SoftRays)> = (0..PARTS)
+        .map(|number| {
+            let part = Part::new(&batch, number, PartSums::default());
+            (part.pixels, SoftRays::new(&part, &part.samples(), SHARPNESS))
         })
         .collect();
+    let share = 1.0 / PARTS as f64;
     let total = |model: &Model| {
-        parts.iter().map(|(own, rays)| 0.5 * loss(model, rays, own, &level)).sum::<f64>()
+        parts.iter().map(|(own, rays)| share * loss(model, rays, own, &level)).sum::<f64>()
     };
     let start = model.parameters();
-    assert_eq!(start.len(), Model::parameter_count(&file, 0));
+    assert_eq!(start.len(), gradient.len());
     let field = model.field.parameters().len();
     let shape = field + model.head.parameter_count();
     for (name, range) in

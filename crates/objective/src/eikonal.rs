@@ -7,9 +7,8 @@ use estimate::record::PointAdjoint;
 use field::Vector3;
 use glam::Vec3;
 use random::{Purpose, Stream};
-use render::Primary;
 
-use super::chunk::{Chunk, pixels_of};
+use crate::part::{Part, pixels_of};
 
 /// The term is evaluated at one of this many points, with this many times its weight. At 2 and
 /// 8: distance 1.04 and 1.09 (see the evidence in the crate `schedule`).
@@ -21,26 +20,19 @@ const NEAR: f32 = 0.1;
 
 /// A point of the surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NearPoint {
+pub(crate) struct NearPoint {
     /// The point, in world units.
-    pub(super) x: Vec3,
+    pub(crate) x: Vec3,
     /// The number of pixels that it stands for.
-    pub(super) weight: f32,
+    pub(crate) weight: f32,
 }
 
-impl Chunk<'_> {
-    /// The hits, as points of the surface.
-    pub(super) fn hit_points(&self, primary: &Primary<f32>) -> Vec<NearPoint> {
-        let weight = |sample: usize| f32::from(self.pixels[sample].count);
-        let hits = primary.hits.iter().zip(&primary.surface.x);
-        hits.map(|(hit, x)| NearPoint { x: *x, weight: weight(hit.sample) }).collect()
-    }
-
+impl Part<'_> {
     /// Adds (|∇f| − 1)² near the points `surface` and at uniform points of the bounding ball.
     ///
     /// The weights are those of the points and of half a point per pixel in the ball. The term is
     /// evaluated at one of [`EIKONAL_EVERY`] of these points.
-    pub(super) fn add_eikonal(&mut self, surface: &[NearPoint]) {
+    pub(crate) fn add_eikonal(&mut self, surface: &[NearPoint]) {
         let (points, weights) = self.eikonal_points(surface);
         let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
         self.batch.scene.field.value_gradient(&points, &mut f, &mut g);

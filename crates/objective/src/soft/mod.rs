@@ -12,8 +12,9 @@ use random::{Purpose, Stream};
 use render::{BackgroundRay, Camera, InvalidField, Sample, normals};
 use trace::HitAdjoint;
 
-use super::chunk::{Chunk, pixels_of};
-use super::eikonal::NearPoint;
+use crate::batch::PixelLoss;
+use crate::eikonal::NearPoint;
+use crate::part::{Part, pixels_of};
 
 /// An interval of less weight counts as empty: it has no opacity and needs no colour.
 const LEAST_WEIGHT: f32 = 1e-3;
@@ -48,11 +49,11 @@ impl Colored {
     }
 }
 
-/// The rays of a chunk through a soft surface.
+/// The rays of a part through a soft surface.
 struct SoftRays {
     background: Vec<BackgroundRay<f32>>,
     chords: Vec<Chord>,
-    /// The number of each chord's sample in the chunk.
+    /// The number of each chord's sample in the part.
     samples: Vec<usize>,
     points: ChordPoints,
     /// [`INTERVALS`] weights for each chord.
@@ -63,8 +64,8 @@ struct SoftRays {
 
 impl SoftRays {
     /// `sharpness` is per world unit.
-    fn new(chunk: &Chunk<'_>, samples: &[Sample], sharpness: f32) -> Self {
-        let scene = &chunk.batch.scene;
+    fn new(part: &Part<'_>, samples: &[Sample], sharpness: f32) -> Self {
+        let scene = &part.batch.scene;
         let ball = scene.bounding_ball();
         let background: Vec<BackgroundRay<f32>> =
             samples.iter().map(|sample| scene.background_ray(sample)).collect();
@@ -77,7 +78,7 @@ impl SoftRays {
                 of_chord.push(sample);
             }
         }
-        let stream = Stream::new(chunk.seed, Purpose::RayPoints);
+        let stream = Stream::new(part.seed, Purpose::RayPoints);
         let points = ChordPoints::new(scene.field, &chords, sharpness, stream);
         let mut all = vec![0.0; chords.len() * INTERVALS];
         let own = points.f.chunks_exact(POINTS).zip(all.chunks_exact_mut(INTERVALS));
@@ -94,7 +95,7 @@ impl SoftRays {
     }
 
     /// The intervals with a colour, in order.
-    fn colored(&self, chunk: &Chunk<'_>) -> Colored {
+    fn colored(&self, part: &Part<'_>) -> Colored {
         let mut out = Colored::default();
         for (i, _) in self.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
             let (chord, k) = (self.chords[i / INTERVALS], i % INTERVALS);
@@ -105,21 +106,16 @@ impl SoftRays {
         }
         out.gradient.resize(out.x.len(), Vec3::ZERO);
         let mut f = vec![0.0; out.x.len()];
-        chunk.batch.scene.field.value_gradient(&out.x, &mut f, &mut out.gradient);
+        part.batch.scene.field.value_gradient(&out.x, &mut f, &mut out.gradient);
         out.normal = normals::<f32>(&out.gradient);
         out
     }
 }
 
-impl Chunk<'_> {
+impl Part<'_> {
     /// Adds the photometric term of all pixels with a soft surface. `sharpness` is per bounding
     /// radius.
-    pub(super) fn add_soft_pixels(
-        &mut self,
-        sharpness: f32,
-        shader: &mut [f32],
-        behind: &mut [f32],
-    ) -> Result<(), InvalidField> {
+    pub(crate) fn add_soft_pixels(&mut self, sharpness: f32) -> Result<(), InvalidField> {
         let scene = self.batch.scene;
         let sharpness = sharpness / scene.radius();
         let samples = self.samples();
@@ -144,18 +140,19 @@ impl Chunk<'_> {
                 radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
         }
         let pixels = self.pixels.iter().zip(&seen);
-        let (delta, losses): (Vec<Vec3>, Vec<Option<f32>>) = pixels
-            .map(|(p, seen)| self.add_loss((*seen).into(), *p))
-            .map(|(adjoint, loss)| (adjoint, Some(loss)))
-            .unzip();
-        self.add_color_adjoints(&rays, &colored, &delta, shader);
+        let losses: Vec<PixelLoss> = pixels.map(|(p, seen)| self.batch.loss(*seen, p)).collect();
+        let own = losses.iter().zip(self.pixels);
+        let delta: Vec<Vec3> = own.map(|(loss, p)| self.add_loss(loss, p)).collect();
+        self.losses = losses.iter().map(|loss| Some(loss.loss)).collect();
+        self.add_color_adjoints(&rays, &colored, &delta);
         self.add_opacity_adjoints(&rays, &colors, &background, &delta, sharpness);
         let weighted = delta.iter().zip(&last).map(|(delta, last)| {
             if *last > LEAST_TRANSMITTANCE { *delta * *last } else { Vec3::ZERO }
         });
         let adjoint: Vec<Vec3> = weighted.collect();
         if self.batch.trains_background {
-            scene.background.parameter_vjp(&rays.background, &adjoint, behind);
+            let sum = &mut self.sums.background;
+            scene.background.add_parameter_vjp(&rays.background, &adjoint, sum);
         }
         let near: Vec<NearPoint> = colored
             .interval
@@ -171,23 +168,18 @@ impl Chunk<'_> {
         self.add_guide(&samples);
         let is_surface = |i: &usize| rays.weights[*i] > OPAQUE;
         let points = colored.interval.iter().zip(&colored.x).filter(|(i, _)| is_surface(i));
-        self.carve(points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)), &losses);
+        self.surface = points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)).collect();
         Ok(())
     }
 
     /// Adds the adjoints of the colours: to the head, and through the normals to ∇f. The points
     /// stay where they are.
-    fn add_color_adjoints(
-        &mut self,
-        rays: &SoftRays,
-        colored: &Colored,
-        delta: &[Vec3],
-        shader: &mut [f32],
-    ) {
+    fn add_color_adjoints(&mut self, rays: &SoftRays, colored: &Colored, delta: &[Vec3]) {
         let of_interval = |i: &usize| delta[rays.samples[*i / INTERVALS]] * rays.weights[*i];
         let adjoint: Vec<Vec3> = colored.interval.iter().map(of_interval).collect();
         let mut bars = SurfaceAdjoint::zeros(adjoint.len());
-        self.batch.scene.shader.vjp(&colored.batch(), &adjoint, &mut bars, shader);
+        let shader = self.batch.scene.shader;
+        shader.add_vjp(&colored.batch(), &adjoint, &mut bars, &mut self.sums.shader);
         for (j, x) in colored.x.iter().enumerate() {
             let c = HitAdjoint::<f32>::normal_coefficient(colored.gradient[j], bars.normal[j]);
             self.adjoints.push(PointAdjoint { pixel: 0, x: *x, alpha: 0.0, c });

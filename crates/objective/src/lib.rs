@@ -1,0 +1,19 @@
+#![doc = include_str!("../README.md")]
+
+mod batch;
+mod carve;
+mod eikonal;
+mod gradient;
+mod part;
+mod sharp;
+mod soft;
+mod sums;
+
+pub use batch::{Batch, BatchStats};
+pub use gradient::{Gradient, gradient};
+pub use sums::{Observer, Stage, Workspace};
+
+#[cfg(test)]
+mod gradient_tests;
+#[cfg(test)]
+mod test_model;

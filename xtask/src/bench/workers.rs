@@ -1,0 +1,70 @@
+//! The simulation of iterations on many threads.
+
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use anyhow::ensure;
+use measure::{cargo_command, dsdf};
+use serde_json::{Value, json};
+
+/// The scene, as the sweep `detail` has it: a slab with ridges.
+const SCENE: &str = "xtask/sweeps/scenes/ridges.json";
+
+/// Iterations of the run, and those at which it is simulated: with a soft surface, and with a sharp
+/// one and all levels of the grid.
+const ITERATIONS: &str = "3000";
+const AT: [(&str, &str); 2] = [("soft", "900"), ("sharp", "2400")];
+
+/// Iterations that are simulated.
+const SIMULATED: &str = "200";
+
+/// Simulates iterations on `workers` threads, prints the result, and writes it to `output`.
+pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()> {
+    ensure!(workers > 0, "--workers is 0, expected a number of threads");
+    let path = output.unwrap_or_else(|| dsdf::root().join("target/workers.json"));
+    let binary = dsdf::build()?;
+    let folder = tempfile::tempdir()?;
+    let [data, run] = ["data", "run"].map(|n| folder.path().join(n).to_string_lossy().into_owned());
+    let scene = dsdf::root().join(SCENE).to_string_lossy().into_owned();
+    dsdf::run_json(&binary, &["synth", &scene, "-o", &data, "--views", "24", "--size", "200x200"])?;
+    println!(
+        "A simulation: one thread computes all tasks, and their times are dealt to workers.\n"
+    );
+    println!("| surface | workers | ms on one | simulated ms | faster | efficiency |");
+    println!("|---|---|---|---|---|---|");
+    let mut results = Vec::new();
+    for (surface, at) in AT {
+        let begin = ["fit", &data, "-o", &run, "--iterations", ITERATIONS, "--seed", "1"];
+        let again = ["fit", "-o", &run, "--resume"];
+        let start: &[&str] = if results.is_empty() { &begin } else { &again };
+        dsdf::run_json(&binary, &[start, &["--masks", "ignore", "--stop-after", at]].concat())?;
+        for workers in [2, workers] {
+            let found = simulate(&run, workers)?;
+            let of = |key: &str| found[key].as_f64().unwrap_or(f64::NAN);
+            let (ms, simulated) = (of("ms"), of("simulated_ms"));
+            let (faster, efficiency) = (of("speed_up"), 100.0 * of("efficiency"));
+            println!(
+                "| {surface} | {workers} | {ms:.2} | {simulated:.2} | {faster:.1} | \
+                 {efficiency:.0} % |"
+            );
+            results.push(json!({"surface": surface, "result": found}));
+        }
+    }
+    super::write(&path, &results)?;
+    eprintln!("{}", path.display());
+    Ok(())
+}
+
+/// Runs the bench `workers` of `fit` on a run.
+fn simulate(run: &str, workers: usize) -> anyhow::Result<Value> {
+    let arguments = ["bench", "--package", "fit", "--bench", "workers", "--"];
+    let output = cargo_command(&[&arguments[..], &[run, &workers.to_string(), SIMULATED]].concat())
+        .stderr(Stdio::inherit())
+        .output()?;
+    ensure!(
+        output.status.success(),
+        "the bench workers of fit failed on {}",
+        Path::new(run).display()
+    );
+    Ok(serde_json::from_slice(&output.stdout)?)
+}
