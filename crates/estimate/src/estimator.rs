@@ -112,9 +112,10 @@ pub trait Estimator<R: Real>: Send + Sync {
         false
     }
 
-    /// Whether the samples of a pixel depend on no other pixel of the batch: a record can then be
-    /// dealt to parts ([`Record::deal`]), and the parts have the same bits as records of their own.
-    /// A warp's depend on the edges that pixels share.
+    /// Whether the samples of a pixel depend on no other pixel of the batch, and records have
+    /// neither border nor warp. A record can then be dealt to parts ([`Record::deal`]), and the
+    /// parts have the same bits as records of their own. Samples of a warp depend on the edges that
+    /// pixels share.
     fn is_by_pixel(&self) -> bool {
         false
     }

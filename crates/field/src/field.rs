@@ -75,8 +75,8 @@ pub trait Field<R: Real>: Send + Sync {
     /// move with θ.
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]);
 
-    /// The parameters of which a point has few, for example coefficients on a grid. By default
-    /// none.
+    /// The parameters of which each value depends on few, for example coefficients on a grid. By
+    /// default none.
     fn table(&self) -> Range<usize> {
         0..0
     }
@@ -90,6 +90,7 @@ pub trait Field<R: Real>: Send + Sync {
         c: &[R::Vec3],
         sum: &mut PartialSum<R>,
     ) {
+        debug_assert!(sum.place().is_empty(), "a table without additions");
         self.parameter_vjp(x, alpha, c, &mut sum.others);
     }
 

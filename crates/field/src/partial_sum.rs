@@ -1,4 +1,4 @@
-//! Parts of sums over parameters, of which a point has few.
+//! Parts of sums over parameters of which each value depends on few.
 
 use std::ops::Range;
 
@@ -61,6 +61,7 @@ impl<R: Real> AddAt<R> for Additions<R> {
 impl<R: Real> Additions<R> {
     /// No additions to a vector of this length.
     fn new(length: usize) -> Self {
+        assert!(length <= u32::MAX as usize, "a table of {length} parameters");
         Additions { bins: vec![Vec::new(); length.div_ceil(1 << BIN)] }
     }
 
@@ -74,8 +75,9 @@ impl<R: Real> Additions<R> {
             let at = *index as usize - bin * Self::BIN;
             vector[at] += *first;
             // The last number of an odd length has no partner.
-            if let Some(partner) = vector.get_mut(at + 1) {
-                *partner += *second;
+            match vector.get_mut(at + 1) {
+                Some(partner) => *partner += *second,
+                None => debug_assert!(*second == R::zero(), "a number after the last"),
             }
         }
     }
@@ -83,7 +85,8 @@ impl<R: Real> Additions<R> {
 
 /// The part of a batch in a sum over parameters.
 ///
-/// The parameters of a table, of which a point has few, are additions; the others are a vector.
+/// The parameters of a table, of which each value depends on few, are additions; the others are a
+/// vector.
 #[derive(Clone, Debug, Default)]
 pub struct PartialSum<R> {
     /// The sums of the parameters outside of the table, in order.
@@ -144,10 +147,10 @@ mod tests {
             let at = (i * 7919) % place.len();
             sum.table.add_at(at, i as f64);
             expected[place.start + at] += i as f64;
-            sum.table.add_pair(at & !1, [2.0, -3.0]);
-            expected[place.start + (at & !1)] += 2.0;
-            if let Some(partner) = expected[..place.end].get_mut(place.start + (at | 1)) {
-                *partner -= 3.0;
+            if (at | 1) < place.len() {
+                sum.table.add_pair(at & !1, [2.0, -3.0]);
+                expected[place.start + (at & !1)] += 2.0;
+                expected[place.start + (at | 1)] -= 3.0;
             }
         }
         for i in 0..sum.others.len() {

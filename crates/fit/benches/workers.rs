@@ -71,10 +71,11 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
 }
 
 /// The stages of an iteration, in their order.
-const STAGES: [Stage; 7] = [
+const STAGES: [Stage; 8] = [
     Stage::Clear,
     Stage::Soft,
     Stage::Trace,
+    Stage::Record,
     Stage::Reverse,
     Stage::Backward,
     Stage::Sum,

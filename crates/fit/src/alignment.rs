@@ -73,9 +73,10 @@ pub fn align(
             carves: false,
             seed: stream.at(4).at(step).bits(),
         };
-        let adjoints = gradient(&batch, &mut work)?.cameras;
+        let found = gradient(&batch, &mut work)?;
+        work.reuse(found.parameters);
         let rate = RATE * (1.0 - step as f64 / STEPS as f64);
-        calibration.step(&level.cameras, &adjoints, rate)?;
+        calibration.step(&level.cameras, &found.cameras, rate)?;
         progress((step + 1) as f64 / STEPS as f64);
     }
     Ok(calibration.cameras())

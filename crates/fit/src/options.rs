@@ -204,11 +204,14 @@ const MAX_BATCH: usize = 1 << 24;
 /// Bytes of memory for each draw of an iteration. Measured: 14.
 const MEMORY_PER_DRAW: u64 = 32;
 
+/// Bytes of memory for the pixels that are in memory together, at most 4096. An estimate: up to
+/// 16 KiB a pixel, before a trained background.
+const MEMORY_OF_ROUND: u64 = 64 << 20;
+
 /// Bytes of memory for each parameter of the network: the parameters, their packed copies, the
 /// moments of Adam, the copies of a checkpoint that is written, and 16 partial sums of the
-/// gradient. Measured: 116, and 59 for a batch of two chunks, before the weights were packed for a
-/// few points too. These are 8 more for each of two networks, and 16 at widths just above a
-/// multiple of 32.
+/// gradient. Measured: 116 for 16 sums, before the weights were packed for a few points too. These
+/// are 8 more for each of two networks, and 16 at widths just above a multiple of 32.
 const MEMORY_PER_PARAMETER: u64 = 160;
 
 impl FitOptions {
@@ -236,7 +239,7 @@ impl FitOptions {
         warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))?;
         let found = format!("{} layers of width {}", self.layers, self.width);
         check_memory(source, "width", found, self.network_memory())?;
-        let memory = MEMORY_PER_DRAW * self.batch as u64;
+        let memory = MEMORY_PER_DRAW * self.batch as u64 + MEMORY_OF_ROUND;
         check_memory(source, "batch", format!("{} pixels", self.batch), memory)
     }
 

@@ -293,8 +293,9 @@ impl Fit {
             self.gradient(level)?;
         let schedule = learning_rate(self.progress());
         let work = std::mem::take(&mut self.work);
-        let norm = work.run(Stage::Parameters, || self.move_parameters(&mut gradient, schedule))?;
+        let norm = work.run(Stage::Parameters, || self.move_parameters(&mut gradient, schedule));
         self.work = work;
+        let norm = norm?;
         self.work.reuse(gradient);
         if let Some(calibration) = self.corrections.refined_mut() {
             calibration.step(&self.levels[level].cameras, &cameras, CAMERA_RATE * schedule)?;

@@ -1,21 +1,25 @@
 //! The gradient of one iteration: the photometric term and the eikonal term over a batch of
 //! pixels.
 
+use std::ops::Range;
+
 use estimate::record::{Adjoints, PointAdjoint};
 use glam::DVec3;
+use lanes::LANES;
+use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{CameraAdjoint, InvalidField};
 use stereo::pushes;
 
 use crate::batch::{Batch, BatchStats};
 use crate::part::Part;
-use crate::sharp::{record_edges, trace};
+use crate::sharp::trace;
 use crate::sums::{Stage, Workspace};
 
-/// Points that a network takes at once, with single precision.
-const BLOCK: usize = 16;
+/// The most pixels that are in memory together.
+const ROUND: usize = 4096;
 
-/// The number of parts of a batch: 16 threads can share it.
+/// The number of parts of a round: 16 threads can share it.
 pub(crate) const PARTS: usize = 16;
 
 /// The gradient of the mean loss of a batch.
@@ -34,13 +38,34 @@ pub struct Gradient {
 /// The gradient of the mean loss of the batch.
 ///
 /// The bits do not depend on the number of threads. Values at a point do not depend on the points
-/// beside it, so threads trace rays together as it suits them. Random numbers and sums are those of
-/// 16 parts of the batch, whatever the number of threads.
+/// beside it, so the groups of rays that are traced together follow the number of threads. Random
+/// numbers and sums are those of 16 parts of a round, for any number of threads.
 ///
 /// # Errors
-/// If the field gives a NaN or an infinity along a ray.
+/// If the field gives a NaN or an infinity along a ray. If it does so along several, the number of
+/// threads may decide which of them the error names.
 pub fn gradient(batch: &Batch<'_>, work: &mut Workspace) -> Result<Gradient, InvalidField> {
-    let sums = work.take(PARTS, batch);
+    let cameras = if batch.refines_cameras { batch.scene.cameras.len() } else { 0 };
+    let mut sum = Gradient {
+        parameters: work.zeros(batch),
+        cameras: vec![CameraAdjoint::default(); cameras],
+        gains: vec![DVec3::ZERO; batch.gains.len()],
+        stats: BatchStats::default(),
+    };
+    for (round, pixels) in batch.pixels.chunks(ROUND).enumerate() {
+        let seed = Stream::new(batch.seed, Purpose::Part).at(round as u64).bits();
+        add_round(&Batch { pixels, seed, ..*batch }, work, &mut sum)?;
+    }
+    Ok(sum)
+}
+
+/// Adds the gradient of the pixels of a round.
+fn add_round(
+    batch: &Batch<'_>,
+    work: &mut Workspace,
+    sum: &mut Gradient,
+) -> Result<(), InvalidField> {
+    let sums = work.take(batch);
     let mut parts: Vec<Part<'_>> =
         sums.into_iter().enumerate().map(|(n, sums)| Part::new(batch, n, sums)).collect();
     if let Some(sharpness) = batch.sharpness {
@@ -50,18 +75,23 @@ pub fn gradient(batch: &Batch<'_>, work: &mut Workspace) -> Result<Gradient, Inv
         trace(batch, work, &mut parts)?;
     }
     let pushes = pushes_of(batch, &parts);
-    let together = PARTS.div_ceil(work.tasks());
-    let finish = |parts: &mut [Part<'_>]| {
-        if batch.sharpness.is_none() {
-            record_edges(batch, parts)?;
-        }
-        parts.iter_mut().for_each(|part| part.finish(&pushes));
-        Ok(())
-    };
-    let groups = parts.par_chunks_mut(together);
-    in_order(groups.map(|parts| work.run(Stage::Reverse, || finish(parts))))?;
+    parts.par_iter_mut().for_each(|part| work.run(Stage::Reverse, || part.finish(&pushes)));
     backward(batch, &mut parts, work);
-    Ok(sum(batch, parts, work))
+    let mut sums = Vec::with_capacity(parts.len());
+    for part in parts {
+        sum.stats.add(&part.stats);
+        sum.gains.iter_mut().zip(part.gains).for_each(|(sum, part)| *sum += part);
+        let cameras = part.adjoints.cameras.into_iter().flat_map(|cameras| cameras.sums);
+        sum.cameras.iter_mut().zip(cameras).for_each(|(sum, part)| *sum += part);
+        sums.push(part.sums);
+    }
+    work.add_to(&mut sum.parameters, sums);
+    Ok(())
+}
+
+/// The share of a task in `count` things.
+pub(crate) fn share(count: usize, task: usize, tasks: usize) -> Range<usize> {
+    task * count / tasks..(task + 1) * count / tasks
 }
 
 /// Adds the gradient by the field's parameters of all coefficients. Each part has the same number
@@ -69,9 +99,10 @@ pub fn gradient(batch: &Batch<'_>, work: &mut Workspace) -> Result<Gradient, Inv
 fn backward(batch: &Batch<'_>, parts: &mut [Part<'_>], work: &Workspace) {
     let mut points: Vec<PointAdjoint<f32>> = Vec::new();
     for part in &mut *parts {
-        points.extend(part.adjoints.points.drain(..).filter(|point| !point.is_zero()));
+        points.append(&mut part.adjoints.points);
     }
-    let size = points.len().div_ceil(parts.len()).next_multiple_of(BLOCK).max(BLOCK);
+    points.retain(|point| !point.is_zero());
+    let size = points.len().div_ceil(parts.len()).next_multiple_of(LANES).max(LANES);
     parts.par_iter_mut().zip(points.par_chunks(size)).for_each(|(part, points)| {
         let adjoints = Adjoints { points: points.to_vec(), cameras: None };
         let sum = &mut part.sums.field;
@@ -95,21 +126,4 @@ fn pushes_of(batch: &Batch<'_>, parts: &[Part<'_>]) -> Vec<f32> {
     let losses: Vec<Option<f32>> =
         parts.iter().flat_map(|part| part.losses.iter().copied()).collect();
     pushes(losses.into_iter().zip(batch.pixels.iter().map(|p| f32::from(p.count))))
-}
-
-/// The sum over all parts.
-fn sum(batch: &Batch<'_>, parts: Vec<Part<'_>>, work: &mut Workspace) -> Gradient {
-    let mut stats = BatchStats::default();
-    let count = if batch.refines_cameras { batch.scene.cameras.len() } else { 0 };
-    let mut cameras = vec![CameraAdjoint::default(); count];
-    let mut gains = vec![DVec3::ZERO; batch.gains.len()];
-    let mut sums = Vec::with_capacity(parts.len());
-    for part in parts {
-        stats.add(&part.stats);
-        gains.iter_mut().zip(part.gains).for_each(|(sum, part)| *sum += part);
-        let of_part = part.adjoints.cameras.into_iter().flat_map(|cameras| cameras.sums);
-        cameras.iter_mut().zip(of_part).for_each(|(sum, part)| *sum += part);
-        sums.push(part.sums);
-    }
-    Gradient { parameters: work.total(sums), cameras, gains, stats }
 }

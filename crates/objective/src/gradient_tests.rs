@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use background::Volume;
 use dataset::View;
 use estimate::record::Pass;
 use estimate::{Estimator, EstimatorOptions, Refined, Registry, SampleCounts};
@@ -12,6 +11,7 @@ use photometry::{Level, MaskUse, Pixel, Target, photometric, pyramid};
 use random::{Purpose, Stream};
 use render::{Background, Camera, Scene, UniformBackground, render};
 use sdf_nn::Encoding;
+use stereo::{DepthMap, Guide};
 
 use crate::test_model::{BOUNDS, Model, background_model};
 use crate::{Batch, Gradient, Stage, Workspace, gradient};
@@ -159,20 +159,59 @@ fn the_mean_gradient_matches_differences_of_the_loss() {
     assert!(relative < 0.13, "relative error {relative} over the directions");
 }
 
+/// Two views of the target, and pixels of both.
+struct TwoViews {
+    model: Model,
+    cameras: [Camera; 2],
+    level: Level,
+    pixels: Vec<Pixel>,
+}
+
+impl TwoViews {
+    fn new(count: u64) -> Self {
+        let eye = DVec3::new(-2.0, 0.3, 2.2);
+        let (focal, principal) = (DVec2::splat(26.0), DVec2::splat(8.0));
+        let second =
+            Camera::look_at(SIZE, SIZE, focal, principal, eye, DVec3::ZERO, DVec3::Y).unwrap();
+        let cameras = [camera(), second];
+        let image = target();
+        let view = |camera: &Camera| View {
+            name: String::new(),
+            path: PathBuf::new(),
+            camera: *camera,
+            image: image.clone(),
+            mask: None,
+        };
+        let views = cameras.each_ref().map(view);
+        let level = pyramid(&views, MaskUse::None, &background_model(true), 1).remove(0);
+        let order = Stream::new(1, Purpose::PixelOrder);
+        let pixels = (0..count).map(|i| level.draw(i, 1, order)).collect();
+        TwoViews { model: model(0.5, 24), cameras, level, pixels }
+    }
+
+    fn batch<'a>(&'a self, estimator: &'a dyn Estimator<f32>) -> Batch<'a> {
+        let scene = scene(&self.model, &self.cameras);
+        Batch { eikonal: 0.1, ..batch(scene, &self.level, &self.pixels, estimator) }
+    }
+}
+
+/// The gradient on some threads.
+fn on_threads(batch: &Batch<'_>, threads: usize, work: &mut Workspace) -> Gradient {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| gradient(batch, work)).unwrap()
+}
+
 /// Checks that a gradient has the same bits with other tasks on other threads, and in memory that
 /// was used before.
-fn check_bits(batch: &Batch<'_>, name: &str) -> Gradient {
-    let of = |workers: usize, work: &mut Workspace| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build().unwrap();
-        pool.install(|| gradient(batch, work)).unwrap()
+fn check_bits(batch: &Batch<'_>, name: &str, work: &mut Workspace) -> Gradient {
+    let first = on_threads(batch, 1, &mut Workspace::default());
+    let bits = |gradient: &Gradient| -> Vec<u32> {
+        gradient.parameters.iter().map(|g| g.to_bits()).collect()
     };
-    let mut work = Workspace::default();
-    let first = of(1, &mut work);
-    assert!(first.parameters.iter().any(|g| *g != 0.0));
-    for workers in [2, 3, 16] {
-        let again = of(workers, &mut work);
-        let differ = first.parameters.iter().zip(&again.parameters).position(|(a, b)| a != b);
-        assert_eq!(differ, None, "{name}, {workers} threads");
+    for threads in [2, 3, 16] {
+        let again = on_threads(batch, threads, work);
+        let differ = bits(&first).iter().zip(&bits(&again)).position(|(a, b)| a != b);
+        assert_eq!(differ, None, "{name}, {threads} threads");
         assert_eq!(first.stats.photometric.to_bits(), again.stats.photometric.to_bits());
         assert_eq!(first.stats.rays, again.stats.rays, "{name}");
         assert_eq!(first.gains, again.gains, "{name}");
@@ -184,27 +223,86 @@ fn check_bits(batch: &Batch<'_>, name: &str) -> Gradient {
 
 #[test]
 fn the_bits_of_a_gradient_do_not_depend_on_threads_or_tasks() {
-    let (cameras, model) = ([camera()], model(0.5, 24));
-    let level = level_of(target(), true);
-    let order = Stream::new(1, Purpose::PixelOrder);
-    let pixels: Vec<Pixel> = (0..250).map(|i| level.draw(i, 1, order)).collect();
-    let gains = [Vec3::new(1.1, 0.9, 1.0)];
-    let scene = scene(&model, &cameras);
-    let volume: &Volume<f32> = &model.background;
+    let mut views = TwoViews::new(400);
+    // Some pixels of the ball contradict the others.
+    for photograph in &mut views.level.photographs {
+        photograph.image.pixels[8 * SIZE as usize + 7..][..2].fill([0.9; 3]);
+    }
+    let views = views;
+    let gains = [Vec3::new(1.1, 0.9, 1.0), Vec3::splat(0.8)];
+    let volume = views.model.background.jittered(Stream::new(5, Purpose::BackgroundPoints));
+    let distances = vec![0.0; (SIZE * SIZE) as usize];
+    let maps = [0, 1].map(|_| DepthMap { width: SIZE as usize, distances: distances.clone() });
+    // All cases use the same memory.
+    let mut work = Workspace::default();
     for name in ["refined", "paper", "interior"] {
         let options = EstimatorOptions::default();
         let estimator = Registry::default().get(name).unwrap().estimator(&options);
-        let plain = batch(scene, &level, &pixels, &*estimator);
-        let plain = Batch { eikonal: 0.1, gains: &gains, ..plain };
-        check_bits(&plain, name);
-        let background: &dyn Background<f32> = volume;
-        let scene = Scene { background, ..scene };
+        let plain = Batch { gains: &gains, ..views.batch(&*estimator) };
+        let found = check_bits(&plain, name, &mut work);
+        assert!(found.parameters.iter().any(|g| *g != 0.0));
+        let depths = Some(Guide { maps: &maps, scale: 1.0 });
+        let carved = check_bits(&Batch { depths, carves: true, ..plain }, name, &mut work);
+        let bias = views.model.field.weight_count() - 1;
+        // Carving raises f, against the gradient.
+        let change = carved.parameters[bias] - found.parameters[bias];
+        assert!(change < 0.0, "{name}: carving changes the slope by {change}");
+        let background: &dyn Background<f32> = &volume;
+        let scene = Scene { background, ..plain.scene };
         let trained = Batch { trains_background: true, scene, ..plain };
         let trained = Batch { refines_cameras: estimator.differentiates_cameras(), ..trained };
-        let found = check_bits(&trained, name);
-        let background = &found.parameters[found.parameters.len() - volume.parameters().len()..];
-        assert!(background.iter().any(|g| *g != 0.0), "{name}");
-        check_bits(&Batch { sharpness: Some(20.0), refines_cameras: false, ..trained }, name);
+        let found = check_bits(&trained, name, &mut work);
+        let count = background.parameter_count();
+        let of_background = &found.parameters[found.parameters.len() - count..];
+        assert!(of_background.iter().any(|g| *g != 0.0), "{name}");
+        let soft = Batch { sharpness: Some(20.0), refines_cameras: false, ..trained };
+        check_bits(&soft, name, &mut work);
+    }
+}
+
+#[test]
+fn batches_of_few_pixels_and_of_several_rounds_have_a_gradient() {
+    for count in [0, 1, 15, 4100] {
+        let views = TwoViews::new(count);
+        let batch = Batch { pixel_count: count.max(1) as f32, ..views.batch(&Refined) };
+        let sharp = check_bits(&batch, "sharp", &mut Workspace::default());
+        assert!(sharp.parameters.iter().all(|g| g.is_finite()));
+        assert_eq!(sharp.stats.pixels, views.pixels.len() as u64);
+        check_bits(&Batch { sharpness: Some(20.0), ..batch }, "soft", &mut Workspace::default());
+    }
+    // A solid that no ray hits.
+    let mut views = TwoViews::new(100);
+    let mut parameters = views.model.parameters();
+    parameters[views.model.field.weight_count() - 1] += 5.0;
+    views.model.set_parameters(&parameters);
+    let missed = check_bits(&views.batch(&Refined), "missed", &mut Workspace::default());
+    assert_eq!(missed.stats.edge_pixels, 0);
+}
+
+/// Parts that are dealt, joined and traced apart have the gradient of one record.
+#[test]
+fn cameras_and_gains_have_the_gradient_of_one_record() {
+    let mut views = TwoViews::new(300);
+    // One draw of each pixel: a record names pixels by their place.
+    views.pixels.sort_by_key(|p| (p.view, p.y, p.x));
+    views.pixels.dedup();
+    let gains = [Vec3::new(1.3, 0.7, 1.0), Vec3::new(0.6, 1.0, 1.2)];
+    let batch = Batch { gains: &gains, refines_cameras: true, ..views.batch(&Refined) };
+    let batch = Batch { eikonal: 0.0, ..batch };
+    let found = gradient(&batch, &mut Workspace::default()).unwrap();
+    // The gradient by the gain of a view is that of its own pixels alone.
+    for view in 0..2 {
+        let own: Vec<Pixel> =
+            views.pixels.iter().filter(|p| p.view == view as u32).copied().collect();
+        let alone = Batch { pixels: &own, ..batch };
+        let alone = gradient(&alone, &mut Workspace::default()).unwrap();
+        let [all, own] = [found.gains[view], alone.gains[view]];
+        assert!((all - own).length() < 0.2 * own.length(), "{view}: {all} and {own}");
+        assert_eq!(alone.gains[1 - view], DVec3::ZERO);
+        assert_eq!(alone.cameras[1 - view], render::CameraAdjoint::default());
+        let change = |adjoint: &render::CameraAdjoint| adjoint.eye;
+        let [all, own] = [change(&found.cameras[view]), change(&alone.cameras[view])];
+        assert!((all - own).length() < 0.3 * own.length(), "{view}: {all} and {own}");
     }
 }
 
@@ -223,7 +321,7 @@ fn an_observer_sees_each_task_begin_and_end() {
     assert_eq!(observed.parameters, plain.parameters);
     let seen = seen.lock().unwrap();
     let count = |stage, begins| seen.iter().filter(|event| **event == (stage, begins)).count();
-    for stage in [Stage::Trace, Stage::Reverse] {
+    for stage in [Stage::Trace, Stage::Record, Stage::Reverse] {
         assert_eq!((count(stage, true), count(stage, false)), (16, 16), "{stage:?}");
     }
     assert_eq!(count(Stage::Soft, true), 0);

@@ -7,8 +7,7 @@ use random::{Purpose, Stream};
 use render::Sample;
 
 use crate::batch::{Batch, BatchStats, PixelLoss};
-use crate::eikonal::NearPoint;
-use crate::gradient::PARTS;
+use crate::gradient::{PARTS, share};
 use crate::sums::PartSums;
 
 /// The number of pixels that these draws stand for.
@@ -26,10 +25,10 @@ pub(crate) struct OfPixels {
 }
 
 impl OfPixels {
-    /// Both, one after the other.
+    /// These pixels, and the others after them.
     ///
     /// # Panics
-    /// If a record has a warp.
+    /// If a record has a border or a warp.
     pub(crate) fn joined(mut self, other: Self) -> Self {
         self.record.append(other.record);
         self.pixels.extend(other.pixels);
@@ -44,15 +43,6 @@ impl OfPixels {
             let hits = area.primary.hits.iter().zip(&area.primary.surface.x);
             hits.map(move |(hit, x)| (pixel(hit.sample), *x))
         })
-    }
-
-    /// The hits, as points of the surface.
-    pub(crate) fn hit_points(&self) -> Vec<NearPoint> {
-        let near = |(pixel, x): (usize, Vec3)| NearPoint {
-            x,
-            weight: f32::from(self.pixels[pixel].count),
-        };
-        self.hits().map(near).collect()
     }
 }
 
@@ -74,9 +64,10 @@ pub(crate) struct Part<'a> {
     pub(crate) losses: Vec<Option<f32>>,
     /// Points of the surface that can be carved, each with the number of its pixel in the part.
     pub(crate) surface: Vec<(usize, Vec3)>,
-    /// With a sharp surface: one sample for each pixel.
-    pub(crate) smooth: OfPixels,
-    /// With a sharp surface: pixels that a silhouette may cross. They need not be of `pixels`.
+    /// With a sharp surface: one sample for each of `pixels`, then records of pixels that a
+    /// silhouette may cross. The latter need not be of `pixels`.
+    pub(crate) own: OfPixels,
+    /// The latter, if their records depend on the pixels beside.
     pub(crate) edge: OfPixels,
     /// The losses of the object and the background, if they tell them apart.
     pub(crate) typical: Option<TypicalLosses>,
@@ -85,15 +76,14 @@ pub(crate) struct Part<'a> {
 impl<'a> Part<'a> {
     /// Part `number` of the batch, without terms; `sums` are zero.
     pub(crate) fn new(batch: &'a Batch<'a>, number: usize, sums: PartSums) -> Self {
-        let place = |part: usize| part * batch.pixels.len() / PARTS;
-        let pixels = &batch.pixels[place(number)..place(number + 1)];
+        let place = share(batch.pixels.len(), number, PARTS);
         let cameras = batch
             .refines_cameras
             .then(|| CameraAdjoints::new(Vec::new(), batch.scene.cameras.len()));
         Part {
             batch,
-            first: place(number),
-            pixels,
+            first: place.start,
+            pixels: &batch.pixels[place],
             seed: Stream::new(batch.seed, Purpose::Part).at(number as u64).bits(),
             share: 1.0 / batch.pixel_count,
             adjoints: Adjoints { cameras, ..Adjoints::default() },
@@ -102,7 +92,7 @@ impl<'a> Part<'a> {
             stats: BatchStats::default(),
             losses: Vec::new(),
             surface: Vec::new(),
-            smooth: OfPixels::default(),
+            own: OfPixels::default(),
             edge: OfPixels::default(),
             typical: None,
         }
@@ -113,13 +103,18 @@ impl<'a> Part<'a> {
         (self.first..self.first + self.pixels.len()).map(|pixel| self.batch.sample(pixel)).collect()
     }
 
-    /// Gives the part `smooth` as its pixels; `first` is the number of the first of them.
-    pub(crate) fn set_smooth(&mut self, first: usize, smooth: OfPixels) {
+    /// Gives the part its pixels: those of the batch from the number `first` on, then others that a
+    /// silhouette may cross. Returns the number of the former.
+    pub(crate) fn set_pixels(&mut self, first: usize, own: OfPixels) -> usize {
+        let smooth = own.pixels.len().min(self.batch.pixels.len() - first);
         self.first = first;
-        self.pixels = &self.batch.pixels[first..first + smooth.pixels.len()];
-        self.losses = smooth.losses.iter().map(|l| l.as_ref().map(|l| l.loss)).collect();
-        self.surface = smooth.hits().filter(|(i, _)| self.losses[*i].is_some()).collect();
-        self.smooth = smooth;
+        self.pixels = &self.batch.pixels[first..first + smooth];
+        let losses = own.losses[..smooth].iter();
+        self.losses = losses.map(|l| l.as_ref().map(|l| l.loss)).collect();
+        let is_carved = |pixel: usize| self.losses.get(pixel).is_some_and(|loss| loss.is_some());
+        self.surface = own.hits().filter(|(pixel, _)| is_carved(*pixel)).collect();
+        self.own = own;
+        smooth
     }
 
     /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
@@ -134,8 +129,9 @@ impl<'a> Part<'a> {
         adjoint * self.batch.gain(p)
     }
 
-    /// Adds the terms that need to know the whole batch. `pushes` has one number for each pixel of
-    /// the batch, or is empty.
+    /// Adds the terms that need numbers of the whole batch: pushes, and with a sharp surface also
+    /// the photometric and the eikonal term. `pushes` has one number for each pixel of the batch,
+    /// or is empty.
     pub(crate) fn finish(&mut self, pushes: &[f32]) {
         if !pushes.is_empty() {
             self.carve(&pushes[self.first..self.first + self.pixels.len()]);

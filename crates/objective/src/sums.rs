@@ -20,10 +20,10 @@ pub(crate) struct PartSums {
 impl PartSums {
     /// Becomes zero, for the parameters of a batch.
     fn reset(&mut self, batch: &Batch<'_>) {
-        let (scene, none) = (&batch.scene, batch.trains_background);
+        let scene = &batch.scene;
         self.field.reset(scene.field.parameter_count(), scene.field.table());
         self.shader.reset(scene.shader.parameter_count(), scene.shader.table());
-        let background = if none {
+        let background = if batch.trains_background {
             (scene.background.parameter_count(), scene.background.table())
         } else {
             (0, 0..0)
@@ -59,9 +59,8 @@ enum Terms {
 
 impl Piece<'_> {
     /// Adds the parts up, in their order.
-    fn fill(self, parts: &[PartSums]) {
+    fn add(self, parts: &[PartSums]) {
         let Piece { total, of_part, terms } = self;
-        total.fill(0.0);
         for part in parts.iter().map(of_part) {
             match terms {
                 Terms::Others(first) => {
@@ -106,8 +105,9 @@ pub enum Stage {
     Soft,
     /// One ray for each pixel.
     Trace,
-    /// The records of pixels that a silhouette may cross, and the reverse mode of each part down to
-    /// coefficients of f and ∇f at points.
+    /// The records of pixels that a silhouette may cross.
+    Record,
+    /// The reverse mode of each part down to coefficients of f and ∇f at points.
     Reverse,
     /// The gradient by the field's parameters of these coefficients.
     Backward,
@@ -140,7 +140,7 @@ impl Workspace {
     pub(crate) fn tasks(&self) -> usize {
         let workers =
             self.observed.as_ref().map_or_else(rayon::current_num_threads, |(workers, _)| *workers);
-        // More pixels together take no less time.
+        // On one thread, half of a batch takes no longer than all of it at once.
         workers.clamp(2, PARTS)
     }
 
@@ -158,24 +158,32 @@ impl Workspace {
     }
 
     /// Sums of zero for each part.
-    pub(crate) fn take(&mut self, count: usize, batch: &Batch<'_>) -> Vec<PartSums> {
+    pub(crate) fn take(&mut self, batch: &Batch<'_>) -> Vec<PartSums> {
         let mut sums = std::mem::take(&mut self.parts);
-        sums.resize_with(count, PartSums::default);
+        sums.resize_with(PARTS, PartSums::default);
         sums.par_iter_mut().for_each(|sums| self.run(Stage::Clear, || sums.reset(batch)));
         sums
     }
 
-    /// The sum over the parts, added in their order: the parameters of the field, then of the
-    /// radiance head, then of the background.
-    pub(crate) fn total(&mut self, parts: Vec<PartSums>) -> Vec<f32> {
-        let mut total = std::mem::take(&mut self.parameters);
-        let length = |of: &OfPart| of(&parts[0]).others.len() + of(&parts[0]).place().len();
-        total.resize(OBJECTS.iter().map(length).sum(), 0.0);
-        let pieces = pieces(&mut total, &parts[0]);
-        let fill = |piece: Piece<'_>| self.run(Stage::Sum, || piece.fill(&parts));
-        pieces.into_par_iter().for_each(fill);
+    /// Zeros for all parameters: of the field, then of the radiance head, then of a trained
+    /// background.
+    pub(crate) fn zeros(&mut self, batch: &Batch<'_>) -> Vec<f32> {
+        let scene = &batch.scene;
+        let background =
+            if batch.trains_background { scene.background.parameter_count() } else { 0 };
+        let count = scene.field.parameter_count() + scene.shader.parameter_count() + background;
+        let mut zeros = std::mem::take(&mut self.parameters);
+        zeros.resize(count, 0.0);
+        zeros.par_chunks_mut(PIECE).for_each(|piece| piece.fill(0.0));
+        zeros
+    }
+
+    /// Adds the parts to the sum over all parameters, in their order.
+    pub(crate) fn add_to(&mut self, total: &mut [f32], parts: Vec<PartSums>) {
+        let pieces = pieces(total, &parts[0]);
+        let add = |piece: Piece<'_>| self.run(Stage::Sum, || piece.add(&parts));
+        pieces.into_par_iter().for_each(add);
         self.parts = parts;
-        total
     }
 
     /// Takes the memory of a gradient back.

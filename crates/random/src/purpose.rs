@@ -38,7 +38,7 @@ pub enum Purpose {
     Part,
     /// The film position of a fit's sample in its pixel.
     FitSamples,
-    /// The seed of the estimator's samples in a chunk.
+    /// The seed of the estimator's samples in a batch.
     FitSilhouettes,
     /// The hits at which the eikonal term is evaluated.
     EikonalHits,

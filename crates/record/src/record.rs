@@ -78,7 +78,7 @@ impl<R: Real> Record<R> {
     /// # Panics
     /// If a record has a border or a warp.
     pub fn append(&mut self, other: Self) {
-        assert!(self.has_cameras() && other.has_cameras(), "records of warps are apart");
+        assert!(self.has_cameras() && other.has_cameras(), "a record has a border or a warp");
         let first = self.radiance.len() as u32;
         self.radiance.extend(other.radiance);
         self.rays += other.rays;
@@ -94,13 +94,14 @@ impl<R: Real> Record<R> {
             .extend(points.map(|point| SilhouettePoint { pixel: point.pixel + first, ..point }));
     }
 
-    /// Deals the samples to parts of consecutive pixels, with these numbers of pixels. The number
-    /// of rays stays with the first part.
+    /// Deals the samples to parts of consecutive pixels, with these numbers of pixels. Points of
+    /// silhouettes get the order of their pixels. The number of rays stays with the first part.
     ///
     /// # Panics
-    /// If the record has a border or a warp: these join pixels.
+    /// If the record has a border or a warp, or if the numbers do not add up to its pixels.
     pub fn deal(self, sizes: &[usize]) -> Vec<Self> {
         assert!(self.has_cameras(), "a record of a warp has no parts");
+        assert_eq!(sizes.iter().sum::<usize>(), self.radiance.len(), "pixels of the parts");
         let parts = PixelParts::new(sizes);
         let mut radiance = self.radiance.into_iter();
         let own = |size: &usize| Record {
@@ -112,7 +113,10 @@ impl<R: Real> Record<R> {
             let dealt = area.deal(&parts);
             out.iter_mut().zip(dealt).for_each(|(record, area)| record.area.push(area));
         }
-        for mut point in self.silhouettes.points {
+        // The order of points of several pixels depends on the pixels that were sampled together.
+        let mut points = self.silhouettes.points;
+        points.sort_by_key(|point| point.pixel);
+        for mut point in points {
             let part = parts.of(point.pixel);
             point.pixel -= parts.first(part);
             out[part].silhouettes.points.push(point);

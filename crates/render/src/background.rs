@@ -59,7 +59,8 @@ pub trait Background<R: Real>: Send + Sync {
     /// `adjoint` has one element per ray. The adjoint of the parameters is added to `parameters`.
     fn parameter_vjp(&self, rays: &[BackgroundRay<R>], adjoint: &[R::Vec3], parameters: &mut [R]);
 
-    /// The parameters of which a ray has few, for example features on a grid. By default none.
+    /// The parameters of which each ray depends on few, for example features on a grid. By default
+    /// none.
     fn table(&self) -> Range<usize> {
         0..0
     }
@@ -72,6 +73,7 @@ pub trait Background<R: Real>: Send + Sync {
         adjoint: &[R::Vec3],
         sum: &mut PartialSum<R>,
     ) {
+        debug_assert!(sum.place().is_empty(), "a table without additions");
         self.parameter_vjp(rays, adjoint, &mut sum.others);
     }
 }

@@ -162,8 +162,9 @@ impl Fit {
             let pixels = self.trial_pixels(step * draws..(step + 1) * draws, stream.at(0));
             let count = pixels.iter().map(|p| f32::from(p.count)).sum();
             let seed = stream.at(1).at(step).bits();
-            let (Gradient { cameras, .. }, _) =
+            let (Gradient { cameras, parameters, .. }, _) =
                 self.gradient_of(0, (&pixels, count), Some(&refined), seed, &mut work)?;
+            work.reuse(parameters);
             let rate = TRIAL_RATE * (1.0 - step as f64 / steps as f64);
             refined.step(&self.levels[0].cameras, &cameras, rate)?;
         }

@@ -170,6 +170,8 @@ fn check_gradient(initial_radius: f64) {
     let batch = batch(scene(&model, &cameras), &level, &pixels);
     let gradient = gradient(&batch, &mut Workspace::default()).unwrap().parameters;
     // The parts have points of their own. These are found again here.
+    let seed = Stream::new(batch.seed, Purpose::Part).at(0).bits();
+    let batch = Batch { seed, ..batch };
     let parts: Vec<(&[Pixel], SoftRays)> = (0..PARTS)
         .map(|number| {
             let part = Part::new(&batch, number, PartSums::default());

@@ -44,7 +44,8 @@ pub trait Shader<R: Real>: Send + Sync {
         parameters: &mut [R],
     );
 
-    /// The parameters of which a point has few, for example features on a grid. By default none.
+    /// The parameters of which each value depends on few, for example features on a grid. By
+    /// default none.
     fn table(&self) -> Range<usize> {
         0..0
     }
@@ -58,6 +59,7 @@ pub trait Shader<R: Real>: Send + Sync {
         bars: &mut SurfaceAdjoint<R>,
         sum: &mut PartialSum<R>,
     ) {
+        debug_assert!(sum.place().is_empty(), "a table without additions");
         self.vjp(points, adjoint, bars, &mut sum.others);
     }
 }
