@@ -21,6 +21,10 @@ const LEAST_SHARE: f64 = 0.05;
 /// The least share of the surface above a table: the top face of a box is none.
 const LEAST_ABOVE: f64 = 0.02;
 
+/// The largest share of the surface below a table, which hides its underside. A ball has caps that
+/// are flat enough, and nearly all of it is below them.
+const MOST_BELOW: f64 = 0.5;
+
 /// The least share of the cameras above a table: those that see it.
 const LEAST_CAMERAS: f64 = 0.9;
 
@@ -84,6 +88,13 @@ struct Score {
     total: f64,
 }
 
+impl Score {
+    /// The area below the plane.
+    fn below(&self) -> f64 {
+        self.total - self.on - self.above
+    }
+}
+
 /// The plane on which the largest part of a surface lies, if it can be that of a table.
 ///
 /// `points` are points of the surface with their outward normals, and `areas` the area that each
@@ -91,7 +102,8 @@ struct Score {
 /// wrong, and `radius` the bounding radius in world units. The plane
 /// - is within 45° of level;
 /// - has at least 5 % of the area: points within 1 % of the radius whose normals are within 30°;
-/// - has at least 2 % of the area above it, and nine tenths of the cameras.
+/// - has at least 2 % of the area above it and at most half of the area below it;
+/// - has nine tenths of the cameras above it.
 ///
 /// The plane is the best of 1024 planes through three random points that face upwards (M. A.
 /// Fischler, R. C. Bolles, "Random Sample Consensus: A Paradigm for Model Fitting with Applications
@@ -162,6 +174,7 @@ impl Search<'_> {
         self.is_level(plane.normal)
             && score.on >= LEAST_SHARE * score.total
             && score.above >= LEAST_ABOVE * score.total
+            && score.below() <= MOST_BELOW * score.total
             && above >= LEAST_CAMERAS * self.eyes.len() as f64
             && score.total > 0.0
     }

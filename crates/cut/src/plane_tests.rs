@@ -64,6 +64,12 @@ fn surfaces_without_a_table_have_no_ground() {
     // A ball alone, whose flattest parts are caps within 1 % of the radius.
     let (ball, _) = table(0.0, 0.0, 0);
     assert_eq!(found(&ball, DVec3::Z), None);
+    // A ball with caps of more than 5 % of its area: nearly all of it is below them.
+    let point = |i: usize| {
+        let normal = field::fibonacci_direction(i, 4000, 0.0);
+        SurfacePoint { position: normal * 0.12, normal }
+    };
+    assert_eq!(found(&(0..4000).map(point).collect::<Vec<_>>(), DVec3::Z), None);
     // A table alone: nothing is above it, so it is the object.
     let (table_alone, _) = table(0.0, 0.0, 12_000);
     assert_eq!(found(&table_alone[..12_000], DVec3::Z), None);
