@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use estimate::record::{Adjoints, PointAdjoint};
+use estimate::record::Adjoints;
 use glam::DVec3;
 use lanes::LANES;
 use random::{Purpose, Stream};
@@ -97,16 +97,16 @@ pub(crate) fn share(count: usize, task: usize, tasks: usize) -> Range<usize> {
 /// Adds the gradient by the field's parameters of all coefficients. Each part has the same number
 /// of points, in whole blocks.
 fn backward(batch: &Batch<'_>, parts: &mut [Part<'_>], work: &Workspace) {
-    let mut points: Vec<PointAdjoint<f32>> = Vec::new();
+    let mut all = Adjoints::default();
     for part in &mut *parts {
-        points.append(&mut part.adjoints.points);
+        all.points.append(&mut part.adjoints.points);
     }
-    points.retain(|point| !point.is_zero());
-    let size = points.len().div_ceil(parts.len()).next_multiple_of(LANES).max(LANES);
-    parts.par_iter_mut().zip(points.par_chunks(size)).for_each(|(part, points)| {
-        let adjoints = Adjoints { points: points.to_vec(), cameras: None };
-        let sum = &mut part.sums.field;
-        work.run(Stage::Backward, || adjoints.add_backward(batch.scene.field, sum));
+    let (x, alpha, c) = all.columns();
+    let size = x.len().div_ceil(parts.len()).next_multiple_of(LANES).max(LANES);
+    let points = x.par_chunks(size).zip(alpha.par_chunks(size)).zip(c.par_chunks(size));
+    parts.par_iter_mut().zip(points).for_each(|(part, ((x, alpha), c))| {
+        let (field, sum) = (batch.scene.field, &mut part.sums.field);
+        work.run(Stage::Backward, || field.add_parameter_vjp(x, alpha, c, sum));
     });
 }
 

@@ -36,6 +36,11 @@ impl OfPixels {
         self
     }
 
+    /// The photometric loss of each pixel.
+    pub(crate) fn photometric(&self) -> Vec<Option<f32>> {
+        self.losses.iter().map(|loss| loss.map(|loss| loss.loss)).collect()
+    }
+
     /// The hits, each with the number of its pixel.
     pub(crate) fn hits(&self) -> impl Iterator<Item = (usize, Vec3)> {
         self.record.area.iter().flat_map(|area| {
@@ -109,8 +114,8 @@ impl<'a> Part<'a> {
         let smooth = own.pixels.len().min(self.batch.pixels.len() - first);
         self.first = first;
         self.pixels = &self.batch.pixels[first..first + smooth];
-        let losses = own.losses[..smooth].iter();
-        self.losses = losses.map(|l| l.as_ref().map(|l| l.loss)).collect();
+        self.losses = own.photometric();
+        self.losses.truncate(smooth);
         let is_carved = |pixel: usize| self.losses.get(pixel).is_some_and(|loss| loss.is_some());
         self.surface = own.hits().filter(|(pixel, _)| is_carved(*pixel)).collect();
         self.own = own;

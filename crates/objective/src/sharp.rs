@@ -34,7 +34,7 @@ pub(crate) fn trace<'a>(
         .with_max_len(1)
         .map(|task| work.run(Stage::Trace, || batch.trace(share(count, task, tasks))));
     let mut all = in_order(traced)?.into_iter().fold(OfPixels::default(), OfPixels::joined);
-    let losses: Vec<Option<f32>> = all.losses.iter().map(|l| l.as_ref().map(|l| l.loss)).collect();
+    let losses = all.photometric();
     let hits = all.record.area.first().map(|area| area.primary.hit_mask()).unwrap_or_default();
     let typical = TypicalLosses::of(batch.pixels, &hits, &losses);
     let crossed = batch.pixels.iter().zip(&losses).filter(|(_, loss)| loss.is_none());

@@ -1,7 +1,10 @@
 //! The sums of the parts of a batch, and their sum.
 
+use std::ops::Range;
+
 use field::{Additions, PartialSum};
 use rayon::prelude::*;
+use render::Scene;
 
 use crate::batch::Batch;
 use crate::gradient::PARTS;
@@ -20,16 +23,23 @@ pub(crate) struct PartSums {
 impl PartSums {
     /// Becomes zero, for the parameters of a batch.
     fn reset(&mut self, batch: &Batch<'_>) {
-        let scene = &batch.scene;
-        self.field.reset(scene.field.parameter_count(), scene.field.table());
-        self.shader.reset(scene.shader.parameter_count(), scene.shader.table());
-        let background = if batch.trains_background {
-            (scene.background.parameter_count(), scene.background.table())
-        } else {
-            (0, 0..0)
-        };
-        self.background.reset(background.0, background.1);
+        let sums = [&mut self.field, &mut self.shader, &mut self.background];
+        sums.into_iter()
+            .zip(sizes(batch))
+            .for_each(|(sum, (count, table))| sum.reset(count, table));
     }
+}
+
+/// The number of parameters, and the place of the table among them: of the field, then of the
+/// radiance head, then of a trained background.
+fn sizes(batch: &Batch<'_>) -> [(usize, Range<usize>); 3] {
+    let Scene { field, shader, background, .. } = &batch.scene;
+    let trained = (background.parameter_count(), background.table());
+    [
+        (field.parameter_count(), field.table()),
+        (shader.parameter_count(), shader.table()),
+        if batch.trains_background { trained } else { (0, 0..0) },
+    ]
 }
 
 /// The partial sum of a part by the parameters of one object.
@@ -168,10 +178,7 @@ impl Workspace {
     /// Zeros for all parameters: of the field, then of the radiance head, then of a trained
     /// background.
     pub(crate) fn zeros(&mut self, batch: &Batch<'_>) -> Vec<f32> {
-        let scene = &batch.scene;
-        let background =
-            if batch.trains_background { scene.background.parameter_count() } else { 0 };
-        let count = scene.field.parameter_count() + scene.shader.parameter_count() + background;
+        let count = sizes(batch).into_iter().map(|(count, _)| count).sum();
         let mut zeros = std::mem::take(&mut self.parameters);
         zeros.resize(count, 0.0);
         zeros.par_chunks_mut(PIECE).for_each(|piece| piece.fill(0.0));

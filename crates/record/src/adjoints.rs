@@ -1,7 +1,7 @@
 //! The result of reverse mode: coefficients of f and ∇f at points, for one pass over the
 //! parameters.
 
-use field::{Field, PartialSum, Real, Vector3};
+use field::{Field, Real, Vector3};
 
 use crate::cameras::CameraAdjoints;
 
@@ -54,14 +54,9 @@ impl<R: Real> Adjoints<R> {
         field.parameter_vjp(&x, &alpha, &c, sum);
     }
 
-    /// As [`backward`](Self::backward), for a part of a batch.
-    pub fn add_backward(self, field: &dyn Field<R>, sum: &mut PartialSum<R>) {
-        let (x, alpha, c) = self.columns();
-        field.add_parameter_vjp(&x, &alpha, &c, sum);
-    }
-
-    /// The points whose coefficients are not both zero: x, α and c.
-    fn columns(self) -> (Vec<R::Vec3>, Vec<R>, Vec<R::Vec3>) {
+    /// The points whose coefficients are not both zero: x, α and c, as arguments of
+    /// [`Field::parameter_vjp`].
+    pub fn columns(self) -> (Vec<R::Vec3>, Vec<R>, Vec<R::Vec3>) {
         let points = self.points.into_iter().filter(|point| !point.is_zero());
         let (mut x, mut alpha, mut c) = (Vec::new(), Vec::new(), Vec::new());
         for point in points {
