@@ -4,6 +4,7 @@ mod alignment;
 mod cameras;
 mod depths;
 mod downscale;
+mod examine;
 mod exposure;
 mod grid_levels;
 mod iteration;
@@ -17,6 +18,7 @@ mod solid;
 
 pub use alignment::align;
 pub use calibrate::{CameraDecision, RefineCameras};
+pub use examine::{examine, modelled};
 pub use exposure::{RunExposure, RunExposures, match_exposures};
 pub use grids::GridLevels;
 pub use iteration::Metrics;

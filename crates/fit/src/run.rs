@@ -249,15 +249,15 @@ impl Fit {
 
     /// Runs iterations until the budget is spent or `stop` is true, and saves.
     ///
-    /// `report` gets the metrics of every iteration; its time counts as time of the fit. The
-    /// folders `checkpoint` and `preview` must exist in the run folder.
+    /// `report` gets the fit and the metrics after every iteration; its time counts as time of the
+    /// fit. The folders `checkpoint` and `preview` must exist in the run folder.
     ///
     /// # Errors
     /// If the field or a gradient is not finite, a file cannot be written, or `report` fails.
     pub fn run(
         &mut self,
         stop: &dyn Fn() -> bool,
-        report: &mut dyn FnMut(&Metrics) -> anyhow::Result<()>,
+        report: &mut dyn FnMut(&Self, &Metrics) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
         self.find_depths(stop, &mut |_, _| {});
         let (begin, before) = (Instant::now(), self.seconds);
@@ -268,7 +268,7 @@ impl Fit {
             self.seconds = before + begin.elapsed().as_secs_f64();
             metrics.seconds = self.seconds;
             metrics.progress = self.progress();
-            report(&metrics)?;
+            report(self, &metrics)?;
             if self.iteration.is_multiple_of(self.file.options.preview_every) {
                 self.preview()?;
             }

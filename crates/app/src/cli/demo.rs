@@ -11,6 +11,7 @@ use super::common::Global;
 use super::eval::{EvalReport, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
+use super::report::{About, write_whole};
 use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid};
 use ::mesh::{read_mesh, write_mesh};
 use ::scene::SceneFile;
@@ -61,17 +62,20 @@ struct DemoReport {
     picture: PathBuf,
     /// The mesh file.
     mesh: PathBuf,
+    /// The page of the run, as of `dsdf report`.
+    page: PathBuf,
 }
 
 impl DemoReport {
     fn text(&self) -> String {
         format!(
-            "{}\n{} iterations, {:.0} s in all\npicture {}\nmesh    {}",
+            "{}\n{} iterations, {:.0} s in all\npicture {}\nmesh    {}\npage    {}",
             self.metrics.table(),
             self.iterations,
             self.seconds,
             self.picture.display(),
-            self.mesh.display()
+            self.mesh.display(),
+            self.page.display()
         )
     }
 }
@@ -94,12 +98,16 @@ impl Demo {
         let refine_cameras = RefineCameras::None;
         let options = FitOptions { time: Some(self.time), refine_cameras, ..FitOptions::default() };
         let (dataset, file, _) = new_run(&data, &options, global)?;
-        let (fitted, _) = fit(dataset, file, &run, Segment::default(), global)?;
-        let (mesh, picture) = (self.output.join("mesh.ply"), self.output.join("demo.png"));
+        let (fitted, fitting) = fit(dataset, file, &run, Segment::default(), global)?;
+        let [mesh, picture, page] =
+            ["mesh.ply", "demo.png", "report.html"].map(|name| self.output.join(name));
         let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
+        let of_fit = (&fitting.model, &fitting.file, &fitting.dataset);
+        let about = About::of(&fitting.dataset, &fitting.file);
+        write_whole(&about.run(&run, of_fit, fitted.verdict.as_ref()), &page, global)?;
         let iterations = fitted.iterations;
         let seconds = start.elapsed().as_secs_f64();
-        let report = DemoReport { metrics, iterations, seconds, picture, mesh };
+        let report = DemoReport { metrics, iterations, seconds, picture, mesh, page };
         global.report(&report, || report.text())
     }
 

@@ -7,11 +7,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{FROM_RUN, Global, as_fitted};
-use super::examine::examine;
-use super::fit::{load_for, modelled};
+use super::fit::load_for;
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, examine, modelled};
 use io::write_image;
 
 /// Arguments of `dsdf inspect`.

@@ -4,7 +4,6 @@ mod common;
 mod cut;
 mod demo;
 mod eval;
-mod examine;
 mod export;
 mod fit;
 mod gradient;
@@ -15,6 +14,7 @@ mod preset;
 mod progress;
 mod query;
 mod render;
+mod report;
 mod synth;
 
 use std::ffi::OsString;
@@ -77,6 +77,10 @@ enum Command {
     Eval(eval::Eval),
     /// Evaluate the signed distance of a model file at points
     Query(query::Query),
+    /// Write a run as one page: surface, cameras, photographs beside renders, curves, verdict
+    ///
+    /// The page is one HTML file. It needs no network, and opens from the disk.
+    Report(report::Report),
 }
 
 /// Runs `dsdf` and returns its exit status: 0 for success, 2 for wrong arguments or wrong input,
@@ -212,5 +216,6 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Mesh(command) => command.run(&global),
         Command::Eval(command) => command.run(&global),
         Command::Query(command) => command.run(&global),
+        Command::Report(command) => command.run(&global),
     })
 }

@@ -14,17 +14,16 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::common::{Global, as_fitted};
-use super::examine::examine;
+use super::report::Live;
 use crate::error::Interrupted;
 use ::inspect::Verdict;
 use dataset::Dataset;
-use fit::{Fit as Fitting, Metrics, RunFile};
+use fit::{Fit as Fitting, Metrics, RunFile, examine};
 use metrics_file::MetricsFile;
 
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};
 pub(super) use start::{load_for, new_run};
-pub(super) use summary::modelled;
 
 /// The result of `dsdf fit`.
 #[derive(Serialize)]
@@ -40,7 +39,7 @@ pub(super) struct FitReport {
     /// PSNR of the first held-out view, in dB; `None` without held-out views.
     psnr: Option<f64>,
     /// The verdict on the surface and the images; `None` if the budget is not spent.
-    verdict: Option<Verdict>,
+    pub(super) verdict: Option<Verdict>,
 }
 
 impl FitReport {
@@ -60,6 +59,8 @@ pub(super) struct Segment {
     /// The iteration, counted from the start of the run, at which to stop although the budget is
     /// not spent.
     stop_after: Option<u64>,
+    /// Whether to write a page into the run folder, now and then.
+    reports: bool,
 }
 
 impl Fit {
@@ -74,19 +75,15 @@ impl Fit {
         let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
         summary::print(&dataset, &file, &source, global);
-        let segment = Segment { resume: self.resume, stop_after: self.stop_after };
-        let (mut report, mut fitting) = fit(dataset, file, &self.output, segment, global)?;
-        if fitting.progress() >= 1.0 {
-            let Fitting { model, file, dataset, .. } = &mut fitting;
-            as_fitted(&self.output, model, file, dataset, false, global)?;
-            report.verdict = Some(examine(&fitting.model, &fitting.file, &fitting.dataset)?);
-        }
+        let Fit { resume, stop_after, report: reports, .. } = *self;
+        let segment = Segment { resume, stop_after, reports };
+        let (report, _) = fit(dataset, file, &self.output, segment, global)?;
         global.report(&report, || report.text())
     }
 }
 
 /// Fits a data set in the run folder `run`, with progress, metrics, previews and checkpoints. The
-/// report has no verdict.
+/// data set of the fit has its cameras and exposures as fitted, once the budget is spent.
 ///
 /// # Errors
 /// With [`Interrupted`] after Ctrl-C, when the checkpoint is saved; if an input is wrong, another
@@ -102,7 +99,10 @@ pub(super) fn fit(
     let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
     run_folder::write_run_file(run, &fitting.file)?;
     let interrupt = &global.interrupt;
-    let last = interrupt.while_iterating(|| iterate(&mut fitting, run, segment, global))?;
+    let live = segment.reports.then(|| Live::start(run, &fitting));
+    let last = interrupt.while_iterating(|| {
+        iterate(&mut fitting, run, segment.stop_after, live.as_ref(), global)
+    })?;
     if interrupt.requested() {
         eprintln!("stopped after {} iterations; --resume continues", fitting.iteration);
         return Err(Interrupted.into());
@@ -110,7 +110,7 @@ pub(super) fn fit(
     fitting.preview()?;
     drop(lock);
     refuse_empty(&fitting, run)?;
-    let report = FitReport {
+    let mut report = FitReport {
         run: run.to_owned(),
         iterations: fitting.iteration,
         seconds: fitting.seconds(),
@@ -118,6 +118,15 @@ pub(super) fn fit(
         psnr: fitting.held_out_psnr(),
         verdict: None,
     };
+    if fitting.progress() >= 1.0 {
+        let Fitting { model, file, dataset, .. } = &mut fitting;
+        as_fitted(run, model, file, dataset, false, global)?;
+        let verdict = examine(&fitting.model, &fitting.file, &fitting.dataset)?;
+        if let Some(live) = live {
+            live.finish(&fitting, &verdict, global)?;
+        }
+        report.verdict = Some(verdict);
+    }
     Ok((report, fitting))
 }
 
@@ -157,22 +166,22 @@ fn locked_fit(
     Ok((fitting, lock))
 }
 
-/// Iterates until the budget is spent, `segment` ends or Ctrl-C is pressed. Returns the metrics of
-/// the last iteration.
+/// Iterates until the budget is spent, `stop_after` is reached or Ctrl-C is pressed. Returns the
+/// metrics of the last iteration.
 fn iterate(
     fitting: &mut Fitting,
     run: &Path,
-    segment: Segment,
+    stop_after: Option<u64>,
+    live: Option<&Live>,
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let mut last: Option<Metrics> = None;
     let done = Cell::new(fitting.iteration);
-    let stop =
-        || global.interrupt.requested() || segment.stop_after.is_some_and(|n| done.get() >= n);
+    let stop = || global.interrupt.requested() || stop_after.is_some_and(|n| done.get() >= n);
     progress::find_depths(fitting, &stop, global);
     let bar = progress::start(global);
-    fitting.run(&stop, &mut |metrics| {
+    fitting.run(&stop, &mut |fitting, metrics| {
         done.set(metrics.iteration);
         metrics_file.write(metrics)?;
         if let Some(trial) = &metrics.trial {
@@ -180,7 +189,7 @@ fn iterate(
         }
         progress::show(&bar, metrics);
         last = Some(metrics.clone());
-        Ok(())
+        live.map_or(Ok(()), |live| live.refresh(fitting))
     })?;
     bar.finish_and_clear();
     Ok(last)

@@ -23,6 +23,10 @@ pub(crate) struct Fit {
     /// Stop at this iteration, counted from the start of the run; --resume continues
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) stop_after: Option<u64>,
+    /// Write the page of `dsdf report` to report.html in the run folder, every some minutes and at
+    /// the end
+    #[arg(long)]
+    pub(super) report: bool,
     /// Check the options and exit
     #[arg(long)]
     pub(super) check: bool,

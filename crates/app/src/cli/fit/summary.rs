@@ -1,8 +1,7 @@
 //! The summary of a fit before its first iteration.
 
-use clap::ValueEnum;
 use dataset::Dataset;
-use fit::{BackgroundChoice, BackgroundKind, ExposureModel, MaskUse, RunFile};
+use fit::{ExposureModel, RunFile, modelled};
 
 use crate::cli::common::Global;
 
@@ -25,38 +24,4 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
     };
     global.say(&format!("exposure: {}; {exposures} (see --exposure)", report.exposure_text()));
     report.warnings.iter().for_each(|warning| global.say(&format!("WARNING {warning}")));
-}
-
-/// The model for the background with its reason, and the use of masks.
-pub(in crate::cli) fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
-    let model = match file.background_kind {
-        _ if file.masks == MaskUse::Coverage => "none: the masks cut the object out",
-        BackgroundKind::Constant => "one colour",
-        BackgroundKind::PerView => "one colour for each photograph",
-        BackgroundKind::Direction => "an environment by direction, trained",
-        BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
-    };
-    let confidence = file.background_confidence;
-    let asked = file.options.background;
-    let reason = match file.masks {
-        MaskUse::Coverage if asked != BackgroundChoice::Auto => {
-            let asked = asked.to_possible_value();
-            let name = asked.as_ref().map_or("", |value| value.get_name());
-            format!("; --background {name} needs --masks ignore")
-        }
-        MaskUse::Coverage => String::new(),
-        _ => format!(" (confidence in uniform photographs: {confidence:.2} of 1)"),
-    };
-    let views = || dataset.train.iter().chain(&dataset.test);
-    let covered = views().filter(|view| view.coverage().is_some()).count();
-    let others = views().filter(|view| view.mask.is_some()).count() - covered;
-    let masks = match file.masks {
-        MaskUse::Coverage => format!("of the object in {covered} views, used (see --masks)"),
-        MaskUse::LeaveOut => format!("pixels are left out in {others} views (see --masks)"),
-        MaskUse::None if covered > 0 => {
-            format!("of the object in {covered} views, not used in the fit (see --masks)")
-        }
-        MaskUse::None => "none used".to_owned(),
-    };
-    [format!("background: {model}{reason}"), format!("masks: {masks}")]
 }

@@ -1,0 +1,147 @@
+//! `dsdf report`, and the page of a fit while it runs.
+
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::common::{Global, as_fitted};
+use super::fit::load_for;
+use ::inspect::{Verdict, inspect};
+use ::report::{Detail, Run, page};
+use dataset::Dataset;
+use fit::{Fit as Fitting, FitOptions, Model, RunFile, examine, modelled};
+
+/// Arguments of `dsdf report`.
+#[derive(Args, Debug)]
+pub(crate) struct Report {
+    /// Run folder
+    run: PathBuf,
+    /// Page to write: .html
+    #[arg(short, long, default_value = "report.html")]
+    output: PathBuf,
+}
+
+/// The result of `dsdf report`.
+#[derive(Serialize)]
+struct Written {
+    /// The page.
+    page: PathBuf,
+    /// Its size, in bytes.
+    bytes: usize,
+    /// The verdict on the run.
+    verdict: Verdict,
+}
+
+impl Report {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        global.will_write(&self.output, &["html"])?;
+        let file = RunFile::load(&self.run)?;
+        let model = Model::load(&self.run, &file)?;
+        let downscale = Some(file.downscale());
+        let options = FitOptions { downscale, ..FitOptions::default() };
+        let (dataset, _) = load_for(&file.dataset, &options, global)?;
+        let mut dataset = file.prepare(dataset);
+        let about = About::of(&dataset, &file);
+        as_fitted(&self.run, &model, &file, &mut dataset, false, global)?;
+        let verdict = examine(&model, &file, &dataset)?;
+        let run = about.run(&self.run, (&model, &file, &dataset), Some(&verdict));
+        let bytes = write_whole(&run, &self.output, global)?;
+        let written = Written { page: self.output.clone(), bytes, verdict };
+        global.report(&written, || {
+            let (path, size) = (self.output.display(), bytes as f64 / 1e6);
+            format!("{path}: {size:.1} MB\nverdict      {}", written.verdict.text)
+        })
+    }
+}
+
+/// The sentences of a page about the photographs.
+pub(super) struct About {
+    modelled: [String; 2],
+    warnings: Vec<String>,
+}
+
+impl About {
+    /// `dataset` is relative to the run's origin, with the cameras as given.
+    pub(super) fn of(dataset: &Dataset, file: &RunFile) -> Self {
+        let report = inspect(dataset, &file.sphere(), &file.background(), "");
+        About { modelled: modelled(dataset, file), warnings: report.warnings }
+    }
+
+    pub(super) fn run<'a>(
+        &'a self,
+        folder: &'a Path,
+        (model, file, dataset): (&'a Model, &'a RunFile, &'a Dataset),
+        verdict: Option<&'a Verdict>,
+    ) -> Run<'a> {
+        let (modelled, warnings) = (&self.modelled, &self.warnings);
+        Run { folder, file, model, dataset, verdict, modelled, warnings }
+    }
+}
+
+/// Writes the page of a run that has ended. Returns its size in bytes.
+pub(super) fn write_whole(run: &Run<'_>, path: &Path, global: &Global) -> anyhow::Result<usize> {
+    let bar = global.progress("report");
+    let html = page(run, Detail::FULL, &bar.mover())?;
+    bar.finish_and_clear();
+    write(path, &html)
+}
+
+fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
+    io::atomic_write(path, |out| Ok(out.write_all(html.as_bytes())?))?;
+    Ok(html.len())
+}
+
+/// The name of the page in a run folder.
+pub(super) const PAGE: &str = "report.html";
+
+/// Seconds from the start of a fit to its first page.
+const FIRST: Duration = Duration::from_secs(10);
+
+/// The time from the end of one page to the start of the next, in times of the first.
+const PAUSE: u32 = 40;
+
+/// The page of a fit that goes on.
+pub(super) struct Live {
+    about: About,
+    folder: PathBuf,
+    next: Cell<Instant>,
+}
+
+impl Live {
+    /// The first page is written ten seconds from now.
+    pub(super) fn start(folder: &Path, fitting: &Fitting) -> Self {
+        let about = About::of(&fitting.dataset, &fitting.file);
+        Live { about, folder: folder.to_owned(), next: Cell::new(Instant::now() + FIRST) }
+    }
+
+    /// Writes the page if it is due. Its cameras are those of the data set.
+    pub(super) fn refresh(&self, fitting: &Fitting) -> anyhow::Result<()> {
+        let start = Instant::now();
+        if start < self.next.get() {
+            return Ok(());
+        }
+        let Fitting { model, file, dataset, .. } = fitting;
+        let run = self.about.run(&self.folder, (model, file, dataset), None);
+        write(&self.folder.join(PAGE), &page(&run, Detail::LIVE, &|_| {})?)?;
+        self.next.set(Instant::now() + start.elapsed() * PAUSE);
+        Ok(())
+    }
+
+    /// Writes the last page. The data set has the cameras and the exposures as fitted.
+    pub(super) fn finish(
+        &self,
+        fitting: &Fitting,
+        verdict: &Verdict,
+        global: &Global,
+    ) -> anyhow::Result<()> {
+        let Fitting { model, file, dataset, .. } = fitting;
+        let run = self.about.run(&self.folder, (model, file, dataset), Some(verdict));
+        let path = self.folder.join(PAGE);
+        write_whole(&run, &path, global)?;
+        global.say(&format!("report: {}", path.display()));
+        Ok(())
+    }
+}

@@ -1,0 +1,106 @@
+//! The curves of a run's metrics.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+/// The most points of a curve. Those of a longer one are means over equal times.
+const POINTS: usize = 240;
+
+/// A metric over the time of the fit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Curve {
+    name: &'static str,
+    unit: &'static str,
+    /// Whether its axis is logarithmic.
+    logarithmic: bool,
+    /// Seconds and values, in the order of time.
+    points: Vec<(f64, f64)>,
+}
+
+/// The metrics of a run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Metrics {
+    /// Curves with a point or more.
+    pub(crate) curves: Vec<Curve>,
+    /// The iterations of the run.
+    pub(crate) iterations: u64,
+    /// The wall time of these, in seconds.
+    pub(crate) seconds: f64,
+}
+
+/// A line of `metrics.jsonl`.
+#[derive(Deserialize)]
+struct Line {
+    iteration: u64,
+    seconds: f64,
+    loss: f64,
+    train_psnr: Option<f64>,
+    psnr: Option<f64>,
+}
+
+/// Reads the file `metrics.jsonl`. A damaged line, as a killed fit leaves it, is left out.
+///
+/// # Errors
+/// If the file cannot be read.
+pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
+    let bytes = io::read(path, "metrics", "the metrics of a run")?;
+    let lines: Vec<Line> =
+        bytes.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    let curve = |name, unit, logarithmic: bool, of: fn(&Line) -> Option<f64>| {
+        let known = lines.iter().filter_map(|line| Some((line.seconds, of(line)?)));
+        let known = known.filter(|(s, v)| s.is_finite() && v.is_finite());
+        let points = thinned(known.filter(|(_, v)| !logarithmic || *v > 0.0).collect());
+        Curve { name, unit, logarithmic, points }
+    };
+    let all = [
+        curve("loss", "", true, |line| Some(line.loss)),
+        curve("PSNR of training pixels", "dB", false, |line| line.train_psnr),
+        curve("PSNR of a held-out view", "dB", false, |line| line.psnr),
+    ];
+    let curves = all.into_iter().filter(|curve| !curve.points.is_empty()).collect();
+    let last = lines.last().map_or((0, 0.0), |line| (line.iteration, line.seconds));
+    Ok(Metrics { curves, iterations: last.0, seconds: last.1 })
+}
+
+/// The means over [`POINTS`] equal times, if there are more points.
+fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else {
+        return points;
+    };
+    if points.len() <= POINTS || last.0 <= first.0 {
+        return points;
+    }
+    let mut bins = vec![(0.0, 0.0, 0_usize); POINTS];
+    for (seconds, value) in points {
+        let part = (seconds - first.0) / (last.0 - first.0);
+        let bin = &mut bins[((part * POINTS as f64) as usize).min(POINTS - 1)];
+        *bin = (bin.0 + seconds, bin.1 + value, bin.2 + 1);
+    }
+    let full = bins.into_iter().filter(|bin| bin.2 > 0);
+    full.map(|(seconds, value, n)| (seconds / n as f64, value / n as f64)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_curve_has_the_means_of_equal_times_and_damaged_lines_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("metrics.jsonl");
+        let line = |i: u32| {
+            let known = format!("{{\"iteration\":{i},\"seconds\":{i},\"loss\":{i}");
+            known + ",\"train_psnr\":20.0,\"psnr\":null}\n"
+        };
+        let text: String = (0..4800).map(line).collect();
+        std::fs::write(&path, text + "{\"seconds\":1").unwrap();
+        let Metrics { curves, iterations, .. } = metrics(&path).unwrap();
+        assert_eq!((curves.len(), iterations), (2, 4799));
+        // A loss of 0 has no logarithm.
+        assert_eq!(curves[0].points.len(), POINTS);
+        let (seconds, loss) = curves[0].points[0];
+        assert!((seconds - loss).abs() < 1e-9 && (seconds - 10.5).abs() < 1.0);
+        assert!(curves[1].points.iter().all(|p| (p.1 - 20.0).abs() < 1e-9));
+    }
+}

@@ -1,0 +1,79 @@
+#![doc = include_str!("../README.md")]
+
+mod curves;
+mod page;
+mod solid;
+mod tables;
+mod views;
+
+use std::path::Path;
+
+use curves::Metrics;
+use dataset::Dataset;
+use fit::{Model, RunFile};
+use inspect::Verdict;
+
+/// A run, with all that its page shows.
+pub struct Run<'a> {
+    /// The folder of the run.
+    pub folder: &'a Path,
+    /// Its `fit.toml`.
+    pub file: &'a RunFile,
+    /// Its model.
+    pub model: &'a Model,
+    /// Its data set, relative to its origin, with the cameras and the exposures as fitted.
+    pub dataset: &'a Dataset,
+    /// The verdict on it; `None` while it runs.
+    pub verdict: Option<&'a Verdict>,
+    /// The models for the background and the masks, one sentence each.
+    pub modelled: &'a [String],
+    /// The warnings about its photographs, one sentence each.
+    pub warnings: &'a [String],
+}
+
+/// The amount of work for a page, and its size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detail {
+    /// Grid cells of the mesh along the diameter of the bounding sphere.
+    pub cells: usize,
+    /// The most faces of the mesh.
+    pub faces: usize,
+    /// The most views with pictures: held-out ones first, then training ones at equal steps.
+    pub views: usize,
+    /// The largest width and height of a picture, in pixels.
+    pub side: u32,
+    /// Samples per pixel of rendered views.
+    pub spp: u32,
+}
+
+impl Detail {
+    /// A page of at most some 8 MB.
+    pub const FULL: Detail = Detail { cells: 192, faces: 120_000, views: 48, side: 320, spp: 4 };
+
+    /// A page for a fit that goes on: it takes a few seconds.
+    pub const LIVE: Detail = Detail { cells: 96, faces: 40_000, views: 8, side: 192, spp: 1 };
+}
+
+/// The page of a run: one HTML file that needs no other.
+///
+/// `progress` gets the fraction done, on any thread.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity, or a file of the run cannot be read.
+pub fn page(
+    run: &Run<'_>,
+    detail: Detail,
+    progress: &(dyn Fn(f64) + Sync),
+) -> anyhow::Result<String> {
+    let solid = fit::Solid::new(run.model, run.file);
+    let views = views::views(run, &solid, detail, &|p| progress(0.6 * p))?;
+    let metrics = curves::metrics(&run.folder.join("metrics.jsonl"))?;
+    let Metrics { curves, iterations, seconds } = metrics;
+    let scene = page::Scene {
+        frame: solid::Frame::of(run),
+        mesh: solid::mesh(run, &solid, detail, &|p| progress(0.6 + 0.4 * p))?,
+        views,
+        curves,
+    };
+    page::html(run, &scene, &format!("{iterations} iterations, {seconds:.0} s"))
+}
