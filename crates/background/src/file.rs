@@ -22,7 +22,7 @@ pub enum FileError {
         found: String,
     },
     /// A tensor is missing, has a wrong shape or type, or has elements that are not finite.
-    #[error("tensor \"{name}\" is {found}, expected {expected} finite numbers")]
+    #[error("tensor \"{name}\" is {found}, expected {expected} finite numbers, up to 1e15")]
     Tensor {
         /// The tensor's name.
         name: &'static str,
@@ -35,6 +35,9 @@ pub enum FileError {
 
 /// The metadata entry of the extent.
 const EXTENT: &str = "dsdf.background";
+
+/// The largest size of a number: products of two are finite.
+const LARGEST: f32 = 1e15;
 
 fn container(error: safetensors::SafeTensorError) -> FileError {
     FileError::Container(error.to_string())
@@ -106,8 +109,8 @@ impl<R: Real> Volume<R> {
             let own = self::bytes(&tensors, name, Dtype::F32, length)?;
             for (i, number) in own.chunks_exact(4).enumerate() {
                 let number: f32 = bytemuck::pod_read_unaligned(number);
-                if !number.is_finite() {
-                    let (found, expected) = (format!("{number} at {i}"), format!("{length} F32"));
+                if number.is_nan() || number.abs() > LARGEST {
+                    let (found, expected) = (format!("{number:e} at {i}"), format!("{length} F32"));
                     return Err(FileError::Tensor { name, found, expected });
                 }
                 parameters.push(R::of(f64::from(number)));

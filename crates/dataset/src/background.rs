@@ -21,7 +21,7 @@ pub struct BackgroundEstimate {
 }
 
 /// The least spread, in display units: two steps of 8 bits, the noise of a clean render.
-const LEAST_SPREAD: f32 = 2.0 / 255.0;
+pub(crate) const LEAST_SPREAD: f32 = 2.0 / 255.0;
 
 /// Pixels within this many spreads of the colour count as background. The spread is taken as at
 /// least twice [`LEAST_SPREAD`] here.
@@ -56,8 +56,11 @@ const LEAST_USED: f64 = 0.1;
 
 /// The spread at which the confidence has fallen to 0 (clutter), and the range over which it falls
 /// from 1; display units.
-const MOST_SPREAD: f32 = 0.15;
-const SPREAD_RANGE: f32 = 0.1;
+///
+/// One colour for a backdrop with a vignette (a spread of 0.06) left a Chamfer distance of 18 % of
+/// the bounding radius after 2,000 iterations; a volume left 1.9 %.
+const MOST_SPREAD: f32 = 0.07;
+const SPREAD_RANGE: f32 = 0.04;
 
 impl BackgroundEstimate {
     /// Black: the background of photographs that are over black by their masks.
@@ -121,14 +124,14 @@ impl BackgroundEstimate {
 
 /// The standard deviation by the median absolute deviation, the largest of the channels and
 /// [`LEAST_SPREAD`].
-fn deviation(pixels: &[[f32; 3]], center: [f32; 3]) -> f32 {
+pub(crate) fn deviation(pixels: &[[f32; 3]], center: [f32; 3]) -> f32 {
     (0..3)
         .map(|c| median(pixels.iter().map(|p| (p[c] - center[c]).abs()).collect()) / MAD_PER_SIGMA)
         .fold(LEAST_SPREAD, f32::max)
 }
 
 /// The distance, in display space, below which a pixel counts as background.
-fn reach(spread: f32) -> f32 {
+pub(crate) fn reach(spread: f32) -> f32 {
     REACH * spread.max(2.0 * LEAST_SPREAD)
 }
 
@@ -152,31 +155,36 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels that should show background, in display space: a few thousand a view at most. `None`
-/// stands for a pixel that is left out.
+/// Pixels that should show background, in display space. `None` stands for a pixel that is left out.
 fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<Option<[f32; 3]>> {
-    let (width, height) = (view.image.width, view.image.height);
-    let stride = (f64::from(width * height) / SAMPLES).sqrt().ceil().max(1.0) as u32;
-    let shown = |x: u32, y: u32| {
-        let is_used = view.is_used((y * width + x) as usize);
+    let shown = |(x, y): (u32, u32)| {
+        let is_used = view.is_used((y * view.image.width + x) as usize);
         is_used.then(|| view.image.at(x, y).map(srgb_encode))
     };
-    let mut pixels = Vec::new();
+    surrounding_places(view, candidate).into_iter().map(shown).collect()
+}
+
+/// The places, x and y, of pixels that should show background: those whose rays miss the sphere
+/// `candidate`, and those of the border. A few thousand a view at most.
+pub(crate) fn surrounding_places(view: &View, candidate: &Sphere<f64>) -> Vec<(u32, u32)> {
+    let (width, height) = (view.image.width, view.image.height);
+    let stride = (f64::from(width * height) / SAMPLES).sqrt().ceil().max(1.0) as u32;
+    let mut places = Vec::new();
     for y in (0..height).step_by(stride as usize) {
         for x in (0..width).step_by(stride as usize) {
             let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             if candidate.clip(view.camera.eye, view.camera.direction(u)).is_none() {
-                pixels.push(shown(x, y));
+                places.push((x, y));
             }
         }
     }
     for x in (0..width).step_by(stride as usize) {
-        pixels.extend([shown(x, 0), shown(x, height - 1)]);
+        places.extend([(x, 0), (x, height - 1)]);
     }
     for y in (0..height).step_by(stride as usize) {
-        pixels.extend([shown(0, y), shown(width - 1, y)]);
+        places.extend([(0, y), (width - 1, y)]);
     }
-    pixels
+    places
 }
 
 /// The median; of an even number of values, the upper of the middle two.
@@ -242,7 +250,7 @@ mod tests {
         );
         // A uniform distribution of width 0.1: half of it lies within 0.025 of the middle, 95 %
         // within 0.0475.
-        assert!((0.02..0.045).contains(&noisy.spread) && noisy.confidence == 1.0, "{noisy:?}");
+        assert!((0.02..0.045).contains(&noisy.spread) && noisy.confidence > 0.8, "{noisy:?}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
+use crate::backdrop::Backdrop;
 use crate::background::UNIFORM;
 use crate::carve::visual_hull_sphere;
 use crate::cloud::{shown_by_masks, sphere_around, sphere_of_compact, sphere_of_inner};
@@ -33,6 +34,10 @@ const MOST_STRAY: f64 = 0.02;
 /// nearest camera: cameras must be outside.
 const MOST_OF_DISTANCE: f64 = 0.9;
 
+/// Cameras stand at one place if they are nearer to each other than this part of their distance
+/// from the object.
+const ONE_PLACE: f64 = 1e-6;
+
 /// Axes count as parallel if the determinant of their normal equations, divided by the cube of the
 /// number of views, is below this.
 const PARALLEL: f64 = 1e-9;
@@ -48,7 +53,7 @@ pub enum SphereSource {
     Masks,
     /// The points on the scene's surfaces.
     Points,
-    /// The outline of the object before uniform backgrounds.
+    /// The outline of the object before uniform or smooth backgrounds.
     Outlines,
     /// The cameras alone.
     Cameras,
@@ -61,7 +66,7 @@ impl fmt::Display for SphereSource {
             SphereSource::Dataset => "from the data set",
             SphereSource::Masks => "from the masks",
             SphereSource::Points => "from the data set's points",
-            SphereSource::Outlines => "from outlines before uniform backgrounds",
+            SphereSource::Outlines => "from outlines before plain backgrounds",
             SphereSource::Cameras => "from the cameras alone",
         })
     }
@@ -144,7 +149,8 @@ impl Surroundings {
 ///    is farther away;
 /// 4. a sphere around the visual hull of these masks;
 /// 5. without such masks, a sphere around the visual hull of the photographs, if they have uniform
-///    backgrounds, and hardly a pixel outside its image shows the object;
+///    backgrounds, or such that change smoothly over a view, and hardly a pixel outside its image
+///    shows the object;
 /// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
 ///
 /// If points and a visual hull both exist, the sphere contains both: points are missing where the
@@ -202,17 +208,15 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
     let views = &dataset.train;
     let (framed, wide) = (framed(views), widest(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
-    let hull = rough.is_uniform().then(|| {
-        let backgrounds = rough.of_views();
-        let is_shown = |view: usize, i: usize| {
-            backgrounds[view].probability(views[view].image.pixels[i]) < 0.5
-        };
-        // A pixel that is left out may show the object.
-        let is_foreground = |view: usize, i| is_shown(view, i) || !views[view].is_used(i);
-        let hull = with_margin(visual_hull_sphere(views, &wide, is_foreground)?);
-        let is_stray = |view: usize, i| is_shown(view, i) && views[view].is_used(i);
-        (stray(views, &hull, is_stray) <= MOST_STRAY).then_some(hull)
-    });
+    let hull = match rough.is_uniform() {
+        true => {
+            let backgrounds = rough.of_views();
+            hull_before(views, &wide, |view, i| {
+                backgrounds[view].probability(views[view].image.pixels[i]) < 0.5
+            })
+        }
+        false => hull_before_backdrops(views, &wide),
+    };
     let inner = sphere_of_inner(&dataset.points, &framed, MARGIN);
     let compact = sphere_of_compact(&dataset.points, &framed).map(with_margin);
     let is_outside = |sphere: &Sphere<f64>| {
@@ -220,7 +224,35 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
         sphere.radius <= MOST_OF_DISTANCE * nearest.fold(f64::INFINITY, f64::min)
     };
     let all = inner.zip(compact).map(|(a, b)| around_both(&a, &b)).filter(is_outside);
-    around(all.or(inner), hull.flatten(), SphereSource::Outlines)
+    around(all.or(inner), hull, SphereSource::Outlines)
+}
+
+/// A sphere with room around the visual hull of the pixels that show the object; `None` without
+/// one, or if too many pixels outside its image show the object.
+fn hull_before(
+    views: &[View],
+    wide: &Sphere<f64>,
+    is_shown: impl Fn(usize, usize) -> bool + Sync,
+) -> Option<Sphere<f64>> {
+    // A pixel that is left out may show the object.
+    let is_foreground = |view: usize, i| is_shown(view, i) || !views[view].is_used(i);
+    let hull = with_margin(visual_hull_sphere(views, wide, is_foreground)?);
+    let is_stray = |view: usize, i| is_shown(view, i) && views[view].is_used(i);
+    (stray(views, &hull, is_stray) <= MOST_STRAY).then_some(hull)
+}
+
+/// Like [`hull_before`], before backdrops whose colours change smoothly over each view. They are
+/// fitted again around the first hull, where there are more of their pixels.
+fn hull_before_backdrops(views: &[View], wide: &Sphere<f64>) -> Option<Sphere<f64>> {
+    let around = |candidate: &Sphere<f64>| {
+        let of_view = |view| Backdrop::of_view(view, candidate);
+        let backdrops: Option<Vec<Backdrop>> = views.par_iter().map(of_view).collect();
+        let backdrops = backdrops?;
+        hull_before(views, wide, |view, i| {
+            backdrops[view].is_hidden_at(i, views[view].image.pixels[i])
+        })
+    };
+    around(&around(wide)?)
 }
 
 /// The sphere with room around it.
@@ -279,13 +311,26 @@ fn around_both(a: &Sphere<f64>, b: &Sphere<f64>) -> Sphere<f64> {
 
 /// Checks the cameras of all views against the bounding sphere.
 ///
+/// Cameras that all stand at one place are refused: nothing tells the distance of a surface then.
 /// A camera inside the sphere is refused: the object has no silhouette from there. If most cameras
 /// look away from the sphere, all are refused: the poses are in another convention.
 ///
 /// # Errors
-/// For the first camera inside, or if more than half look away.
+/// If all cameras stand at one place, for the first camera inside, or if more than half look away.
+///
+/// # Panics
+/// If the data set has no views.
 pub fn check_cameras(dataset: &Dataset, bounds: &Sphere<f64>) -> Result<(), InputError> {
     let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();
+    let first = views[0].camera.eye;
+    let nearest = |a: f64, v: &&View| a.min((v.camera.eye - bounds.center).length());
+    let nearest = views.iter().fold(f64::INFINITY, nearest);
+    let least = ONE_PLACE * nearest.max(bounds.radius);
+    if views.len() > 1 && views.iter().all(|v| v.camera.eye.distance(first) <= least) {
+        let found = format!("{} cameras at one place, {first:.4}", views.len());
+        let expected = "photographs from different places";
+        return Err(InputError::new(&dataset.path, "poses", found, expected));
+    }
     let inside = |v: &&&View| (v.camera.eye - bounds.center).length() <= bounds.radius;
     if let Some(view) = views.iter().find(inside) {
         let distance = (view.camera.eye - bounds.center).length();

@@ -65,6 +65,7 @@ pub fn open(path: &Path) -> anyhow::Result<Unread> {
     if train.is_empty() {
         return Err(InputError::new(path, "views", "none to fit", "two photographs or more").into());
     }
+    train.iter().chain(&test).try_for_each(|view| view.check_lens(path))?;
     Ok(Unread { path: path.to_owned(), train, test, recognised })
 }
 

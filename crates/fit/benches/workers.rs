@@ -61,7 +61,7 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     };
     fit.observe(workers, Box::new(observer));
     let (done, mut all) = (Cell::new(0), Vec::new());
-    let report = &mut |_: &fit::Fit, _: &fit::Metrics| {
+    let report = &mut |_: &Fit, _: &fit::Metrics| {
         done.set(done.get() + 1);
         all.extend(log.lock().map(|mut log| std::mem::take(&mut *log)));
         Ok(())

@@ -28,16 +28,26 @@ const ROUNDS: usize = 2;
 /// surface from one whose colour is not learned yet, so nothing is carved.
 const LEAST_KNOWN: f64 = 0.02;
 
-/// The assumed number of iterations in a second, for a budget of time: the speed of the machine
-/// itself would give other depths on each machine.
-const ITERATIONS_PER_SECOND: f64 = 100.0;
+/// The assumed number of iterations in a second on one thread, for a budget of time: the speed of
+/// the machine itself would give other depths on each machine.
+const ITERATIONS_PER_SECOND: f64 = 50.0;
+
+/// The most threads that this number is multiplied by.
+const MOST_THREADS: usize = 16;
 
 impl FitOptions {
     /// The largest number of pixels of photographs that are searched for depths.
     fn searched_pixels(&self) -> u64 {
-        let of_time = self.time.map(|time| (time.as_secs_f64() * ITERATIONS_PER_SECOND) as u64);
-        let iterations = of_time.or(self.iterations).unwrap_or(DEFAULT_ITERATIONS);
-        iterations.saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
+        self.assumed_iterations().saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
+    }
+
+    /// The number of iterations of the budget. That of a budget of time is assumed, and depends on
+    /// the number of threads.
+    pub(crate) fn assumed_iterations(&self) -> u64 {
+        let threads = rayon::current_num_threads().min(MOST_THREADS) as f64;
+        let rate = ITERATIONS_PER_SECOND * threads;
+        let of_time = self.time.map(|time| (time.as_secs_f64() * rate) as u64);
+        of_time.or(self.iterations).unwrap_or(DEFAULT_ITERATIONS)
     }
 }
 

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use dataset::Dataset;
 use inspect::{Evidence, Verdict};
-use photometry::{BackgroundChoice, BackgroundKind, ExposureModel, MaskUse};
+use photometry::{BackgroundChoice, BackgroundKind, ExposureModel, MaskChoice, MaskUse};
 use render::Camera;
 
 use crate::model::Model;
@@ -55,7 +55,13 @@ pub fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
         MaskUse::Coverage => format!("of the object in {covered} views, used (see --masks)"),
         MaskUse::LeaveOut => format!("pixels are left out in {others} views (see --masks)"),
         MaskUse::None if covered > 0 => {
-            format!("of the object in {covered} views, not used in the fit (see --masks)")
+            let reason = match file.options.masks {
+                MaskChoice::Ignore => "as asked",
+                _ if covered < dataset.train.len() + dataset.test.len() => "some views have none",
+                _ if !file.background_kind.is_trained() => "the background is uniform",
+                _ => "most are black or white everywhere, or the background was chosen",
+            };
+            format!("of the object in {covered} views, not used in the fit: {reason} (see --masks)")
         }
         MaskUse::None => "none used".to_owned(),
     };

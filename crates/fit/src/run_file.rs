@@ -47,7 +47,8 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If masks must be used and are missing.
+    /// If masks must be used and are missing, or if the units of the data set are too small or too
+    /// large for single precision.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
@@ -65,10 +66,15 @@ impl RunFile {
             background_kind = BackgroundKind::Constant;
         }
         let Sphere { center, radius } = found.sphere;
+        let bounds = [center.x, center.y, center.z, radius];
+        if !is_sphere(bounds) {
+            let found = format!("{bounds:?}, {}", found.source);
+            return Err(InputError::new(&dataset.path, "bounding sphere", found, SPHERE));
+        }
         let BackgroundEstimate { color, spread, confidence } = found.background;
         let mut file = RunFile {
             dataset: path,
-            bounds: [center.x, center.y, center.z, radius],
+            bounds,
             masks,
             background_kind,
             background: color,

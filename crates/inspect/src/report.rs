@@ -4,7 +4,7 @@ use field::{Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use dataset::{BackgroundEstimate, Dataset, View, looks_away};
+use dataset::{BackgroundEstimate, Dataset, MaskKind, View, looks_away};
 
 use crate::exposure::{Exposure, MOST_SPREAD, exposure_spread};
 
@@ -222,13 +222,38 @@ fn warnings(
              a fit finds one for each, unless --exposure is none"
         ));
     }
-    let train = &views[..report.train_views];
+    warnings.extend(of_masks(&views[..report.train_views], views));
+    if report.train_views < 3 {
+        warnings.push("fewer than three views to fit".to_owned());
+    }
+    warnings
+}
+
+/// The suspicious properties of the masks. `train` are the views to fit, `views` are all.
+fn of_masks(train: &[&View], views: &[&View]) -> Vec<String> {
+    let mut warnings = Vec::new();
     let without: Vec<&&View> = train.iter().filter(|v| v.coverage().is_none()).collect();
     if let Some(first) = without.first().filter(|_| without.len() < train.len()) {
         let (count, all, name) = (train.len() - without.len(), train.len(), &first.name);
         warnings.push(format!(
             "only {count} of {all} views to fit have a mask of the object, so none is used; the \
              first without one is {name}"
+        ));
+    }
+    let is_even = |v: &&&View| {
+        let is_object = |coverage: &&f32| **coverage >= 0.5;
+        v.coverage()
+            .is_some_and(|all| [0, all.len()].contains(&all.iter().filter(is_object).count()))
+    };
+    let even: Vec<&&View> = train.iter().filter(is_even).collect();
+    // Photographs with an alpha channel that says nothing are common.
+    let is_alpha = |v: &&&View| v.mask.as_ref().is_some_and(|mask| mask.kind == MaskKind::Alpha);
+    let says_nothing = even.len() == train.len() && even.iter().all(is_alpha);
+    if let Some(first) = even.first().filter(|_| !says_nothing) {
+        let (count, all, name) = (even.len(), train.len() - without.len(), &first.name);
+        warnings.push(format!(
+            "{count} of {all} masks of the object are black or white everywhere; the first is that \
+             of {name}"
         ));
     }
     let of_view = |v: &&View| {
@@ -239,9 +264,6 @@ fn warnings(
     if left_out > MOST_LEFT_OUT {
         let percent = 100.0 * left_out;
         warnings.push(format!("masks leave out {percent:.0} % of the pixels; white is used"));
-    }
-    if report.train_views < 3 {
-        warnings.push("fewer than three views to fit".to_owned());
     }
     warnings
 }

@@ -111,6 +111,27 @@ fn suspicious_views_give_warnings() {
 }
 
 #[test]
+fn masks_without_an_object_give_a_warning_with_a_name() {
+    let warned = |kind, even: usize| {
+        let mut dataset = dataset();
+        for (i, view) in dataset.train.iter_mut().enumerate() {
+            let mut values = vec![1.0; view.image.pixels.len()];
+            if i >= even {
+                values[7] = 0.0;
+            }
+            view.mask = Some(Mask { kind, values });
+        }
+        let warnings = report(&dataset).warnings;
+        warnings.into_iter().find(|text| text.contains("everywhere"))
+    };
+    let text = warned(MaskKind::Object, 2).unwrap();
+    assert!(text.starts_with("2 of 5 masks") && text.ends_with("that of 0"), "{text}");
+    assert!(warned(MaskKind::Object, 5).is_some() && warned(MaskKind::Alpha, 1).is_some());
+    // An alpha channel that is opaque everywhere is common.
+    assert!(warned(MaskKind::Alpha, 5).is_none() && warned(MaskKind::Object, 0).is_none());
+}
+
+#[test]
 fn the_outline_separates_rays_that_meet_the_sphere_from_others() {
     let mut dataset = dataset();
     // Aimed beside the sphere's centre, so that the outline is an ellipse.

@@ -67,7 +67,14 @@ impl MaskChoice {
             MaskChoice::Use if found == MaskUse::None => {
                 let found = match all_equal {
                     true => "use, and masks that are the same everywhere in most views".to_owned(),
-                    false => format!("use, and masks for {covered} of {} views", views.len()),
+                    false => {
+                        let first = views.iter().find(|view| view.coverage().is_none());
+                        let name = first.map_or("", |view| &view.name);
+                        let (all, path) = (views.len(), dataset.path.display());
+                        format!(
+                            "use, and masks for {covered} of {all} views of {path}, none for {name}"
+                        )
+                    }
                 };
                 let expected = "a mask or an alpha channel of the object for each view to fit";
                 Err(InputError::new(source, "masks", found, expected))

@@ -49,6 +49,14 @@ const MEMORY_PER_UNDISTORTED_PIXEL: u64 = 12;
 /// and coverage as a film.
 const MEMORY_PER_MASK_PIXEL: u64 = 16;
 
+/// The least and the largest focal length, in parts of the larger side of the photograph: fields of
+/// view of 180 degrees and of a thousandth of a degree.
+const FOCAL: [f64; 2] = [1e-3, 1e5];
+
+/// The largest coordinate of the principal point, in the same parts: a photograph can be a small
+/// part of a larger one.
+const MOST_OFF_FILM: f64 = 1e3;
+
 /// Programs round the sides of a reduced image to whole pixels, down or up.
 const ROUNDING: f64 = 1.5;
 
@@ -67,6 +75,30 @@ impl UnreadView {
     pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
         let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
         UnreadView { mask, ..self }
+    }
+
+    /// Checks that the focal lengths and the principal point are those of a camera. `source` is the
+    /// data set, for the message of the error.
+    ///
+    /// # Errors
+    /// If a number is out of range.
+    pub fn check_lens(&self, source: &Path) -> Result<()> {
+        let Camera { width, height, focal, principal, .. } = self.camera;
+        let largest = f64::from(width.max(height));
+        let [least, most] = FOCAL.map(|share| share * largest);
+        let refuse = |field: &str, found: DVec2, expected: String| {
+            let field = format!("{}: {field}", self.name);
+            let found = format!("{:e}, {:e} pixels", found.x, found.y);
+            Err(InputError::new(source, field, found, expected))
+        };
+        if !(focal.min_element() >= least && focal.max_element() <= most) {
+            return refuse("focal length", focal, format!("{least:.1} to {most:.0} pixels"));
+        }
+        let farthest = MOST_OFF_FILM * largest;
+        if !principal.is_finite() || principal.abs().max_element() > farthest {
+            return refuse("principal point", principal, format!("at most {farthest:.0} pixels"));
+        }
+        Ok(())
     }
 
     /// Width and height of the photograph in pixels.

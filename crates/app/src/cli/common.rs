@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::interrupt::Interrupt;
-use super::progress::Progress;
+use super::progress::{Clock, Progress};
 use dataset::Dataset;
 use estimate::Registry;
 use fit::{Model, RunCameras, RunExposures, RunFile, align, match_exposures};
@@ -33,6 +33,9 @@ pub(crate) struct Global {
     /// The estimators that `--estimator` can name.
     #[arg(skip)]
     pub(crate) registry: Registry,
+    /// The time of the next line of progress.
+    #[arg(skip)]
+    pub(crate) clock: Clock,
     /// The requests of Ctrl-C.
     #[arg(skip)]
     pub(crate) interrupt: Interrupt,
@@ -93,7 +96,7 @@ impl Global {
     /// The progress of a command on standard error: a bar on a terminal, else a line about every
     /// ten seconds; nothing with `--quiet`.
     pub(crate) fn progress(&self, name: &str) -> Progress {
-        Progress::new(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet)
+        Progress::new(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet, &self.clock)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Progress on standard error: a bar on a terminal, else a line about every ten seconds.
 
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -23,13 +23,16 @@ pub(crate) struct Progress {
 impl Progress {
     /// The progress of the step `name`. `template` is that of the bar. `{msg}` in it is the name,
     /// or the text that was last given to [`show`](Self::show).
-    pub(super) fn new(name: &str, template: &str, quiet: bool) -> Self {
+    pub(super) fn new(name: &str, template: &str, quiet: bool, clock: &Clock) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(LENGTH) };
         let bar = match ProgressStyle::with_template(template) {
             Ok(style) => bar.with_style(style),
             Err(_) => bar,
         };
-        let lines = (!quiet && bar.is_hidden()).then(Lines::start);
+        let lines = (!quiet && bar.is_hidden()).then(|| {
+            let (clock, start) = (clock.clone(), Instant::now());
+            Lines { clock, start, first: OnceLock::new() }
+        });
         bar.set_message(name.to_owned());
         Progress { name: name.to_owned(), bar, lines }
     }
@@ -52,7 +55,7 @@ impl Progress {
         self.bar.set_position((fraction * LENGTH as f64) as u64);
         let Some(lines) = &self.lines else { return };
         let (elapsed, first) = (lines.start.elapsed(), *lines.first.get_or_init(|| fraction));
-        if lines.is_due(elapsed) {
+        if lines.clock.is_due(lines.clock.start.elapsed()) {
             let times = times(first, fraction, elapsed);
             let line = format!("{}: {:.0} %, {times}{}", self.name, 100.0 * fraction, text());
             eprintln!("{}", io::printable(&line));
@@ -65,27 +68,37 @@ impl Progress {
     }
 }
 
-/// The times of lines.
-struct Lines {
+/// The time of the next line of a command, whatever step it is in.
+#[derive(Clone, Debug)]
+pub(crate) struct Clock {
     start: Instant,
-    /// The fraction that was shown first.
-    first: OnceLock<f64>,
     /// The time of the next line, in seconds from the start.
-    next: AtomicU64,
+    next: Arc<AtomicU64>,
 }
 
-impl Lines {
-    fn start() -> Self {
-        Lines { start: Instant::now(), first: OnceLock::new(), next: AtomicU64::new(EVERY) }
+impl Default for Clock {
+    fn default() -> Self {
+        Clock { start: Instant::now(), next: Arc::new(AtomicU64::new(EVERY)) }
     }
+}
 
-    /// True if a line is due. Of several threads that ask at the same time, one gets true.
+impl Clock {
+    /// True if a line is due at this time after the start. Of several threads that ask at the same
+    /// time, one gets true.
     fn is_due(&self, elapsed: Duration) -> bool {
         let (seconds, next) = (elapsed.as_secs(), self.next.load(Ordering::Relaxed));
         let after = seconds + EVERY;
         seconds >= next
             && self.next.compare_exchange(next, after, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
+}
+
+/// The times of lines of a step.
+struct Lines {
+    clock: Clock,
+    start: Instant,
+    /// The fraction that was shown first.
+    first: OnceLock<f64>,
 }
 
 /// The elapsed time, and the remaining time if it is known. `first` is the fraction at the start: a
@@ -113,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_line_is_due_every_ten_seconds_and_once() {
-        let lines = Lines::start();
+        let lines = Clock::default();
         let due: Vec<u64> =
             (0..35).filter(|second| lines.is_due(Duration::from_secs(*second))).collect();
         assert_eq!(due, [10, 20, 30]);

@@ -50,6 +50,28 @@ fn the_estimated_sphere_contains_the_ball() {
     assert_eq!(surroundings(&dataset, Some(ball()), false).sphere, ball());
 }
 
+#[test]
+fn cameras_at_one_place_and_lenses_of_no_camera_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = write_nerf(folder.path(), "transforms.json", &cameras(9));
+    let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    let eye = dataset.train[0].camera.eye;
+    dataset.train.iter_mut().chain(&mut dataset.test).for_each(|view| view.camera.eye = eye);
+    let sphere = surroundings(&dataset, None, false).sphere;
+    let error = check_cameras(&dataset, &sphere).unwrap_err().to_string();
+    assert!(error.contains("9 cameras at one place"), "{error}");
+    for (key, number, words) in [
+        ("fl_x", 1e300, ["focal length", "1e300"]),
+        ("fl_x", 1e-9, ["focal length", "1e-9"]),
+        ("cx", 1e30, ["principal point", "1e30"]),
+    ] {
+        let mut json = json.clone();
+        json[key] = number.into();
+        write_json(&folder.path().join("transforms.json"), &json);
+        refused(folder.path(), &[&words[..], &["pixels"]].concat());
+    }
+}
+
 /// The data set of [`write_nerf`] with the photographs changed by `paint`, which gets the view's
 /// number and whether the pixel shows the ball.
 fn painted(paint: impl Fn(usize, bool, &mut [f32; 3])) -> Dataset {
@@ -105,29 +127,37 @@ fn clutter_gives_the_sphere_of_the_masks_or_of_the_cameras() {
     assert_eq!(surroundings(&dataset, None, true).source, SphereSource::Cameras);
 }
 
-/// A backdrop that is lit from above: it seems uniform, and parts of the ball have its colours.
-#[test]
-fn outlines_before_a_backdrop_that_is_not_uniform_are_no_evidence() {
+/// The sphere before a backdrop with these radiances along a direction; parts of the ball have its
+/// colours.
+fn before_backdrop(radiance: impl Fn(DVec3) -> f64) -> Surroundings {
     let folder = tempfile::tempdir().unwrap();
     write_nerf(folder.path(), "transforms.json", &cameras(24));
-    let with_slope = |slope: f64| {
-        let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-        for view in &mut dataset.train {
-            let (camera, empty) = (view.camera, view.image.at(0, 0));
-            for (i, pixel) in view.image.pixels.iter_mut().enumerate().filter(|p| *p.1 == empty) {
-                let place = [i as u32 % camera.width, i as u32 / camera.width].map(f64::from);
-                let direction = camera.direction(DVec2::from(place) + 0.5);
-                *pixel = [(0.6 + slope * direction.z) as f32; 3];
-            }
+    let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    for view in &mut dataset.train {
+        let (camera, empty) = (view.camera, view.image.at(0, 0));
+        for (i, pixel) in view.image.pixels.iter_mut().enumerate().filter(|p| *p.1 == empty) {
+            let place = [i as u32 % camera.width, i as u32 / camera.width].map(f64::from);
+            *pixel = [radiance(camera.direction(DVec2::from(place) + 0.5)) as f32; 3];
         }
-        surroundings(&dataset, None, false)
-    };
-    let even = with_slope(0.0);
-    assert!(even.source == SphereSource::Outlines && holds_the_ball(&even.sphere), "{even:?}");
-    let uneven = with_slope(0.4);
-    let off = (uneven.sphere.center - ball().center).length();
-    assert!(off + ball().radius < uneven.sphere.radius, "{:?}", uneven.sphere);
-    assert_eq!(uneven.source, SphereSource::Cameras);
+    }
+    surroundings(&dataset, None, false)
+}
+
+#[test]
+fn outlines_before_smooth_backdrops_give_the_sphere() {
+    for slope in [0.0, 0.1, 0.2, 0.4] {
+        let found = before_backdrop(|direction| 0.6 + slope * direction.z);
+        assert_eq!(found.source, SphereSource::Outlines, "{slope}");
+        assert!(holds_the_ball(&found.sphere), "{slope}: {:?}", found.sphere);
+    }
+}
+
+#[test]
+fn outlines_before_a_backdrop_with_a_pattern_are_no_evidence() {
+    let found = before_backdrop(|direction| 0.6 + 0.2 * (40.0 * direction.z).sin());
+    let off = (found.sphere.center - ball().center).length();
+    assert!(off + ball().radius < found.sphere.radius, "{:?}", found.sphere);
+    assert_eq!(found.source, SphereSource::Cameras);
 }
 
 /// `count` points spread evenly over a sphere, as a textured object gives them.

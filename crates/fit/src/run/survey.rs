@@ -13,8 +13,12 @@ use sdf_nn::Transform;
 use super::{Fit, TRACED_CHUNK, checkpoint_path, scene};
 use crate::cameras::corrected;
 
-/// The level of the pyramid whose pixels are traced, if there is one: a quarter of the rays.
+/// The finest level of the pyramid whose pixels are traced, if there is one: a quarter of the rays.
 const TRACED_LEVEL: usize = 1;
+
+/// The most pixels that are traced, for each iteration of the budget: a survey takes a hundredth or
+/// two of the fit's time. Larger photographs are traced on a coarser level.
+const TRACED_PER_ITERATION: u64 = 100;
 
 /// The margin around a pixel without a surface, in pixels of the traced level.
 const MARGIN: u32 = 2;
@@ -104,7 +108,15 @@ impl Fit {
 
     /// The level of the pyramid whose pixels are traced.
     fn traced_level(&self) -> usize {
-        TRACED_LEVEL.min(self.levels.len() - 1)
+        let most = self.file.options.assumed_iterations().saturating_mul(TRACED_PER_ITERATION);
+        let last = self.levels.len() - 1;
+        let fits = |level: &usize| self.levels[*level].photograph_pixels() <= most;
+        (TRACED_LEVEL.min(last)..last).find(fits).unwrap_or(last)
+    }
+
+    /// The level of the pyramid that has this number of pixels.
+    fn level_of(&self, pixels: usize) -> Option<usize> {
+        self.levels.iter().position(|level| level.photograph_pixels() as usize == pixels)
     }
 
     /// Restores the survey of a checkpoint. A longer budget can put the run back to before a
@@ -118,8 +130,10 @@ impl Fit {
             let expected = format!("{expected}, according to fit.toml");
             Err(InputError::new(checkpoint_path(&self.folder), name, found, expected))
         };
+        // Another budget can trace another level: that of the file counts until the next survey.
         let trained = self.file.background_kind.is_trained();
-        let pixels = self.levels[self.traced_level()].photograph_pixels() as usize;
+        let level = self.level_of(is_far.len()).unwrap_or_else(|| self.traced_level());
+        let pixels = self.levels[level].photograph_pixels() as usize;
         check("is_far", is_far.len(), if trained { pixels } else { 0 })?;
         check("is_free", is_free.len(), self.model.fine_nodes())?;
         let due = schedule::surveys(self.progress(), self.file.options.soft);
@@ -129,9 +143,9 @@ impl Fit {
     }
 
     fn set_survey(&mut self, survey: Survey) {
-        if survey.number > 0 && !survey.is_far.is_empty() {
-            let factor = 1 << self.traced_level();
-            self.levels[0].group(&survey.is_far, factor);
+        let level = self.level_of(survey.is_far.len()).filter(|_| survey.number > 0);
+        if let Some(level) = level {
+            self.levels[0].group(&survey.is_far, 1 << level);
         }
         self.survey = Some(survey);
     }

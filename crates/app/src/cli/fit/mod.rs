@@ -1,6 +1,5 @@
 //! `dsdf fit`.
 
-mod metrics_file;
 mod options;
 mod progress;
 mod resume;
@@ -18,8 +17,7 @@ use super::report::Live;
 use crate::error::Interrupted;
 use ::inspect::Verdict;
 use dataset::Dataset;
-use fit::{Fit as Fitting, Metrics, RunFile, examine};
-use metrics_file::MetricsFile;
+use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile, examine};
 
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};

@@ -7,12 +7,17 @@ use fit::{Fit, Metrics};
 /// The progress of a fit on standard error: a bar on a terminal, else a line about every ten
 /// seconds; nothing with `--quiet`.
 pub(super) fn start(global: &Global) -> Progress {
-    Progress::new("fit", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet)
+    Progress::new("fit", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet, &global.clock)
 }
 
 /// Finds the depths that guide the fit, with their progress.
 pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
-    let bar = Progress::new("depths", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet);
+    let bar = Progress::new(
+        "depths",
+        "{wide_bar} {percent:>3} % {eta} left  {msg}",
+        global.quiet,
+        &global.clock,
+    );
     // The search begins anew after an adjustment of the cameras.
     let (mut search, mut last) = (1, 0);
     fitting.find_depths(stop, &mut |done, all| {

@@ -5,10 +5,11 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use fit::Metrics;
+
+use crate::iteration::Metrics;
 
 /// `metrics.jsonl`: one line of JSON per iteration.
-pub(super) struct MetricsFile {
+pub struct MetricsFile {
     path: PathBuf,
     writer: BufWriter<File>,
 }
@@ -16,7 +17,10 @@ pub(super) struct MetricsFile {
 impl MetricsFile {
     /// Opens the file for appending. Lines after `iteration` are removed: a killed run leaves lines
     /// that are newer than its checkpoint.
-    pub(super) fn open(path: &Path, iteration: u64) -> anyhow::Result<Self> {
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn open(path: &Path, iteration: u64) -> anyhow::Result<Self> {
         let known = match path.symlink_metadata() {
             Ok(_) => io::read(path, "metrics", "the metrics of a run")?,
             Err(_) => Vec::new(),
@@ -35,7 +39,10 @@ impl MetricsFile {
     }
 
     /// Appends one line.
-    pub(super) fn write(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
         self.append(metrics).with_context(|| format!("cannot write {}", self.path.display()))
     }
 
