@@ -155,7 +155,8 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels that should show background, in display space. `None` stands for a pixel that is left out.
+/// Pixels that should show background, in display space. `None` stands for a pixel that is left
+/// out.
 fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<Option<[f32; 3]>> {
     let shown = |(x, y): (u32, u32)| {
         let is_used = view.is_used((y * view.image.width + x) as usize);

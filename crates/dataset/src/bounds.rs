@@ -35,8 +35,8 @@ const MOST_STRAY: f64 = 0.02;
 const MOST_OF_DISTANCE: f64 = 0.9;
 
 /// Cameras stand at one place if they are nearer to each other than this part of their distance
-/// from the object.
-const ONE_PLACE: f64 = 1e-6;
+/// from the origin.
+const ONE_PLACE: f64 = 1e-9;
 
 /// Axes count as parallel if the determinant of their normal equations, divided by the cube of the
 /// number of views, is below this.
@@ -309,28 +309,29 @@ fn around_both(a: &Sphere<f64>, b: &Sphere<f64>) -> Sphere<f64> {
     Sphere { center: a.center + between * ((radius - a.radius) / distance), radius }
 }
 
+/// Refuses cameras that all stand at one place: nothing tells the distance of a surface.
+///
+/// # Errors
+/// If there are several, and all stand at one place.
+pub fn check_places(dataset: &Dataset) -> Result<(), InputError> {
+    let eyes = || dataset.train.iter().chain(&dataset.test).map(|view| view.camera.eye);
+    let (count, first) = (eyes().count(), eyes().next().unwrap_or_default());
+    if count < 2 || eyes().any(|eye| eye.distance(first) > ONE_PLACE * first.length()) {
+        return Ok(());
+    }
+    let found = format!("{count} cameras at one place, {first:.4}");
+    Err(InputError::new(&dataset.path, "poses", found, "photographs from different places"))
+}
+
 /// Checks the cameras of all views against the bounding sphere.
 ///
-/// Cameras that all stand at one place are refused: nothing tells the distance of a surface then.
 /// A camera inside the sphere is refused: the object has no silhouette from there. If most cameras
 /// look away from the sphere, all are refused: the poses are in another convention.
 ///
 /// # Errors
-/// If all cameras stand at one place, for the first camera inside, or if more than half look away.
-///
-/// # Panics
-/// If the data set has no views.
+/// For the first camera inside, or if more than half look away.
 pub fn check_cameras(dataset: &Dataset, bounds: &Sphere<f64>) -> Result<(), InputError> {
     let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();
-    let first = views[0].camera.eye;
-    let nearest = |a: f64, v: &&View| a.min((v.camera.eye - bounds.center).length());
-    let nearest = views.iter().fold(f64::INFINITY, nearest);
-    let least = ONE_PLACE * nearest.max(bounds.radius);
-    if views.len() > 1 && views.iter().all(|v| v.camera.eye.distance(first) <= least) {
-        let found = format!("{} cameras at one place, {first:.4}", views.len());
-        let expected = "photographs from different places";
-        return Err(InputError::new(&dataset.path, "poses", found, expected));
-    }
     let inside = |v: &&&View| (v.camera.eye - bounds.center).length() <= bounds.radius;
     if let Some(view) = views.iter().find(inside) {
         let distance = (view.camera.eye - bounds.center).length();

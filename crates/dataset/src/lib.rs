@@ -14,7 +14,9 @@ mod tests;
 mod view;
 
 pub use background::BackgroundEstimate;
-pub use bounds::{SphereSource, Surroundings, check_cameras, looks_away, surroundings};
+pub use bounds::{
+    SphereSource, Surroundings, check_cameras, check_places, looks_away, surroundings,
+};
 pub use load::{LoadOptions, Unread, load, open};
 pub use readers::{Mask, MaskKind, View};
 pub use split::HELD_OUT;

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use dataset::{BackgroundEstimate, Dataset, SphereSource, View, surroundings};
+use dataset::{BackgroundEstimate, Dataset, SphereSource, View, check_places, surroundings};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
@@ -47,13 +47,14 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If masks must be used and are missing, or if the units of the data set are too small or too
-    /// large for single precision.
+    /// If all cameras stand at one place, masks must be used and are missing, or the units of the
+    /// data set are too small or too large for single precision.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
+        check_places(dataset)?;
         let mut found = surroundings(dataset, options.bounds(), false);
         let arguments = Path::new("arguments");
         // A background that the user models is there.

@@ -55,10 +55,10 @@ fn cameras_at_one_place_and_lenses_of_no_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let json = write_nerf(folder.path(), "transforms.json", &cameras(9));
     let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    assert!(check_places(&dataset).is_ok());
     let eye = dataset.train[0].camera.eye;
     dataset.train.iter_mut().chain(&mut dataset.test).for_each(|view| view.camera.eye = eye);
-    let sphere = surroundings(&dataset, None, false).sphere;
-    let error = check_cameras(&dataset, &sphere).unwrap_err().to_string();
+    let error = check_places(&dataset).unwrap_err().to_string();
     assert!(error.contains("9 cameras at one place"), "{error}");
     for (key, number, words) in [
         ("fl_x", 1e300, ["focal length", "1e300"]),
