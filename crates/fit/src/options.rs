@@ -24,15 +24,15 @@ use photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 #[serde(default, deny_unknown_fields)]
 pub struct FitOptions {
     /// Number of iterations [default: 6000, without --time]
-    #[arg(long)]
+    #[arg(long, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u64>,
-    /// Wall time to spend, for example 90s, 10m or 1h30m; the schedule follows the clock
+    /// Wall time to spend, for example 90 (seconds), 10m or 1h30m; the schedule follows the clock
     #[arg(long, conflicts_with = "iterations", value_parser = io::parse_duration)]
     #[serde(skip_serializing_if = "Option::is_none", with = "io::seconds")]
     pub time: Option<Duration>,
     /// Seed of all random numbers
-    #[arg(long, default_value_t = Self::default().seed)]
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
     /// Read images at 1/N of their width and height [default: 1, or more if the images have more
     /// pixels than the budget can draw or 4 GiB of memory can hold]
@@ -40,20 +40,25 @@ pub struct FitOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub downscale: Option<u32>,
     /// Use of masks and alpha channels
-    #[arg(long, value_enum, default_value_t = Self::default().masks)]
+    #[arg(long, value_name = "CHOICE", value_enum,
+          default_value_t = Self::default().masks)]
     pub masks: MaskChoice,
     /// Model for the background
-    #[arg(long, value_enum, default_value_t = Self::default().background)]
+    #[arg(long, value_name = "CHOICE", value_enum,
+          default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
     /// Refinement of the cameras: by places of points before the fit, or by the loss in its second
     /// half
-    #[arg(long, value_enum, default_value_t = Self::default().refine_cameras)]
+    #[arg(long, value_name = "CHOICE", value_enum,
+          default_value_t = Self::default().refine_cameras)]
     pub refine_cameras: RefineCameras,
     /// Model for the exposures of the photographs
-    #[arg(long, value_enum, default_value_t = Self::default().exposure)]
+    #[arg(long, value_name = "CHOICE", value_enum,
+          default_value_t = Self::default().exposure)]
     pub exposure: ExposureChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
-    #[arg(long, value_parser = io::parse_bounds, allow_hyphen_values = true)]
+    #[arg(long, value_parser = io::parse_bounds, allow_hyphen_values = true,
+          value_name = "X,Y,Z,RADIUS")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
     /// Width of the network's hidden layers
@@ -158,6 +163,51 @@ const SAMPLE_LIMIT: f64 = 1.0;
 /// neural networks", ICML 2013.
 const CLIP: f64 = 3.0;
 
+/// A heading of the help, whether `-h` shows it too, and the names of its options.
+type Group = (&'static str, bool, &'static [&'static str]);
+
+/// The groups of options in the help.
+const GROUPS: [Group; 6] = [
+    ("Budget", true, &["iterations", "time", "preset", "seed"]),
+    ("Photographs", true, &["downscale", "masks", "exposure", "background"]),
+    ("Cameras and bounds", true, &["refine_cameras", "bounds"]),
+    (
+        "Shape and schedule",
+        false,
+        &[
+            "width",
+            "layers",
+            "bands",
+            "grid",
+            "beta",
+            "initial_radius",
+            "learning_rate",
+            "batch",
+            "clip",
+            "eikonal",
+            "soft",
+            "stereo",
+        ],
+    ),
+    (
+        "Estimator",
+        false,
+        &[
+            "estimator",
+            "edge_rays",
+            "edge_samples",
+            "sample_limit",
+            "baseline",
+            "steps",
+            "top_k",
+            "gamma",
+            "lambda_d",
+            "epsilon",
+        ],
+    ),
+    ("Files of the run", false, &["checkpoint_every", "preview_every"]),
+];
+
 /// The number of iterations without `--iterations` and without `--time`.
 pub const DEFAULT_ITERATIONS: u64 = 6000;
 
@@ -217,9 +267,19 @@ const MEMORY_PER_PARAMETER: u64 = 160;
 impl FitOptions {
     /// Changes the defaults of `command`, which has these options as flags, to those of fits. (The
     /// flags of [`WarpOptions`] have the defaults of derivative images.)
+    /// It also sorts all flags into groups; those of rarely needed groups are in `--help` only.
     pub fn with_fit_defaults(command: clap::Command) -> clap::Command {
         let WarpOptions { top_k, lambda_d, .. } = WarpOptions::FIT;
         command
+            .mut_args(|arg| {
+                let is_of = |(_, _, names): &&Group| names.contains(&arg.get_id().as_str());
+                match GROUPS.iter().find(is_of) {
+                    Some((heading, is_short, _)) => {
+                        arg.help_heading(*heading).hide_short_help(!is_short)
+                    }
+                    None => arg,
+                }
+            })
             .mut_arg("top_k", |arg| arg.default_value(top_k.to_string()))
             .mut_arg("lambda_d", |arg| arg.default_value(lambda_d.to_string()))
     }

@@ -4,7 +4,7 @@ use field::Sphere;
 use glam::{DVec2, DVec3};
 
 use dataset::{Dataset, View};
-use film::{Film, contact_sheet};
+use film::{Film, contact_sheet, labelled};
 
 /// The largest width of a view in the picture, in pixels.
 const WIDEST: u32 = 256;
@@ -23,7 +23,8 @@ const AXES: [[f32; 3]; 3] = [[1.0, 0.05, 0.05], [0.05, 0.8, 0.05], [0.1, 0.2, 1.
 /// One picture of all views, training views first, in rows of seven.
 ///
 /// Each view shows the sphere's outline in orange, and the world's axes from the sphere's centre to
-/// its surface: x red, y green, z blue. Views wider than 256 pixels are reduced.
+/// its surface: x red, y green, z blue, and its name above it. Views wider than 256 pixels are
+/// reduced.
 pub fn overlay(dataset: &Dataset, bounds: &Sphere<f64>) -> Film {
     let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();
     let drawn: Vec<Film> = views.iter().map(|view| draw(view, bounds)).collect();
@@ -48,7 +49,7 @@ fn draw(view: &View, bounds: &Sphere<f64>) -> Film {
             mark(bounds.center + axis * length, color);
         }
     }
-    film
+    labelled(&film, &view.name)
 }
 
 /// Points on the circle where rays from the eye touch the sphere. Empty for an eye in the sphere.

@@ -233,7 +233,10 @@ impl Display for Verdict {
         }
         let text = |psnr: &Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
         let (train, test) = (text(training_psnr), text(held_out_psnr));
-        writeln!(f, "PSNR         {train} on training views, {test} on held-out views (samples)")?;
+        writeln!(
+            f,
+            "match        {train} on training pixels, {test} on held-out pixels (samples)"
+        )?;
         write!(f, "verdict      {}", self.text)
     }
 }

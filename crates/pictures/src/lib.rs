@@ -3,5 +3,5 @@
 mod preview;
 mod turntable;
 
-pub use preview::{difference, normal_map, write_preview};
+pub use preview::{comparison, difference, normal_map, write_preview};
 pub use turntable::{around, turntable, upwards};

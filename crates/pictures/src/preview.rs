@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use film::{Film, contact_sheet, srgb_decode, srgb_encode};
+use film::{Film, contact_sheet, labelled, srgb_decode, srgb_encode};
 use io::write_image;
 use render::{Analytic, Formula, InvalidField, Scene, UniformBackground, render};
 
@@ -36,8 +36,30 @@ pub fn difference(a: &Film, b: &Film) -> Film {
     Film { width: a.width, height: a.height, pixels: pixels.collect() }
 }
 
-/// Writes a picture of one view to `path`, with four images side by side: the photograph `target`,
-/// the rendered image, its normals, and the [`difference`]. Returns the rendered image.
+/// A picture of one view, with four labelled images side by side: the photograph, its render
+/// `image`, the normals, and the [`difference`].
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray.
+///
+/// # Panics
+/// If the scene has no camera of this number.
+pub fn comparison(
+    scene: &Scene<'_, f32>,
+    camera: usize,
+    photograph: &Film,
+    image: &Film,
+) -> Result<Film, InvalidField> {
+    let normals = normal_map(scene, camera)?;
+    let error = difference(image, photograph);
+    let all = [("photograph", photograph), ("render", image), ("normals", &normals)];
+    let mut row: Vec<Film> = all.iter().map(|(name, film)| labelled(film, name)).collect();
+    row.push(labelled(&error, "error"));
+    Ok(contact_sheet(&[row]))
+}
+
+/// Renders one view, and writes its [`comparison`] with the photograph `target` to `path`. Returns
+/// the rendered image.
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
@@ -51,8 +73,6 @@ pub fn write_preview(
     target: &Film,
 ) -> anyhow::Result<Film> {
     let image = render(scene, camera, 1, 0, &|_| {})?.film;
-    let normals = normal_map(scene, camera)?;
-    let error = difference(&image, target);
-    write_image(path, &contact_sheet(&[vec![target.clone(), image.clone(), normals, error]]))?;
+    write_image(path, &comparison(scene, camera, target, &image)?)?;
     Ok(image)
 }

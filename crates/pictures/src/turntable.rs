@@ -4,7 +4,7 @@ use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::preview::normal_map;
-use film::{Film, contact_sheet};
+use film::{Film, contact_sheet, labelled};
 use render::{Camera, InvalidField, Scene};
 
 /// The distance of the cameras from the centre of the bounding sphere, in its radii.
@@ -107,8 +107,10 @@ pub fn turntable(
     let cameras = scene.cameras;
     let (mut images, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
-        images.push(render::render(scene, camera, spp, 0, &|_| {})?.film);
-        normals.push(normal_map(scene, camera)?);
+        let image = render::render(scene, camera, spp, 0, &|_| {})?.film;
+        let degrees = 360 * camera / cameras.len();
+        images.push(labelled(&image, &format!("{degrees} degrees")));
+        normals.push(labelled(&normal_map(scene, camera)?, "normals"));
         progress((camera + 1) as f64 / cameras.len() as f64);
     }
     Ok(contact_sheet(&[images, normals]))

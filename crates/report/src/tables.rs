@@ -50,7 +50,10 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
         let evidence = &verdict.evidence;
         let db = |psnr: Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
         let (train, test) = (db(evidence.training_psnr), db(evidence.held_out_psnr));
-        rows.push(("PSNR", format!("{train} on training views, {test} on held-out views")));
+        rows.push((
+            "match",
+            format!("{train} on training pixels, {test} on held-out pixels (samples)"),
+        ));
         if let Some(SurfaceShares { on_sphere, unseen, .. }) = &evidence.surface {
             let [on_sphere, unseen] = [on_sphere, unseen].map(|share| 100.0 * share);
             rows.push((

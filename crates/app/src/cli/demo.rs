@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::Global;
-use super::eval::{EvalReport, compare_views};
+use super::eval::{EvalReport, SAMPLES, compare_views};
 use super::fit::{Segment, fit, lock, new_run, refuse_occupied};
 use super::mesh::mesh_of_run;
 use super::report::{About, write_whole};
@@ -25,9 +25,6 @@ const SCENE: &str = include_str!("demo_scene.json");
 /// Samples per pixel of the training images.
 const TRAINING_SPP: u32 = 16;
 
-/// Samples per pixel of the rendered held-out views.
-const EVALUATION_SPP: u32 = 4;
-
 /// Grid cells of the mesh along the diameter of the bounding sphere.
 const MESH_CELLS: usize = 192;
 
@@ -37,7 +34,7 @@ pub(crate) struct Demo {
     /// Folder to write; its subfolder `run` is replaced
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
-    /// Wall time of the fit, for example 90s or 10m
+    /// Wall time of the fit, for example 90 (seconds) or 10m
     #[arg(long, default_value = "160s", value_parser = ::io::parse_duration)]
     time: Duration,
     /// Number of training views
@@ -151,7 +148,7 @@ fn evaluate(
     let options = LoadOptions { downscale: file.downscale() };
     let dataset = file.prepare(dataset::load(data, &options)?);
     let bar = global.progress("evaluate");
-    let (views, spp) = (&dataset.test, EVALUATION_SPP);
+    let (views, spp) = (&dataset.test, SAMPLES);
     let mut report = compare_views(&model, &file, views, spp, None, &bar.mover())?;
     bar.finish_and_clear();
     let bar = global.progress("mesh");

@@ -11,7 +11,8 @@ use serde::Serialize;
 use super::common::{Global, as_fitted, option_error};
 use super::cut::{CullOptions, CutReport, Subject, views_of_run};
 use super::mesh::mesh_of_run;
-use fit::{Model, RunFile};
+use dataset::Dataset;
+use fit::{FitOptions, Model, RunFile};
 use mesh::read_mesh;
 use metrics::compare;
 use points::PointOptions;
@@ -40,7 +41,7 @@ pub(crate) struct Eval {
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// Samples per pixel
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = SAMPLES, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
     /// Grid cells along the diameter of the bounding sphere, for the mesh of the run
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
@@ -52,7 +53,7 @@ pub(crate) struct Eval {
 #[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct EvalReport {
     /// PSNR in dB, mean over the held-out views.
-    psnr: Option<f64>,
+    pub(super) psnr: Option<f64>,
     /// PSNR in dB inside the object's masks, mean over the held-out views that have one.
     psnr_masked: Option<f64>,
     /// Structural similarity, mean over the held-out views, with the pixels that masks leave out.
@@ -61,7 +62,7 @@ pub(super) struct EvalReport {
     mask_iou: Option<f64>,
     /// Chamfer distance to the true surface: the mean of both directions, in data set units.
     chamfer: Option<f64>,
-    /// Chamfer distance as a fraction of the bounding radius.
+    /// Chamfer distance as a fraction of the data set's bounding radius.
     chamfer_relative: Option<f64>,
     /// F-score at [`F_THRESHOLD`].
     f_score: Option<f64>,
@@ -105,6 +106,7 @@ impl Eval {
         let points = self.reference.read()?;
         let other = self.dataset.as_deref();
         let mut dataset = views_of_run(&file, other)?;
+        let radius = radius_of(&file, &dataset)?;
         as_fitted(&self.run, &model, &file, &mut dataset, other.is_some(), global)?;
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());
@@ -119,7 +121,6 @@ impl Eval {
             let subject = Subject { model: &model, run, file: &file, dataset: other, cells };
             let (mesh, cut) = self.culling.apply(mesh, &subject, &dataset, global)?;
             report.cut = cut;
-            let radius = file.sphere().radius;
             if let Some(truth) = truth {
                 report.add_mesh(&mesh, &truth, radius);
             }
@@ -148,6 +149,20 @@ impl Eval {
         self.pictures.as_deref().map_or(Ok(()), |folder| global.will_write_in(folder, &[]))
     }
 }
+
+/// The radius of the data set's bounding sphere: that of the run, unless the user gave another one.
+/// So runs with other spheres have comparable errors.
+fn radius_of(file: &RunFile, dataset: &Dataset) -> anyhow::Result<f64> {
+    if file.options.bounds.is_none() {
+        return Ok(file.sphere().radius);
+    }
+    let options = FitOptions { bounds: None, ..file.options.clone() };
+    let (own, _) = RunFile::of_dataset(file.dataset.clone(), dataset, &options)?;
+    Ok(own.sphere().radius)
+}
+
+/// Samples per pixel of a held-out view.
+pub(super) const SAMPLES: u32 = 4;
 
 /// Number of points sampled on each surface.
 const SURFACE_SAMPLES: usize = 100_000;

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::EvalReport;
 use dataset::View;
-use film::{Film, contact_sheet};
+use film::Film;
 use fit::{Model, RunFile, Solid};
 use metrics::{mask_iou, psnr_where, ssim};
-use pictures::{difference, normal_map};
+use pictures::comparison;
 use render::{Scene, render};
 
 /// The errors of one held-out view.
@@ -105,10 +105,7 @@ fn write_picture(
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create {}", folder.display()))?;
-    let normals = normal_map(scene, camera)?;
-    let error = difference(image, &view.image);
-    let row = vec![view.image.clone(), image.clone(), normals, error];
-    io::write_image(path, &contact_sheet(&[row]))
+    io::write_image(path, &comparison(scene, camera, &view.image, image)?)
 }
 
 /// The errors as a table, one view a line.

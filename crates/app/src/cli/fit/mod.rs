@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::common::{Global, as_fitted};
+use super::eval::{SAMPLES, compare_views};
 use super::report::Live;
 use crate::error::Interrupted;
 use ::inspect::Verdict;
@@ -34,7 +35,8 @@ pub(super) struct FitReport {
     seconds: f64,
     /// Mean photometric loss per pixel of the last iteration; `None` without an iteration.
     loss: Option<f64>,
-    /// PSNR of the first held-out view, in dB; `None` without held-out views.
+    /// PSNR in dB, mean over the held-out views, as of `dsdf eval`; before the budget is spent, that
+    /// of the last preview. `None` without held-out views.
     psnr: Option<f64>,
     /// The verdict on the surface and the images; `None` if the budget is not spent.
     pub(super) verdict: Option<Verdict>,
@@ -42,7 +44,7 @@ pub(super) struct FitReport {
 
 impl FitReport {
     fn text(&self) -> String {
-        let psnr = self.psnr.map_or(String::new(), |p| format!(", first held-out view {p:.2} dB"));
+        let psnr = self.psnr.map_or(String::new(), |p| format!(", held out {p:.2} dB"));
         let run = self.run.display();
         let verdict = self.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
         format!("{} iterations, {:.0} s{psnr}: {run}{verdict}", self.iterations, self.seconds)
@@ -64,7 +66,12 @@ pub(super) struct Segment {
 impl Fit {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         if self.check {
-            return self.validate(global);
+            self.validate(global)?;
+            if self.dataset.is_some() && !self.resume {
+                let (dataset, file, source) = self.started_run(global)?;
+                summary::print(&dataset, &file, &source, global);
+            }
+            return Ok(());
         }
         run_folder::check_output(&self.output, global)?;
         if !self.resume {
@@ -95,6 +102,13 @@ pub(super) fn fit(
     global: &Global,
 ) -> anyhow::Result<(FitReport, Fitting)> {
     let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
+    if segment.resume && fitting.progress() >= 1.0 {
+        let (iterations, seconds) = (fitting.iteration, fitting.seconds());
+        global.say(&format!(
+            "WARNING the run has spent this budget: {iterations} iterations in {seconds:.0} s; a \
+             longer --time, or more --iterations, continues it"
+        ));
+    }
     run_folder::write_run_file(run, &fitting.file)?;
     let interrupt = &global.interrupt;
     let live = segment.reports.then(|| Live::start(run, &fitting));
@@ -119,7 +133,10 @@ pub(super) fn fit(
     if fitting.progress() >= 1.0 {
         let Fitting { model, file, dataset, .. } = &mut fitting;
         as_fitted(run, model, file, dataset, false, global)?;
-        let verdict = examine(&fitting.model, &fitting.file, &fitting.dataset)?;
+        let Fitting { model, file, dataset, .. } = &fitting;
+        let errors = compare_views(model, file, &dataset.test, SAMPLES, None, &|_| {})?;
+        report.psnr = errors.psnr.or(report.psnr);
+        let verdict = examine(model, file, dataset)?;
         if let Some(live) = live {
             live.finish(&fitting, &verdict, global)?;
         }

@@ -21,13 +21,12 @@ pub(crate) struct Fit {
     #[arg(long)]
     pub(super) resume: bool,
     /// Stop at this iteration, counted from the start of the run; --resume continues
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) stop_after: Option<u64>,
-    /// Write the page of `dsdf report` to report.html in the run folder, every some minutes and at
-    /// the end
+    /// Write report.html into the run folder, now and then and at the end (see `dsdf report`)
     #[arg(long)]
     pub(super) report: bool,
-    /// Check the options and exit
+    /// Check the options and the data set, and exit
     #[arg(long)]
     pub(super) check: bool,
     /// Speed/accuracy preset; explicit options override it
