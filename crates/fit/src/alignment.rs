@@ -65,6 +65,7 @@ pub fn align(
             behind: &[],
             gains: &[],
             eikonal: 0.0,
+            bending: 0.0,
             estimator: &Refined,
             counts: SampleCounts { spp: 4, edge_samples: 1 },
             pass: file.options.pass(),

@@ -112,6 +112,9 @@ pub struct FitOptions {
     /// Weight of the eikonal term (|∇f| − 1)²
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
+    /// Weight of the bending term: changes of ∇f along the surface, where the photographs are even
+    #[arg(long, default_value_t = Self::default().bending)]
+    pub bending: f64,
     /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish
     #[arg(long, default_value_t = Self::default().soft)]
     pub soft: f64,
@@ -185,6 +188,7 @@ const GROUPS: [Group; 6] = [
             "batch",
             "clip",
             "eikonal",
+            "bending",
             "soft",
             "stereo",
         ],
@@ -240,6 +244,7 @@ impl Default for FitOptions {
             clip: CLIP,
             warp: WarpOptions::FIT,
             eikonal: 0.1,
+            bending: 0.1,
             soft: 0.5,
             stereo: StereoChoice::Auto,
             checkpoint_every: 200,
@@ -358,6 +363,7 @@ impl FitOptions {
             // At 1 or less, the running mean falls in every iteration, and the fit stops moving.
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
             Check::weight("eikonal", self.eikonal),
+            Check::weight("bending", self.bending),
             Check::new("soft", self.soft, (0.0..1.0).contains(&self.soft), "at least 0, below 1"),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),

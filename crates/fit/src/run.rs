@@ -370,6 +370,7 @@ impl Fit {
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             gains: &factors,
             eikonal: options.eikonal as f32,
+            bending: options.bending as f32,
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),

@@ -28,6 +28,8 @@ pub struct Batch<'a> {
     pub gains: &'a [Vec3],
     /// The weight of the eikonal term.
     pub eikonal: f32,
+    /// The weight of the bending term.
+    pub bending: f32,
     /// The estimator of pixels that a silhouette may cross.
     pub estimator: &'a dyn Estimator<f32>,
     /// The numbers of samples in such a pixel.

@@ -21,6 +21,8 @@ const NEAR: f32 = 0.1;
 /// A point of the surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NearPoint {
+    /// The number of its pixel in the part.
+    pub(crate) pixel: usize,
     /// The point, in world units.
     pub(crate) x: Vec3,
     /// The number of pixels that it stands for.
@@ -76,6 +78,6 @@ impl Part<'_> {
 }
 
 /// A uniform random point in the unit ball.
-fn in_ball(stream: Stream) -> Vec3 {
+pub(crate) fn in_ball(stream: Stream) -> Vec3 {
     <Vec3 as Vector3<f32>>::of(stream.in_ball().into())
 }

@@ -85,6 +85,7 @@ fn batch<'a>(
         behind: &[],
         gains: &[],
         eikonal: 0.0,
+        bending: 0.0,
         estimator,
         counts: SampleCounts { spp: 32, edge_samples: 8 },
         pass: Pass::Limited(1e6),
@@ -191,7 +192,7 @@ impl TwoViews {
 
     fn batch<'a>(&'a self, estimator: &'a dyn Estimator<f32>) -> Batch<'a> {
         let scene = scene(&self.model, &self.cameras);
-        Batch { eikonal: 0.1, ..batch(scene, &self.level, &self.pixels, estimator) }
+        Batch { eikonal: 0.1, bending: 0.03, ..batch(scene, &self.level, &self.pixels, estimator) }
     }
 }
 
@@ -288,7 +289,7 @@ fn cameras_and_gains_have_the_gradient_of_one_record() {
     views.pixels.dedup();
     let gains = [Vec3::new(1.3, 0.7, 1.0), Vec3::new(0.6, 1.0, 1.2)];
     let batch = Batch { gains: &gains, refines_cameras: true, ..views.batch(&Refined) };
-    let batch = Batch { eikonal: 0.0, ..batch };
+    let batch = Batch { eikonal: 0.0, bending: 0.0, ..batch };
     let found = gradient(&batch, &mut Workspace::default()).unwrap();
     // The gradient by the gain of a view is that of its own pixels alone.
     for view in 0..2 {

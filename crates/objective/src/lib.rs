@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod batch;
+mod bending;
 mod carve;
 mod eikonal;
 mod gradient;

@@ -139,9 +139,14 @@ impl Part<'_> {
         let smooth = self.pixels.len();
         self.stats.pixels += pixels_of(self.pixels);
         let near = own.hits().filter(|(pixel, _)| *pixel < smooth);
-        let near =
-            near.map(|(pixel, x)| NearPoint { x, weight: f32::from(self.pixels[pixel].count) });
-        self.add_eikonal(&near.collect::<Vec<_>>());
+        let near = near.map(|(pixel, x)| NearPoint {
+            pixel,
+            x,
+            weight: f32::from(self.pixels[pixel].count),
+        });
+        let near: Vec<NearPoint> = near.collect();
+        self.add_eikonal(&near);
+        self.add_bending(&near);
         self.add_pixels(own, smooth);
         self.add_pixels(edge, 0);
     }

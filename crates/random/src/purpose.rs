@@ -68,13 +68,17 @@ pub enum Purpose {
     DepthPlanes,
     /// The points of a ray in front of a known depth.
     FreePoints,
+    /// The points of the surface at which the bending term is evaluated.
+    BendingHits,
+    /// The directions of the bending term's steps.
+    BendingDirections,
     /// A purpose outside dsdf, by a number of its own.
     Other(u32),
 }
 
 impl Purpose {
     /// All purposes but [`Purpose::Other`].
-    pub const ALL: [Purpose; 31] = [
+    pub const ALL: [Purpose; 33] = [
         Purpose::Replicate,
         Purpose::TargetImage,
         Purpose::TargetSamples,
@@ -106,6 +110,8 @@ impl Purpose {
         Purpose::PlaneTrials,
         Purpose::DepthPlanes,
         Purpose::FreePoints,
+        Purpose::BendingHits,
+        Purpose::BendingDirections,
     ];
 
     /// The number of the purpose; no two are equal.
@@ -142,6 +148,8 @@ impl Purpose {
             Purpose::PlaneTrials => 29,
             Purpose::DepthPlanes => 30,
             Purpose::FreePoints => 31,
+            Purpose::BendingHits => 32,
+            Purpose::BendingDirections => 33,
             Purpose::Other(number) => 1 << 32 | u64::from(number),
         }
     }

@@ -159,12 +159,14 @@ impl Part<'_> {
             .iter()
             .zip(&colored.x)
             .filter_map(|(i, x)| {
-                let weight = rays.weights[*i];
-                let count = self.pixels[rays.samples[*i / INTERVALS]].count;
-                (weight > SURFACE).then(|| NearPoint { x: *x, weight: weight * f32::from(count) })
+                let (weight, pixel) = (rays.weights[*i], rays.samples[*i / INTERVALS]);
+                let weight = (weight > SURFACE).then_some(weight)?;
+                let weight = weight * f32::from(self.pixels[pixel].count);
+                Some(NearPoint { pixel, x: *x, weight })
             })
             .collect();
         self.add_eikonal(&near);
+        self.add_bending(&near);
         self.add_guide(&samples);
         let is_surface = |i: &usize| rays.weights[*i] > OPAQUE;
         let points = colored.interval.iter().zip(&colored.x).filter(|(i, _)| is_surface(i));

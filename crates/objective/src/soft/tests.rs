@@ -113,6 +113,7 @@ fn batch<'a>(scene: Scene<'a, f32>, level: &'a Level, pixels: &'a [Pixel]) -> Ba
         behind: &[],
         gains: &[],
         eikonal: 0.0,
+        bending: 0.0,
         estimator: &Refined,
         counts: SampleCounts { spp: 1, edge_samples: 1 },
         pass: Pass::Sum,
