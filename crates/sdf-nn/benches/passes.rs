@@ -50,5 +50,22 @@ fn passes(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, passes);
+/// Batches of few points, as the tracer of a fit has them in its last steps.
+fn few(c: &mut Criterion) {
+    let net = network(64, 3);
+    for count in [1, 2, 4, 8, 16, 24] {
+        let x: Vec<Vec3> =
+            (0..count).map(|i| Vec3::new((i as f32).sin(), 0.3, 0.2) * 0.7).collect();
+        let (mut f, mut g) = (vec![0.0; count], vec![Vec3::ZERO; count]);
+        let mut group = c.benchmark_group(format!("64x3, {count} points"));
+        group.throughput(Throughput::Elements(count as u64));
+        group.bench_function("value", |b| b.iter(|| net.value(black_box(&x), &mut f)));
+        group.bench_function("value_gradient", |b| {
+            b.iter(|| net.value_gradient(black_box(&x), &mut f, &mut g))
+        });
+        group.finish();
+    }
+}
+
+criterion_group!(benches, passes, few);
 criterion_main!(benches);
