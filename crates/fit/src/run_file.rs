@@ -47,15 +47,17 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If all cameras stand at one place, masks must be used and are missing, or the units of the
-    /// data set are too small or too large for single precision.
+    /// If the sphere must come from cameras that all stand at one place, masks must be used and are
+    /// missing, or the units of the data set are too small or too large for single precision.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
-        check_places(dataset)?;
         let mut found = surroundings(dataset, options.bounds(), false);
+        if found.source == SphereSource::Cameras {
+            check_places(dataset)?;
+        }
         let arguments = Path::new("arguments");
         // A background that the user models is there.
         let is_modelled = options.background != BackgroundChoice::Auto;
