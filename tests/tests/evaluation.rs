@@ -45,7 +45,9 @@ fn the_errors_of_each_view_follow_from_its_picture() {
         // Pictures may have a gap between them.
         let step = (sheet.width() - 32) / 3;
         assert!(sheet.height() >= 32 && step >= 32);
-        let part = |k: u32| image::imageops::crop_imm(&sheet, k * step, 0, 32, 32).to_image();
+        // Each part has a label above it.
+        let top = sheet.height() - 32;
+        let part = |k: u32| image::imageops::crop_imm(&sheet, k * step, top, 32, 32).to_image();
         let (photo, render) = (part(0), part(1));
         let near = |key: &str, expected: f64| {
             let found = view[key].as_f64().unwrap_or_else(|| panic!("no {key} in {view}"));

@@ -47,17 +47,14 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If the sphere must come from cameras that all stand at one place, masks must be used and are
-    /// missing, or the units of the data set are too small or too large for single precision.
+    /// If masks must be used and are missing, or if the sphere is too small or too large for single
+    /// precision: its units are, or it comes from cameras that all stand at one place.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
         let mut found = surroundings(dataset, options.bounds(), false);
-        if found.source == SphereSource::Cameras {
-            check_places(dataset)?;
-        }
         let arguments = Path::new("arguments");
         // A background that the user models is there.
         let is_modelled = options.background != BackgroundChoice::Auto;
@@ -71,6 +68,7 @@ impl RunFile {
         let Sphere { center, radius } = found.sphere;
         let bounds = [center.x, center.y, center.z, radius];
         if !is_sphere(bounds) {
+            check_places(dataset)?;
             let found = format!("{bounds:?}, {}", found.source);
             return Err(InputError::new(&dataset.path, "bounding sphere", found, SPHERE));
         }

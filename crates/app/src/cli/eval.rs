@@ -11,8 +11,8 @@ use serde::Serialize;
 use super::common::{Global, as_fitted, option_error};
 use super::cut::{CullOptions, CutReport, Subject, views_of_run};
 use super::mesh::mesh_of_run;
-use dataset::Dataset;
-use fit::{FitOptions, Model, RunFile};
+use dataset::{Dataset, surroundings};
+use fit::{MaskUse, Model, RunFile};
 use mesh::read_mesh;
 use metrics::compare;
 use points::PointOptions;
@@ -106,7 +106,7 @@ impl Eval {
         let points = self.reference.read()?;
         let other = self.dataset.as_deref();
         let mut dataset = views_of_run(&file, other)?;
-        let radius = radius_of(&file, &dataset)?;
+        let radius = radius_of(&file, &dataset);
         as_fitted(&self.run, &model, &file, &mut dataset, other.is_some(), global)?;
         let bar = global.progress("eval");
         let (views, pictures) = (&dataset.test, self.pictures.as_deref());
@@ -125,7 +125,7 @@ impl Eval {
                 report.add_mesh(&mesh, &truth, radius);
             }
             if let Some(points) = points {
-                self.reference.compare(&mesh, points, radius, &mut report)?;
+                self.reference.compare(&mesh, points, file.sphere().radius, &mut report)?;
             }
         }
         // The images are the background alone, whatever their PSNR is.
@@ -152,13 +152,11 @@ impl Eval {
 
 /// The radius of the data set's bounding sphere: that of the run, unless the user gave another one.
 /// So runs with other spheres have comparable errors.
-fn radius_of(file: &RunFile, dataset: &Dataset) -> anyhow::Result<f64> {
-    if file.options.bounds.is_none() {
-        return Ok(file.sphere().radius);
+fn radius_of(file: &RunFile, dataset: &Dataset) -> f64 {
+    match file.options.bounds {
+        None => file.sphere().radius,
+        Some(_) => surroundings(dataset, None, file.masks == MaskUse::Coverage).sphere.radius,
     }
-    let options = FitOptions { bounds: None, ..file.options.clone() };
-    let (own, _) = RunFile::of_dataset(file.dataset.clone(), dataset, &options)?;
-    Ok(own.sphere().radius)
 }
 
 /// Samples per pixel of a held-out view.
