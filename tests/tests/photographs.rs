@@ -80,7 +80,7 @@ fn a_missing_photograph_is_a_warning_of_inspect_and_fit_and_most_of_them_an_erro
     let found = warnings(&[&["fit", &data, "-o", &run], &short[..]].concat());
     assert!(found.iter().any(|line| line.ends_with(note)), "{found:?}");
     dsdf_json(&["eval", &run, "--dataset", &data]);
-    dsdf_json(&["inspect", &run]);
+    dsdf_json(&["inspect", &run, "-o", &picture]);
     let report = dsdf_json(&[&["inspect", &data, "-o", &picture][..], &bounds].concat());
     assert_eq!(report["warnings"][0], note);
     root["frames"][2]["file_path"] = json!("images/gone too.png");

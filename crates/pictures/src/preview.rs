@@ -52,10 +52,9 @@ pub fn comparison(
 ) -> Result<Film, InvalidField> {
     let normals = normal_map(scene, camera)?;
     let error = difference(image, photograph);
-    let all = [("photograph", photograph), ("render", image), ("normals", &normals)];
-    let mut row: Vec<Film> = all.iter().map(|(name, film)| labelled(film, name)).collect();
-    row.push(labelled(&error, "error"));
-    Ok(contact_sheet(&[row]))
+    let all =
+        [("photograph", photograph), ("render", image), ("normals", &normals), ("error", &error)];
+    Ok(contact_sheet(&[all.map(|(name, film)| labelled(film, name)).to_vec()]))
 }
 
 /// Renders one view, and writes its [`comparison`] with the photograph `target` to `path`. Returns

@@ -8,14 +8,11 @@ use crate::page::escaped;
 
 /// A table with a header. Cells are escaped.
 fn table(caption: &str, header: &[&str], rows: &[Vec<String>]) -> String {
-    let cells = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
-        cells.map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
-    };
-    let head = cells("th scope=\"col\"", &mut header.iter().copied());
-    let head = head.replace("</th scope=\"col\">", "</th>");
-    let row = |row: &Vec<String>| {
-        format!("<tr>{}</tr>\n", cells("td", &mut row.iter().map(String::as_str)))
-    };
+    let head = |text: &&str| format!("<th scope=\"col\">{}</th>", escaped(text));
+    let head: String = header.iter().map(head).collect();
+    let cell = |text: &String| format!("<td>{}</td>", escaped(text));
+    let row =
+        |row: &Vec<String>| format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>());
     let body: String = rows.iter().map(row).collect();
     let caption = escaped(caption);
     format!(
