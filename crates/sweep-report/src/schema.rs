@@ -72,7 +72,7 @@ pub struct GradientTest {
     pub size: u32,
     /// Samples per pixel.
     pub spp: u32,
-    /// Runs, each with its own seed.
+    /// Runs, each with its own seed; 0 leaves the test out.
     pub runs: u32,
 }
 

@@ -205,7 +205,6 @@ impl Sweep {
         }
     }
 
-    /// The variance of a gradient needs two runs.
     fn check_mesh_resolution(&self) -> Result<(), Wrong> {
         if !(8..=2048).contains(&self.mesh_resolution) {
             return wrong("mesh_resolution", self.mesh_resolution.to_string(), "8 to 2048");
@@ -213,9 +212,13 @@ impl Sweep {
         Ok(())
     }
 
+    /// The variance of a gradient needs two runs; a sweep with none has no gradient test.
     fn check_gradient_test(&self) -> Result<(), Wrong> {
         let test = &self.gradient;
-        let least = [("size", test.size, 1), ("spp", test.spp, 1), ("runs", test.runs, 2)];
+        if test.runs == 1 {
+            return wrong("gradient.runs", "1", "0, or 2 or more");
+        }
+        let least = [("size", test.size, 1), ("spp", test.spp, 1)];
         match least.into_iter().find(|(_, found, least)| found < least) {
             Some((key, found, least)) => {
                 wrong(format!("gradient.{key}"), found.to_string(), format!("{least} or more"))

@@ -71,6 +71,9 @@ impl CellRunner<'_> {
         fitted?;
         self.evaluate(cell, folder, &run, result)?;
         self.render(folder, &run)?;
+        if self.sweep.gradient.runs == 0 {
+            return Ok(());
+        }
         let first = folder.join("first");
         self.fit_first_iterate(cell, folder, &first)?;
         for (name, run) in [("first", &first), ("last", &run)] {
