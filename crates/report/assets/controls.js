@@ -54,12 +54,16 @@ function control(canvas, viewer) {
   const showCameras = (shown) => {
     cameras.checked = viewer.showsCameras = shown;
   };
+  const all = () => {
+    showCameras(true);
+    orbit.showAll();
+  };
   const keys = {
     ArrowLeft: () => orbit.turn(-0.1, 0), ArrowRight: () => orbit.turn(0.1, 0),
     ArrowUp: () => orbit.turn(0, 0.1), ArrowDown: () => orbit.turn(0, -0.1),
     "+": () => orbit.zoom(0.9), "=": () => orbit.zoom(0.9), "-": () => orbit.zoom(1 / 0.9),
     1: () => show(0), 2: () => show(1), 3: () => show(2),
-    c: () => showCameras(!viewer.showsCameras), 0: () => orbit.reset(),
+    c: () => showCameras(!viewer.showsCameras), a: all, 0: () => orbit.reset(),
   };
   canvas.addEventListener("keydown", (event) => {
     const act = event.ctrlKey || event.metaKey || event.altKey ? null : keys[event.key];
@@ -76,9 +80,11 @@ function control(canvas, viewer) {
     showCameras(cameras.checked);
     changed();
   });
-  document.getElementById("reset").addEventListener("click", () => {
-    orbit.reset();
-    changed();
+  [["reset", orbit.reset], ["all", all]].forEach(([id, act]) => {
+    document.getElementById(id).addEventListener("click", () => {
+      act();
+      changed();
+    });
   });
 }
 

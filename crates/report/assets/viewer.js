@@ -154,7 +154,7 @@ function loadPhotographs(gl, cameras, views, loaded) {
 }
 
 // The place from which the surface is seen: around the centre, or through a camera.
-function orbitOf({ center, radius, up }, views) {
+function orbitOf({ center, radius, up }, views, reach) {
   const side = Math.abs(up[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0];
   const u = unit(cross(side, up));
   const v = cross(up, u);
@@ -166,6 +166,11 @@ function orbitOf({ center, radius, up }, views) {
     orbit.distance = 3.2 * radius;
     orbit.target = center;
     orbit.through = null;
+  };
+  // The tangent of half the field of view is 0.36.
+  orbit.showAll = () => {
+    orbit.reset();
+    orbit.distance = 3.2 * Math.max(radius, reach);
   };
   orbit.turn = (yaw, pitch) => {
     orbit.through = null;
@@ -212,7 +217,8 @@ function viewerOf(canvas, message) {
   };
   const gl = canvas.getContext("webgl2", { antialias: true });
   const { frame, mesh, views } = report;
-  const orbit = (viewer.orbit = orbitOf(frame, views));
+  const reach = Math.max(0, ...views.map(({ camera }) => Math.hypot(...add(camera.eye, frame.center, -1))));
+  const orbit = (viewer.orbit = orbitOf(frame, views, reach));
   viewer.redraw = () => {};
   if (!gl) {
     say("This browser has no WebGL 2: the surface cannot be shown.");
@@ -222,7 +228,6 @@ function viewerOf(canvas, message) {
   canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost: load the page again."));
   const surface = mesh && surfaceOf(gl, mesh);
   const cameras = camerasOf(gl, views, 0.25 * frame.radius);
-  const reach = Math.max(0, ...views.map(({ camera }) => Math.hypot(...add(camera.eye, frame.center, -1))));
 
   viewer.matrix = () => {
     const place = orbit.frame();

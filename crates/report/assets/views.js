@@ -10,7 +10,7 @@ function showViews(viewer) {
   const [slider, wipe] = [get("view"), get("wipe")];
   slider.max = views.length - 1;
   const clip = () => {
-    get("render").style.clipPath = `inset(0 ${100 - wipe.value}% 0 0)`;
+    get("pair").style.setProperty("--line-at", `${wipe.value}%`);
   };
   const show = (i) => {
     const view = views[i];
@@ -20,8 +20,9 @@ function showViews(viewer) {
       [image.width, image.height] = [view.width, view.height];
       image.alt = `${id[0].toUpperCase()}${id.slice(1)} of ${view.name}`;
     });
-    const psnr = view.psnr === null ? "" : `, ${view.psnr.toFixed(1)} dB`;
-    const text = `${i + 1} of ${views.length}: ${view.name}, ${view.held_out ? "held out" : "fitted"}${psnr}`;
+    const psnr = view.psnr === null ? "" : `, PSNR ${view.psnr.toFixed(1)} dB`;
+    const use = view.held_out ? "held out" : "used in the fit";
+    const text = `${i + 1} of ${views.length}: ${view.name}, ${use}${psnr}`;
     get("view-name").textContent = text;
     slider.value = i;
     slider.setAttribute("aria-valuetext", text);
