@@ -6,6 +6,7 @@ mod plane;
 #[cfg(test)]
 mod plane_tests;
 mod region;
+mod report;
 mod visible;
 #[cfg(test)]
 mod visible_tests;
@@ -14,4 +15,5 @@ pub use cutter::{Cutter, Step};
 pub use masks::inside_masks;
 pub use plane::{Ground, Plane, ground};
 pub use region::Region;
+pub use report::{CutReport, PlaneReport};
 pub use visible::{mark_seen, seen_vertices, vertices_with_normals};

@@ -79,6 +79,16 @@ impl Mesh {
         (0..self.faces.len()).map(|i| 0.5 * self.face_cross(i).length()).sum()
     }
 
+    /// The area that each vertex stands for, square world units: a third of that of its faces.
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.vertices.len()];
+        for (i, face) in self.faces.iter().enumerate() {
+            let third = self.face_cross(i).length() / 6.0;
+            face.iter().for_each(|v| areas[*v as usize] += third);
+        }
+        areas
+    }
+
     /// The enclosed volume of a closed mesh, cubic world units; positive if the faces point
     /// outwards. The result has no meaning for a mesh that is not closed.
     pub fn volume(&self) -> f64 {

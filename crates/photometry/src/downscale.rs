@@ -30,6 +30,25 @@ pub enum Limit {
     Memory,
 }
 
+impl Limit {
+    /// The size at which photographs of these widths and heights are read, at 1/`downscale` of
+    /// them, and the reason, in one line.
+    pub fn text(self, whole: &[[u32; 2]], downscale: u32) -> String {
+        let sizes = || whole.iter().map(|size| size.map(|side| side.div_ceil(downscale)));
+        let [width, height] =
+            sizes().max_by_key(|[w, h]| u64::from(*w) * u64::from(*h)).unwrap_or([1; 2]);
+        let up_to = if sizes().all(|size| size == [width, height]) { "" } else { "up to " };
+        let reason = match self {
+            Limit::Budget => "as many pixels as the budget of a fit can use",
+            Limit::Memory => "as many pixels as 4 GiB of memory can hold",
+        };
+        format!(
+            "images: read at 1/{downscale} of their size ({up_to}{width} x {height} pixels), \
+             {reason}; --downscale 1 reads them whole"
+        )
+    }
+}
+
 /// The factor by which a fit reduces the width and height of its photographs, and the reason for a
 /// factor above 1.
 ///
@@ -108,5 +127,18 @@ mod tests {
         // Views of one pixel cannot be reduced.
         let many = vec![[1, 1]; (FEW_PIXELS + 1) as usize];
         assert_eq!(downscale(&many, &[], 1), (1, None));
+    }
+
+    #[test]
+    fn the_line_has_size_reason_and_remedy() {
+        let text = Limit::Budget.text(&[[4032, 3024]; 2], 3);
+        let start = "images: read at 1/3 of their size (1344 x 1008 pixels), as many pixels as";
+        assert!(
+            text.starts_with(start) && text.ends_with("--downscale 1 reads them whole"),
+            "{text}"
+        );
+        let text = Limit::Memory.text(&[[30, 41], [99, 10]], 4);
+        assert!(text.contains("1/4 of their size (up to 8 x 11 pixels)"), "{text}");
+        assert!(text.contains("4 GiB"), "{text}");
     }
 }

@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use cut::{Cutter, Ground, Region, Step, ground, inside_masks, seen_vertices};
+use cut::{CutReport, Cutter, PlaneReport, Region, Step, ground, inside_masks, seen_vertices};
 use glam::DVec3;
-use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global};
 use ::mesh::{Components, Mesh, keep_components};
@@ -76,57 +75,6 @@ impl FromStr for Height {
 fn part(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|n| (0.0..=1.0).contains(n));
     number.ok_or_else(|| "expected a number from 0 to 1".to_owned())
-}
-
-/// The number of faces, and the part of the area, that a cut removed.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct CutReport {
-    /// `seen`, `masks`, `crop`, `above` or `pieces`.
-    by: &'static str,
-    /// The number of removed faces.
-    faces: usize,
-    /// Their part of the area before all cuts, 0 to 1.
-    area: f64,
-    /// The plane of the table, for `above`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    plane: Option<PlaneReport>,
-}
-
-/// The plane of a table.
-#[derive(Clone, Debug, Serialize)]
-struct PlaneReport {
-    /// A point of it, in data set units.
-    point: [f64; 3],
-    /// The unit normal of its upper side.
-    normal: [f64; 3],
-    /// Its angle to the cameras' mean upward direction, in degrees.
-    degrees: f64,
-    /// The part of the seen area that lies on it, 0 to 1.
-    share: f64,
-}
-
-impl CutReport {
-    /// The report as one line.
-    pub(super) fn text(&self) -> String {
-        let name = match self.by {
-            "seen" => "not seen by a photograph",
-            "masks" => "outside the masks",
-            "crop" => "outside the region",
-            "above" => "table and below",
-            _ => "small pieces left over",
-        };
-        let plane = self.plane.as_ref().map_or(String::new(), |plane| {
-            let [x, y, z] = plane.normal;
-            format!(
-                "; the table has {:.1} % of the seen area, its normal is ({x:.3}, {y:.3}, {z:.3}), \
-                 {:.1} degrees off the cameras' upward direction",
-                100.0 * plane.share,
-                plane.degrees
-            )
-        });
-        let area = 100.0 * self.area;
-        format!("cut off: {name}: {} faces, {area:.2} % of the area{plane}", self.faces)
-    }
 }
 
 /// A run whose mesh is cut.
@@ -312,7 +260,7 @@ impl<'a> Cutting<'a> {
         let views = self.dataset.map_or(&[][..], |dataset| &dataset.train);
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
         let eyes: Vec<DVec3> = cameras.iter().map(|camera| camera.eye).collect();
-        let areas = areas_of_vertices(self.mesh);
+        let areas = self.mesh.vertex_areas();
         let (points, areas): (Vec<SurfacePoint>, Vec<f64>) =
             (0..seen.len()).filter(|i| seen[*i]).map(|i| (self.vertices[i], areas[i])).unzip();
         let up = upwards(&cameras, sphere.center);
@@ -349,26 +297,5 @@ impl<'a> Cutting<'a> {
             by => format!("--cull {by}"),
         };
         self.reports.iter().map(flag).collect::<Vec<_>>().join(", ")
-    }
-}
-
-/// The area that each vertex stands for: a third of that of its faces.
-fn areas_of_vertices(mesh: &Mesh) -> Vec<f64> {
-    let mut areas = vec![0.0; mesh.vertices.len()];
-    for (i, face) in mesh.faces.iter().enumerate() {
-        let third = mesh.face_cross(i).length() / 6.0;
-        face.iter().for_each(|v| areas[*v as usize] += third);
-    }
-    areas
-}
-
-impl PlaneReport {
-    fn new(found: &Ground, origin: DVec3) -> Self {
-        PlaneReport {
-            point: (origin + found.plane.point).to_array(),
-            normal: found.plane.normal.to_array(),
-            degrees: found.degrees,
-            share: found.share,
-        }
     }
 }

@@ -6,10 +6,11 @@ mod views;
 use std::path::PathBuf;
 
 use clap::Args;
+use cut::CutReport;
 use serde::Serialize;
 
 use super::common::{Global, as_fitted, option_error};
-use super::cut::{CullOptions, CutReport, Subject, views_of_run};
+use super::cut::{CullOptions, Subject, views_of_run};
 use super::mesh::mesh_of_run;
 use dataset::{Dataset, surroundings};
 use fit::{MaskUse, Model, RunFile};

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use cut::CutReport;
 use serde::Serialize;
 
 use super::common::Global;
-use super::cut::{CutOptions, CutReport, Subject};
+use super::cut::{CutOptions, Subject};
 use super::export::{Export, Exported};
 use fit::{Model, RunFile};
 use io::{InputError, extension};

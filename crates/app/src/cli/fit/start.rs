@@ -6,7 +6,7 @@ use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{ARGUMENTS, Global};
 use dataset::{Dataset, LoadOptions};
-use fit::{FitOptions, Limit, MaskChoice, RunFile};
+use fit::{FitOptions, MaskChoice, RunFile};
 use io::InputError;
 
 impl Fit {
@@ -61,44 +61,10 @@ pub(in crate::cli) fn load_for(
     let [train, held_out] = unread.sizes();
     let (downscale, limit) = options.downscale_for(&train, &held_out);
     if let Some(limit) = limit {
-        global.say(&size_text(&train, downscale, limit));
+        global.say(&limit.text(&train, downscale));
     }
     let bar = global.progress("photographs");
     let dataset = unread.read(&LoadOptions { downscale }, &mut bar.mover())?;
     bar.finish_and_clear();
     Ok((dataset, downscale))
-}
-
-/// The size at which photographs of these sizes are read, and its reason, in one line.
-fn size_text(whole: &[[u32; 2]], downscale: u32, limit: Limit) -> String {
-    let sizes = || whole.iter().map(|size| size.map(|side| side.div_ceil(downscale)));
-    let [width, height] =
-        sizes().max_by_key(|[w, h]| u64::from(*w) * u64::from(*h)).unwrap_or([1; 2]);
-    let up_to = if sizes().all(|size| size == [width, height]) { "" } else { "up to " };
-    let reason = match limit {
-        Limit::Budget => "as many pixels as the budget of a fit can use",
-        Limit::Memory => "as many pixels as 4 GiB of memory can hold",
-    };
-    format!(
-        "images: read at 1/{downscale} of their size ({up_to}{width} x {height} pixels), {reason}; \
-         --downscale 1 reads them whole"
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_line_has_size_reason_and_remedy() {
-        let text = size_text(&[[4032, 3024]; 2], 3, Limit::Budget);
-        let start = "images: read at 1/3 of their size (1344 x 1008 pixels), as many pixels as";
-        assert!(
-            text.starts_with(start) && text.ends_with("--downscale 1 reads them whole"),
-            "{text}"
-        );
-        let text = size_text(&[[30, 41], [99, 10]], 4, Limit::Memory);
-        assert!(text.contains("1/4 of their size (up to 8 x 11 pixels)"), "{text}");
-        assert!(text.contains("4 GiB"), "{text}");
-    }
 }
