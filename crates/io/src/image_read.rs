@@ -7,6 +7,7 @@ use film::{Film, srgb_decode};
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
+use crate::exif::{self, FocalLength};
 use crate::heif::{refuse, refuse_unconverted};
 use crate::{InputError, check_memory, extension, open, read, read_npy};
 
@@ -148,16 +149,33 @@ const HEAD: u64 = 1 << 18;
 ///
 /// `None` if it has no such orientation, or if the start of the file cannot be read.
 pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
-    let mut head = Vec::new();
-    open(path, "image", IMAGE).ok()?.0.take(HEAD).read_to_end(&mut head).ok()?;
-    let reader = ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?;
-    let mut decoder = reader.into_decoder().ok()?;
+    let head = head_of(path)?;
+    let mut decoder = decoder_of(&head)?;
     let (width, height) = decoder.dimensions();
     match decoder.orientation().ok()? {
         Orientation::NoTransforms => None,
         turned if width != height && swaps_sides(turned) => Some(TurnedByExif::OtherSize),
         _ => Some(TurnedByExif::SameSize),
     }
+}
+
+/// The focal length in the EXIF block of an image; `None` if it has none, or if the start of the
+/// file cannot be read.
+pub fn focal_length(path: &Path) -> Option<FocalLength> {
+    let head = head_of(path)?;
+    exif::focal_length(&decoder_of(&head)?.exif_metadata().ok()??)
+}
+
+/// The first bytes of a file.
+fn head_of(path: &Path) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    open(path, "image", IMAGE).ok()?.0.take(HEAD).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
+/// The decoder of an image that starts with these bytes.
+fn decoder_of(head: &[u8]) -> Option<impl ImageDecoder> {
+    ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?.into_decoder().ok()
 }
 
 /// The size of an image as its EXIF orientation shows it.

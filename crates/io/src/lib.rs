@@ -5,6 +5,7 @@ mod bounds;
 mod check;
 mod duration;
 mod error;
+mod exif;
 mod heif;
 mod image_read;
 #[cfg(test)]
@@ -28,13 +29,15 @@ pub use bounds::{SPHERE, is_sphere, parse_bounds};
 pub use check::Check;
 pub use duration::parse_duration;
 pub use error::{InputError, is_hidden, printable};
+pub use exif::FocalLength;
 pub use heif::refuse_unconverted;
 pub use image_read::{
-    TurnedByExif, image_size, read_image, read_image_of, reading_memory, turned_by_exif,
+    TurnedByExif, focal_length, image_size, read_image, read_image_of, reading_memory,
+    turned_by_exif,
 };
 pub use image_write::{png, write_image};
 pub use lock::lock;
-pub use memory::check_memory;
+pub use memory::{check_memory, memory_limit};
 pub use npy::{NpyReader, npy_reader, read_npy, write_npy};
 pub use regular::{open, read, read_text};
 

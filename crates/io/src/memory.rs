@@ -19,7 +19,7 @@ pub fn check_memory(
     found: impl Display,
     bytes: u64,
 ) -> Result<(), InputError> {
-    match limit() {
+    match memory_limit() {
         Some(limit) if bytes > limit => {
             let found = format!("{found}, which needs {} of memory", shown(bytes));
             let expected = format!("at most {}, the memory of this machine", shown(limit));
@@ -35,14 +35,15 @@ fn shown(bytes: u64) -> String {
     if bytes < 1e9 { format!("{:.1} MB", bytes / 1e6) } else { format!("{:.1} GB", bytes / 1e9) }
 }
 
+/// The memory that this process may use, in bytes; `None` on systems other than Linux.
 #[cfg(not(target_os = "linux"))]
-fn limit() -> Option<u64> {
+pub fn memory_limit() -> Option<u64> {
     None
 }
 
-/// The memory that this process may use, in bytes.
+/// The memory that this process may use, in bytes; `None` if it is unknown.
 #[cfg(target_os = "linux")]
-fn limit() -> Option<u64> {
+pub fn memory_limit() -> Option<u64> {
     use rustix::process::{Resource, getrlimit};
     let address_space = getrlimit(Resource::As).current;
     linux::machine(Path::new("/")).into_iter().chain(address_space).min()

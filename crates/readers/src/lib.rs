@@ -18,6 +18,7 @@ mod unread;
 mod unsupported;
 mod view;
 
+pub use colmap::{SparseCamera, SparseModel, sparse_model};
 pub use mask::{Mask, MaskKind};
 pub use unread::UnreadView;
 pub use view::View;

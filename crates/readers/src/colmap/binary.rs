@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{CameraRecord, ImageRecord, Result};
+use super::{CameraRecord, ImageRecord, PointRecord, Result};
 use io::InputError;
 
 /// Name and parameter count of each camera model; the index is the model's number.
@@ -136,17 +136,18 @@ pub(super) fn images(file: &Path) -> Result<Vec<ImageRecord>> {
         .collect()
 }
 
-/// Reads `points3D.bin`: id and position; colour, error and track are skipped.
-pub(super) fn points(file: &Path) -> Result<Vec<DVec3>> {
+/// Reads `points3D.bin`: id, position and error; colour and track are skipped.
+pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of points")?;
     (0..count)
         .map(|_| {
             bytes.u64("a point's number")?;
-            let point = bytes.vector("a point")?;
-            bytes.take(11, "a point's colour and error")?;
+            let position = bytes.vector("a point")?;
+            bytes.take(3, "a point's colour")?;
+            let error = Some(bytes.f64("a point's error")?);
             bytes.skip_list(8, "a point's track")?;
-            Ok(point)
+            Ok(PointRecord { position, error })
         })
         .collect()
 }

@@ -7,9 +7,11 @@
 
 mod binary;
 mod models;
+mod summary;
 mod text;
 
 pub(crate) use models::models;
+pub use summary::{SparseCamera, SparseModel, sparse_model};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -63,6 +65,14 @@ struct ImageRecord {
     name: String,
 }
 
+/// A record of `points3D`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct PointRecord {
+    position: DVec3,
+    /// Its mean distance in the images from the places where it was found, in pixels.
+    error: Option<f64>,
+}
+
 /// The three files of a model, all text or all binary.
 struct Model {
     binary: bool,
@@ -90,13 +100,13 @@ impl Model {
     }
 
     /// The finite points; none if the file is missing.
-    fn points(&self) -> Result<Vec<DVec3>> {
+    fn points(&self) -> Result<Vec<PointRecord>> {
         let mut points = match self.points.is_file() {
             true if self.binary => binary::points(&self.points)?,
             true => text::points(&self.points)?,
             false => Vec::new(),
         };
-        points.retain(|p| p.is_finite());
+        points.retain(|p| p.position.is_finite());
         Ok(points)
     }
 }
@@ -131,7 +141,8 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
         if model.binary { "binary" } else { "text" }
     );
     let notes = note.into_iter().collect();
-    Ok(Recognised { points: model.points()?, notes, ..Recognised::new(&format, views) })
+    let points = model.points()?.iter().map(|p| p.position).collect();
+    Ok(Recognised { points, notes, ..Recognised::new(&format, views) })
 }
 
 /// The folder of the images: the first that has one of them.

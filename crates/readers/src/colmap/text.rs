@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use super::{CameraRecord, ImageRecord, Result};
+use super::{CameraRecord, ImageRecord, PointRecord, Result};
 use io::InputError;
 
 fn read(file: &Path) -> Result<String> {
@@ -99,14 +99,17 @@ fn image(mut line: Line<'_>) -> Result<ImageRecord> {
     Ok(ImageRecord { quaternion: [w, xyz.x, xyz.y, xyz.z], translation, camera, name })
 }
 
-/// Reads `points3D.txt`: id and position; the rest of a line is skipped.
-pub(super) fn points(file: &Path) -> Result<Vec<DVec3>> {
+/// Reads `points3D.txt`: id, position, colour, and an error if there is one; the rest of a line is
+/// skipped.
+pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
     let text = read(file)?;
     records(&text)
         .map(|(i, line)| {
             let mut line = Line::new(file, i, line);
             let _: u64 = line.number("a point's number")?;
-            line.vector("a point")
+            let position = line.vector("a point")?;
+            let error = line.words.nth(3).and_then(|word| word.parse().ok());
+            Ok(PointRecord { position, error })
         })
         .collect()
 }
