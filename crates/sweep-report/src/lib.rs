@@ -23,7 +23,7 @@ mod sweep;
 mod sweep_check;
 
 pub use compare::compare;
-pub use load::{SHIPPED, absolute};
+pub use load::{SHIPPED, absolute, shipped};
 pub use refusal::Refusal;
 pub use report::write_report;
 pub use sweep::{Cell, Sweep};

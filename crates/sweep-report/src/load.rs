@@ -6,17 +6,18 @@ use crate::files::read_text;
 use crate::refusal::Refusal;
 use crate::sweep::Sweep;
 
-/// The sweeps that come with the command: their names and the contents of their files.
-pub const SHIPPED: [(&str, &str); 9] = [
-    ("k-gamma", include_str!("../../../xtask/sweeps/k-gamma.toml")),
-    ("high-gamma", include_str!("../../../xtask/sweeps/high-gamma.toml")),
-    ("bare", include_str!("../../../xtask/sweeps/bare.toml")),
-    ("steps-epsilon", include_str!("../../../xtask/sweeps/steps-epsilon.toml")),
-    ("steps-refined", include_str!("../../../xtask/sweeps/steps-refined.toml")),
-    ("filters", include_str!("../../../xtask/sweeps/filters.toml")),
-    ("precision", include_str!("../../../xtask/sweeps/precision.toml")),
-    ("detail", include_str!("../../../xtask/sweeps/detail.toml")),
-    ("smoke", include_str!("../../../xtask/sweeps/smoke.toml")),
+/// The names of the sweeps that come with the workspace, in `xtask/sweeps`. They are read when they
+/// are used, so that the package of this crate needs no file outside of it.
+pub const SHIPPED: [&str; 9] = [
+    "k-gamma",
+    "high-gamma",
+    "bare",
+    "steps-epsilon",
+    "steps-refined",
+    "filters",
+    "precision",
+    "detail",
+    "smoke",
 ];
 
 /// The name of a shipped sweep unchanged, or the absolute path of a sweep file.
@@ -24,7 +25,7 @@ pub const SHIPPED: [(&str, &str); 9] = [
 /// # Errors
 /// If the current folder is unknown.
 pub fn absolute(name: &str) -> std::io::Result<String> {
-    if SHIPPED.iter().any(|(known, _)| *known == name) {
+    if SHIPPED.contains(&name) {
         return Ok(name.to_owned());
     }
     Ok(std::path::absolute(name)?.to_string_lossy().into_owned())
@@ -48,15 +49,22 @@ impl Sweep {
     }
 }
 
+/// The text of the file of a sweep that comes with the workspace.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn shipped(name: &str) -> Result<String, Refusal> {
+    source(name).map(|(_, text)| text)
+}
+
 /// The path and the text of a shipped sweep or a file.
 fn source(name: &str) -> Result<(PathBuf, String), Refusal> {
-    if let Some((_, source)) = SHIPPED.iter().find(|(known, _)| *known == name) {
-        let folder = measure::dsdf::root().join("xtask/sweeps");
-        return Ok((folder.join(format!("{name}.toml")), (*source).to_owned()));
-    }
-    let path = PathBuf::from(name);
+    let path = match SHIPPED.contains(&name) {
+        true => measure::dsdf::root().join("xtask/sweeps").join(format!("{name}.toml")),
+        false => PathBuf::from(name),
+    };
     let source = read_text(&path).map_err(|e| {
-        let names = SHIPPED.map(|(known, _)| known).join(", ");
+        let names = SHIPPED.join(", ");
         Refusal::new(&path, "sweep", e, format!("a TOML file, or one of {names}"))
     })?;
     Ok((path, source))

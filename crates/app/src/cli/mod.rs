@@ -10,6 +10,7 @@ mod gradient;
 mod inspect;
 mod interrupt;
 mod mesh;
+mod poses;
 mod preset;
 mod progress;
 mod query;
@@ -77,6 +78,12 @@ enum Command {
     Eval(eval::Eval),
     /// Evaluate the signed distance of a model file at points
     Query(query::Query),
+    /// Find the camera poses of photographs by COLMAP, where it is installed
+    ///
+    /// COLMAP runs as a program of its own, on the CPU: features, matching, mapping, undistortion.
+    /// The data set has the undistorted photographs and their poses. Ctrl-C stops; the same command
+    /// continues. The output of COLMAP is in colmap.log.
+    Poses(poses::Poses),
     /// Write a run as one page: surface, cameras, photographs beside renders, curves, verdict
     ///
     /// The page is one HTML file. It needs no network, and opens from the disk.
@@ -216,6 +223,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Mesh(command) => command.run(&global),
         Command::Eval(command) => command.run(&global),
         Command::Query(command) => command.run(&global),
+        Command::Poses(command) => command.run(&global),
         Command::Report(command) => command.run(&global),
     })
 }

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use serde_json::Value;
-use sweep_report::SHIPPED;
+use sweep_report::{SHIPPED, shipped};
 
 use crate::case::Case;
 use crate::lines::Lines;
@@ -11,10 +11,10 @@ use crate::tree::Tree;
 
 /// A file `sweep.toml`: a shipped sweep with harm.
 pub(crate) fn sweep_files() -> BoxedStrategy<Case> {
-    let trees = SHIPPED
-        .iter()
-        .map(|(_, text)| Tree::from(toml::from_str::<Value>(text).unwrap_or_default()));
-    spoiled(prop::sample::select(trees.collect::<Vec<_>>()))
+    let text = |name: &str| shipped(name).unwrap_or_else(|e| panic!("{e}"));
+    let tree = |name| Tree::from(toml::from_str::<Value>(&text(name)).unwrap_or_default());
+    let trees = SHIPPED.map(tree);
+    spoiled(prop::sample::select(trees.to_vec()))
         .prop_map(|tree| Case::default().file("sweep.toml", tree.toml()))
         .boxed()
 }

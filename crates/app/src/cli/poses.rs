@@ -1,0 +1,77 @@
+//! `dsdf poses`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::common::Global;
+use super::progress::Progress;
+use crate::error::Interrupted;
+use ::poses::{Event, Job, Options, Photographs, Program, run};
+
+/// Arguments of `dsdf poses`.
+#[derive(Args, Debug)]
+pub(crate) struct Poses {
+    /// Folder of photographs: .jpg, .jpeg or .png
+    photos: PathBuf,
+    /// Data set folder to write; if it is an unfinished one of the same photographs, it continues
+    #[arg(short, long)]
+    output: PathBuf,
+    #[command(flatten)]
+    options: Options,
+    /// The program COLMAP [default: colmap on the search path]
+    #[arg(long, value_name = "PROGRAM", help_heading = "COLMAP")]
+    colmap: Option<PathBuf>,
+}
+
+impl Poses {
+    pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        let photographs = Photographs::in_folder(&self.photos)?;
+        if let Some(left_out) = photographs.left_out() {
+            global.say(&format!("WARNING {left_out}"));
+        }
+        let program = self.colmap.clone().map_or_else(Program::default, Program::at);
+        let threads = rayon::current_num_threads();
+        let (photographs, options) = (&photographs, &self.options);
+        let job = Job { photographs, output: &self.output, options, program: &program, threads };
+        let mut bar = None;
+        let stop = || global.interrupt.requested();
+        let interrupt = &global.interrupt;
+        let found = interrupt
+            .while_iterating(|| run(&job, &stop, &mut |event| self.show(event, &mut bar, global)));
+        if let Some(bar) = bar {
+            bar.finish_and_clear();
+        }
+        let Some(poses) = found? else {
+            eprintln!("stopped; the same command continues");
+            return Err(Interrupted.into());
+        };
+        global.report(&poses, || poses.text())
+    }
+
+    /// Shows the news of a run.
+    fn show(&self, event: Event<'_>, bar: &mut Option<Progress>, global: &Global) {
+        match event {
+            Event::Kept([]) => {}
+            Event::Kept(steps) => {
+                let names: Vec<&str> = steps.iter().map(|step| step.name()).collect();
+                global.say(&format!("done already: {}", names.join(", ")));
+            }
+            Event::Started(step) => {
+                let template = "{wide_bar} {percent:>3} % {eta} left  {msg}";
+                *bar = Some(Progress::new(step.name(), template, global.quiet, &global.clock));
+            }
+            Event::Progress { fraction, text, .. } => {
+                if let Some(bar) = bar {
+                    bar.show(fraction, &|| text.to_owned());
+                }
+            }
+            Event::Finished(step) => {
+                if let Some(bar) = bar.take() {
+                    bar.finish_and_clear();
+                }
+                global.say(&format!("{step}: done"));
+            }
+        }
+    }
+}

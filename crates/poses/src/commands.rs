@@ -1,0 +1,382 @@
+//! The options of `dsdf poses`, and the command lines of COLMAP that follow from them.
+
+use std::path::Path;
+
+use clap::{Args, ValueEnum};
+use io::InputError;
+
+use crate::photographs::Photographs;
+use crate::program::Help;
+use crate::state::{Entry, Settings};
+use crate::step::Step;
+
+/// The largest number of photographs whose pairs are all compared by default: 11,175 pairs.
+const MOST_FOR_ALL_PAIRS: usize = 150;
+
+/// Bytes of memory for each pixel of a photograph and each thread while COLMAP finds features on a
+/// CPU. Measured with COLMAP 3.8: 2.28 GB for 7.7 million pixels.
+const MEMORY_PER_PIXEL: u64 = 300;
+
+/// The pairs of photographs that are compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Matching {
+    /// All pairs of up to 150 photographs, else neighbours in the order of their names
+    #[default]
+    Auto,
+    /// All pairs
+    Exhaustive,
+    /// Neighbours in the order of the names: frames of a video
+    Sequential,
+}
+
+/// The model of a lens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum CameraModel {
+    /// A focal length, and no distortion
+    SimplePinhole,
+    /// One number for the distortion
+    #[default]
+    SimpleRadial,
+    /// Two numbers for the distortion
+    Radial,
+    /// Two focal lengths, and four numbers for the distortion: for wide lenses and many photographs
+    Opencv,
+    /// Fisheye lenses
+    OpencvFisheye,
+}
+
+/// The photographs that share a lens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum CameraChoice {
+    /// All, if sizes and EXIF focal lengths are equal; else those that COLMAP finds alike by EXIF
+    #[default]
+    Auto,
+    /// All
+    One,
+    /// None: each photograph has a lens of its own
+    Each,
+}
+
+/// The options of a search for poses.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "COLMAP")]
+pub struct Options {
+    /// Pairs of photographs to compare
+    #[arg(long, value_enum, default_value_t)]
+    pub matching: Matching,
+    /// Neighbours on each side that --matching sequential compares
+    #[arg(long, value_name = "N", default_value_t = 20,
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub overlap: u32,
+    /// Model of the lens
+    #[arg(long, value_enum, default_value_t)]
+    pub camera_model: CameraModel,
+    /// Photographs that share a lens
+    #[arg(long, value_enum, default_value_t)]
+    pub cameras: CameraChoice,
+    /// Longest side at which features are searched, in pixels: less needs less time and memory
+    #[arg(long, value_name = "PIXELS", default_value_t = 3200,
+          value_parser = clap::value_parser!(u32).range(100..=20000))]
+    pub max_size: u32,
+    /// Seed of COLMAP's random numbers, where its version has one
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
+    pub seed: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            matching: Matching::default(),
+            overlap: 20,
+            camera_model: CameraModel::default(),
+            cameras: CameraChoice::default(),
+            max_size: 3200,
+            seed: 0,
+        }
+    }
+}
+
+/// Whether photographs share a lens, as COLMAP is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sharing {
+    All,
+    ByExif,
+    None,
+}
+
+impl Options {
+    /// The pairs that are compared, without `Auto`.
+    pub fn matching_of(&self, photographs: usize) -> Matching {
+        match self.matching {
+            Matching::Auto if photographs <= MOST_FOR_ALL_PAIRS => Matching::Exhaustive,
+            Matching::Auto => Matching::Sequential,
+            asked => asked,
+        }
+    }
+
+    /// Refuses one lens for photographs of several sizes.
+    pub(crate) fn check(&self, photographs: &Photographs) -> Result<(), InputError> {
+        if self.cameras == CameraChoice::One && !photographs.have_one_size() {
+            let found = "one, for photographs of several sizes";
+            return Err(InputError::new("arguments", "--cameras", found, "auto or each"));
+        }
+        Ok(())
+    }
+
+    fn sharing(&self, photographs: &Photographs) -> Sharing {
+        match self.cameras {
+            CameraChoice::One => Sharing::All,
+            CameraChoice::Each => Sharing::None,
+            CameraChoice::Auto if photographs.are_alike() => Sharing::All,
+            CameraChoice::Auto => Sharing::ByExif,
+        }
+    }
+
+    /// The name of the lens's model.
+    fn model(&self) -> &'static str {
+        match self.camera_model {
+            CameraModel::SimplePinhole => "SIMPLE_PINHOLE",
+            CameraModel::SimpleRadial => "SIMPLE_RADIAL",
+            CameraModel::Radial => "RADIAL",
+            CameraModel::Opencv => "OPENCV",
+            CameraModel::OpencvFisheye => "OPENCV_FISHEYE",
+        }
+    }
+
+    /// All steps with the options that their results depend on.
+    pub(crate) fn settings(&self, photographs: &Photographs) -> Vec<Entry> {
+        let matching = self.matching_of(photographs.count());
+        let of = |step: Step| -> Vec<(&str, String)> {
+            match step {
+                Step::Features => vec![
+                    ("camera_model", self.model().to_owned()),
+                    ("cameras", format!("{:?}", self.sharing(photographs))),
+                    ("max_size", self.max_size.to_string()),
+                    ("seed", self.seed.to_string()),
+                ],
+                Step::Matching if matching == Matching::Sequential => {
+                    vec![("matching", "sequential".into()), ("overlap", self.overlap.to_string())]
+                }
+                Step::Matching => vec![("matching", "exhaustive".to_owned())],
+                Step::Mapping | Step::Undistortion => Vec::new(),
+            }
+        };
+        let entry = |step: Step| {
+            let settings: Settings =
+                of(step).into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+            Entry { step, settings }
+        };
+        Step::ALL.into_iter().map(entry).collect()
+    }
+
+    /// The command of COLMAP for a step.
+    pub(crate) fn command(&self, step: Step, photographs: usize) -> &'static str {
+        match step {
+            Step::Features => "feature_extractor",
+            Step::Matching if self.matching_of(photographs) == Matching::Sequential => {
+                "sequential_matcher"
+            }
+            Step::Matching => "exhaustive_matcher",
+            Step::Mapping => "mapper",
+            Step::Undistortion => "image_undistorter",
+        }
+    }
+}
+
+/// The folders of a step.
+pub(crate) struct Places<'a> {
+    /// The photographs.
+    pub(crate) images: &'a Path,
+    /// The result of the step before: a database, or a model.
+    pub(crate) input: &'a Path,
+    /// The folder of the results.
+    pub(crate) output: &'a Path,
+}
+
+/// The name of the list of photographs in the results of the first step.
+pub(crate) const LIST: &str = "images.txt";
+
+/// The name of a database.
+pub(crate) const DATABASE: &str = "database.db";
+
+/// The arguments of COLMAP for a step, with names of options that its `help` lists.
+///
+/// # Errors
+/// If it lacks an option.
+pub(crate) fn arguments(
+    step: Step,
+    options: &Options,
+    photographs: &Photographs,
+    threads: usize,
+    places: &Places<'_>,
+    help: &Help,
+) -> anyhow::Result<Vec<String>> {
+    let path = |path: &Path| path.display().to_string();
+    let database = path(&places.output.join(DATABASE));
+    let mut line = Line { help, words: Vec::new() };
+    match step {
+        Step::Features => {
+            line.add(&["database_path"], database)?;
+            line.add(&["image_path"], path(places.images))?;
+            line.add(&["image_list_path"], path(&places.output.join(LIST)))?;
+            line.add(&["ImageReader.camera_model"], options.model())?;
+            let sharing = options.sharing(photographs);
+            line.add(&["ImageReader.single_camera"], u8::from(sharing == Sharing::All))?;
+            if sharing == Sharing::None {
+                line.add(&["ImageReader.single_camera_per_image"], 1)?;
+            }
+            line.add(&["FeatureExtraction.use_gpu", "SiftExtraction.use_gpu"], 0)?;
+            let threads = threads.min(threads_for(photographs.most_pixels(options.max_size)));
+            line.add(&["FeatureExtraction.num_threads", "SiftExtraction.num_threads"], threads)?;
+            let size = ["FeatureExtraction.max_image_size", "SiftExtraction.max_image_size"];
+            line.add(&size, options.max_size)?;
+        }
+        Step::Matching => {
+            line.add(&["database_path"], database)?;
+            line.add(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], 0)?;
+            line.add(&["FeatureMatching.num_threads", "SiftMatching.num_threads"], threads)?;
+            if options.matching_of(photographs.count()) == Matching::Sequential {
+                line.add(&["SequentialMatching.overlap"], options.overlap)?;
+            } else {
+                // Small blocks show more of the progress. The pairs are the same.
+                line.add_if_known("ExhaustiveMatching.block_size", 10);
+            }
+        }
+        Step::Mapping => {
+            line.add(&["database_path"], path(places.input))?;
+            line.add(&["image_path"], path(places.images))?;
+            line.add(&["output_path"], path(places.output))?;
+            line.add_if_known("Mapper.num_threads", threads);
+        }
+        Step::Undistortion => {
+            line.add(&["image_path"], path(places.images))?;
+            line.add(&["input_path"], path(places.input))?;
+            line.add(&["output_path"], path(places.output))?;
+            line.add_if_known("output_type", "COLMAP");
+            line.add_if_known("jpeg_quality", 100);
+        }
+    }
+    for seed in ["random_seed", "default_random_seed", "TwoViewGeometry.random_seed"] {
+        line.add_if_known(seed, options.seed);
+    }
+    line.add_if_known("Mapper.random_seed", options.seed);
+    Ok(line.words)
+}
+
+/// The threads for which half of the memory suffices.
+fn threads_for(pixels: u64) -> usize {
+    let need = MEMORY_PER_PIXEL * pixels.max(1);
+    io::memory_limit().map_or(usize::MAX, |limit| (limit / 2 / need).max(1) as usize)
+}
+
+/// A command line that grows.
+struct Line<'a> {
+    help: &'a Help,
+    words: Vec<String>,
+}
+
+impl Line<'_> {
+    /// Adds an option by the first of its names that COLMAP has.
+    fn add(&mut self, names: &[&str], value: impl ToString) -> anyhow::Result<()> {
+        let Some(name) = names.iter().find(|name| self.help.has(name)) else {
+            anyhow::bail!(
+                "colmap {}: options: found no --{}, expected COLMAP 3.6 or later",
+                self.help.command(),
+                names.join(" and no --")
+            );
+        };
+        self.words.extend([format!("--{name}"), value.to_string()]);
+        Ok(())
+    }
+
+    /// Adds an option if COLMAP has it.
+    fn add_if_known(&mut self, name: &str, value: impl ToString) {
+        if self.help.has(name) {
+            self.words.extend([format!("--{name}"), value.to_string()]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four photographs in a folder.
+    fn photographs(folder: &Path) -> Photographs {
+        for name in ["a.png", "b.png", "c.png", "d.png"] {
+            image::GrayImage::new(8, 6).save(folder.join(name)).unwrap();
+        }
+        Photographs::in_folder(folder).unwrap()
+    }
+
+    /// The arguments of a step with a help of these options.
+    fn line(step: Step, options: &Options, help: &str) -> anyhow::Result<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let (photographs, here) = (photographs(folder.path()), Path::new("x"));
+        let places = Places { images: here, input: here, output: here };
+        let help = Help::new("some_command", help);
+        arguments(step, options, &photographs, 2, &places, &help).map(|words| words.join(" "))
+    }
+
+    const FEATURES: &str = "--database_path arg --image_path arg --image_list_path arg \
+        --ImageReader.camera_model arg (=X) --ImageReader.single_camera arg (=0) \
+        --ImageReader.single_camera_per_image arg";
+
+    #[test]
+    fn options_have_the_names_of_the_installed_version() {
+        let rest = "use_gpu arg (=1) --#.num_threads arg --#.max_image_size arg".to_owned();
+        let of = |group: &str| format!("{FEATURES} --#.{rest}").replace('#', group);
+        for (group, seed) in
+            [("SiftExtraction", "random_seed"), ("FeatureExtraction", "default_random_seed")]
+        {
+            let help = format!("{} --{seed} arg (=0)", of(group));
+            let text = line(Step::Features, &Options::default(), &help).unwrap();
+            let expected = format!("--{group}.use_gpu 0 --{group}.num_threads 2");
+            assert!(text.contains(&expected), "{text}");
+            assert!(text.contains("--ImageReader.single_camera 1 "), "{text}");
+            assert!(text.ends_with(&format!(".max_image_size 3200 --{seed} 0")), "{text}");
+            let each = Options { cameras: CameraChoice::Each, ..Options::default() };
+            let text = line(Step::Features, &each, &help).unwrap();
+            assert!(text.contains("single_camera 0 --ImageReader.single_camera_per_image 1 "));
+        }
+        let error = line(Step::Features, &Options::default(), FEATURES).unwrap_err().to_string();
+        assert!(error.contains("found no --FeatureExtraction.use_gpu and no --Sift"), "{error}");
+    }
+
+    #[test]
+    fn a_step_runs_again_only_if_its_options_change() {
+        let folder = tempfile::tempdir().unwrap();
+        let photographs = photographs(folder.path());
+        let all = |options: Options| options.settings(&photographs);
+        let settings = all(Options::default());
+        let overlap = all(Options { overlap: 5, ..Options::default() });
+        assert_eq!(settings, overlap, "it has no effect on exhaustive matching");
+        let matching = Matching::Sequential;
+        let sequential = all(Options { matching, ..Options::default() });
+        assert!(settings[0] == sequential[0] && settings[1] != sequential[1]);
+        let size = all(Options { max_size: 900, ..Options::default() });
+        assert!(settings[0] != size[0] && settings[1..] == size[1..]);
+        let options = Options::default();
+        assert_eq!(options.matching_of(150), Matching::Exhaustive);
+        assert_eq!(options.matching_of(151), Matching::Sequential);
+        assert_eq!(options.command(Step::Matching, 151), "sequential_matcher");
+    }
+
+    #[test]
+    fn one_lens_for_several_sizes_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        photographs(folder.path());
+        image::GrayImage::new(6, 8).save(folder.path().join("e.png")).unwrap();
+        let photographs = Photographs::in_folder(folder.path()).unwrap();
+        let one = Options { cameras: CameraChoice::One, ..Options::default() };
+        let error = one.check(&photographs).unwrap_err().to_string();
+        assert!(error.starts_with("arguments: --cameras: found one, for"), "{error}");
+        assert_eq!(Options::default().sharing(&photographs), Sharing::ByExif);
+    }
+
+    #[test]
+    fn few_threads_search_large_photographs() {
+        assert_eq!(threads_for(u64::MAX / MEMORY_PER_PIXEL / 2), 1);
+        assert!(threads_for(1) > 100_000);
+    }
+}

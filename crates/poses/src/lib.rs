@@ -1,0 +1,19 @@
+#![doc = include_str!("../README.md")]
+
+mod advice;
+mod commands;
+mod output;
+mod photographs;
+mod program;
+mod result;
+mod run;
+mod state;
+mod step;
+
+pub use advice::{FEW, remedies};
+pub use commands::{CameraChoice, CameraModel, Matching, Options};
+pub use photographs::Photographs;
+pub use program::Program;
+pub use result::{Camera, Poses};
+pub use run::{Event, Job, run};
+pub use step::Step;

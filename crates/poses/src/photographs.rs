@@ -1,0 +1,200 @@
+//! The photographs of a folder.
+
+use std::path::{Path, PathBuf};
+
+use io::{FocalLength, InputError, extension, focal_length, image_size, refuse_unconverted};
+use serde::{Deserialize, Serialize};
+
+/// Extensions of photographs, in lower case.
+const READABLE: [&str; 3] = ["jpg", "jpeg", "png"];
+
+/// The least number of photographs: two have no held-out view, and few points.
+const LEAST: usize = 3;
+
+/// The expected content of the folder, for messages.
+const EXPECTED: &str = "3 or more photographs as .jpg, .jpeg or .png files";
+
+/// A file of a photograph. Files of the same name and length count as the same.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PhotoFile {
+    /// Its name in the folder.
+    pub(crate) name: String,
+    /// Its length.
+    pub(crate) bytes: u64,
+}
+
+/// The photographs of a folder, in alphabetical order. Folders inside it are not searched.
+#[derive(Clone, Debug)]
+pub struct Photographs {
+    pub(crate) folder: PathBuf,
+    pub(crate) files: Vec<PhotoFile>,
+    /// Width and height of each, in pixels as stored.
+    pub(crate) sizes: Vec<[u32; 2]>,
+    focals: Vec<Option<FocalLength>>,
+    /// The names of other files with images that are not read.
+    other: Vec<String>,
+}
+
+impl Photographs {
+    /// Lists the photographs in `folder`, and reads their sizes and focal lengths. Hidden files are
+    /// left out.
+    ///
+    /// # Errors
+    /// If the folder cannot be listed or has fewer than 3 photographs, or if the start of one
+    /// cannot be read, or if its name cannot be in a list of COLMAP.
+    pub fn in_folder(folder: &Path) -> Result<Self, InputError> {
+        let refused = |found: String| InputError::new(folder, "photographs", found, EXPECTED);
+        let entries = match std::fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(_) if folder.is_file() => return Err(refused("a file".to_owned())),
+            Err(_) if !folder.exists() => return Err(refused("no such folder".to_owned())),
+            Err(e) => return Err(refused(e.to_string())),
+        };
+        let mut names: Vec<_> = entries.flatten().map(|e| e.file_name()).collect();
+        names.sort();
+        let (mut files, mut other) = (Vec::new(), Vec::new());
+        for name in names {
+            let path = folder.join(&name);
+            let shown = name.to_string_lossy().into_owned();
+            if shown.starts_with('.') || !path.is_file() {
+                continue;
+            }
+            if !READABLE.contains(&extension(&path).as_str()) {
+                other.push(shown);
+                continue;
+            }
+            files.push(PhotoFile { bytes: length_of(&path)?, name: checked(folder, &name)? });
+        }
+        if files.is_empty() {
+            refuse_unconverted(folder)?;
+        }
+        if files.len() < LEAST {
+            return Err(refused(found_in(folder, files.len(), &other)));
+        }
+        let paths = || files.iter().map(|file| folder.join(&file.name));
+        let sizes: Result<Vec<[u32; 2]>, InputError> =
+            paths().map(|path| image_size(&path).map(|(w, h)| [w, h])).collect();
+        let (sizes, focals) = (sizes?, paths().map(|path| focal_length(&path)).collect());
+        Ok(Photographs { folder: folder.to_owned(), files, sizes, focals, other })
+    }
+
+    /// The number of photographs.
+    pub fn count(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Whether all have one size and one focal length, as far as their files tell.
+    pub fn are_alike(&self) -> bool {
+        self.have_one_size() && self.focals.iter().all(|focal| *focal == self.focals[0])
+    }
+
+    /// Whether all have one size.
+    pub fn have_one_size(&self) -> bool {
+        self.sizes.iter().all(|size| *size == self.sizes[0])
+    }
+
+    /// The largest number of pixels of a photograph whose longer side is at most `side`.
+    pub(crate) fn most_pixels(&self, side: u32) -> u64 {
+        let pixels = |[width, height]: [u32; 2]| {
+            let (width, height) = (u64::from(width), u64::from(height));
+            let longer = width.max(height);
+            let scaled = |length: u64| length * u64::from(side).min(longer) / longer.max(1);
+            scaled(width) * scaled(height)
+        };
+        self.sizes.iter().copied().map(pixels).max().unwrap_or(0)
+    }
+
+    /// One sentence about files that are left out, if there are any.
+    pub fn left_out(&self) -> Option<String> {
+        let first = self.other.first()?;
+        let count = self.other.len();
+        Some(format!("{count} files are no .jpg, .jpeg or .png and are left out; first: {first}"))
+    }
+
+    /// The names of the files, one a line.
+    pub(crate) fn list(&self) -> String {
+        self.files.iter().map(|file| format!("{}\n", file.name)).collect()
+    }
+}
+
+/// A folder with too few photographs, in words.
+fn found_in(folder: &Path, photographs: usize, other: &[String]) -> String {
+    let mut found = match photographs {
+        0 => "none".to_owned(),
+        n => format!("{n}"),
+    };
+    if let Some(first) = other.first() {
+        found += &format!(" ({} other files; first: {first})", other.len());
+    }
+    let inside = ["images", "input"].map(|name| folder.join(name));
+    if let Some(inside) = inside.iter().find(|path| path.is_dir()) {
+        found += &format!(" (folders inside are not searched: name {})", inside.display());
+    }
+    found
+}
+
+/// The length of a file in bytes.
+fn length_of(path: &Path) -> Result<u64, InputError> {
+    let metadata = path.metadata();
+    metadata.map(|m| m.len()).map_err(|e| InputError::new(path, "image", e, "a readable file"))
+}
+
+/// A name that can be a line of a list. COLMAP removes spaces around a line.
+fn checked(folder: &Path, name: &std::ffi::OsStr) -> Result<String, InputError> {
+    let is_line = |text: &&str| text.trim() == *text && !text.contains(['\n', '\r']);
+    name.to_str().filter(is_line).map(str::to_owned).ok_or_else(|| {
+        let expected = "a name in UTF-8 without line breaks and without spaces around it";
+        InputError::new(folder.join(name), "name", name.to_string_lossy(), expected)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn png(path: &Path, width: u32, height: u32) {
+        image::GrayImage::new(width, height).save(path).unwrap();
+    }
+
+    #[test]
+    fn photographs_are_listed_and_other_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for (name, width) in [("b.png", 40), ("a b.PNG", 40), ("c.png", 40), (".d.png", 7)] {
+            png(&at(name).with_extension("png"), width, 30);
+            if name.ends_with("PNG") {
+                std::fs::rename(at(name).with_extension("png"), at(name)).unwrap();
+            }
+        }
+        std::fs::write(at("notes.txt"), "x").unwrap();
+        let found = Photographs::in_folder(folder.path()).unwrap();
+        assert_eq!(found.list(), "a b.PNG\nb.png\nc.png\n");
+        assert!(found.are_alike() && found.left_out().unwrap().ends_with("first: notes.txt"));
+        assert_eq!((found.most_pixels(3200), found.most_pixels(20)), (1200, 300));
+        png(&at("d.png"), 30, 40);
+        let found = Photographs::in_folder(folder.path()).unwrap();
+        assert!(!found.are_alike() && !found.have_one_size());
+    }
+
+    #[test]
+    fn a_folder_without_enough_photographs_is_refused_in_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let message = |path: &Path| Photographs::in_folder(path).unwrap_err().to_string();
+        assert!(message(&at("none")).contains("found no such folder, expected 3 or more"));
+        std::fs::create_dir(at("images")).unwrap();
+        std::fs::write(at("a.CR2"), "x").unwrap();
+        let none = message(folder.path());
+        assert!(none.contains("found none (1 other files; first: a.CR2)"), "{none}");
+        assert!(none.contains("name ") && none.contains("images"), "{none}");
+        png(&at("a.png"), 4, 4);
+        png(&at("b.png"), 4, 4);
+        assert!(message(folder.path()).contains("found 2 "));
+        assert!(message(&at("a.png")).contains("found a file"));
+        std::fs::write(at("c.jpg"), b"\0\0\0\x18ftypheic\0\0\0\0").unwrap();
+        assert!(message(folder.path()).contains("HEIC"));
+        std::fs::write(at("c.jpg"), "no photograph").unwrap();
+        assert!(message(folder.path()).contains("c.jpg: image: found"));
+    }
+}

@@ -1,0 +1,302 @@
+//! The run of all steps that are not done.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use io::InputError;
+
+use crate::advice::remedies;
+use crate::commands::{DATABASE, LIST, Options, Places, arguments};
+use crate::output::Log;
+use crate::photographs::Photographs;
+use crate::program::{End, Program};
+use crate::result::{Poses, models};
+use crate::state::{Entry, State};
+use crate::step::Step;
+
+/// The folder of intermediate results in that of a data set.
+const WORK: &str = "colmap";
+
+/// The folders of a data set: of undistorted photographs, and of their model.
+const RESULTS: [&str; 2] = ["images", "sparse"];
+
+/// A search for the poses of photographs.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// The photographs.
+    pub photographs: &'a Photographs,
+    /// The folder of the data set.
+    pub output: &'a Path,
+    /// The options.
+    pub options: &'a Options,
+    /// The program.
+    pub program: &'a Program,
+    /// The most threads.
+    pub threads: usize,
+}
+
+/// News of a run.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// These steps are done already.
+    Kept(&'a [Step]),
+    /// A step starts.
+    Started(Step),
+    /// A part of a step is done.
+    Progress {
+        /// The step.
+        step: Step,
+        /// The part, 0 to 1.
+        fraction: f64,
+        /// The part in words.
+        text: &'a str,
+    },
+    /// A step is done.
+    Finished(Step),
+}
+
+/// Finds the poses of photographs, from the first step on that is not done.
+///
+/// The folder of the data set gets the undistorted photographs and their model, which every reader
+/// of COLMAP's files reads. `stop` is asked often; when it is true, COLMAP is ended, and `None` is
+/// returned. The same job continues then.
+///
+/// # Errors
+/// With an [`InputError`] if the folder has other files, or belongs to other photographs; if COLMAP
+/// is missing, a step fails, no pose is found, or a file cannot be written.
+pub fn run(
+    job: &Job<'_>,
+    stop: &dyn Fn() -> bool,
+    show: &mut dyn FnMut(Event<'_>),
+) -> anyhow::Result<Option<Poses>> {
+    job.options.check(job.photographs)?;
+    let settings = job.options.settings(job.photographs);
+    let state = State::of(job.output, job.photographs)?;
+    if job.done(&state, &settings) == Step::ALL.len()
+        && let Some(poses) = state.result
+    {
+        show(Event::Kept(&Step::ALL));
+        return Ok(Some(Poses { dataset: job.output.to_owned(), ..poses }));
+    }
+    // The program first: without it, nothing is written.
+    let version = job.program.version()?;
+    let _lock = job.lock()?;
+    let mut state = State::of(job.output, job.photographs)?;
+    let done = if state.colmap == version { job.done(&state, &settings) } else { 0 };
+    state.colmap = version;
+    state.done.truncate(done);
+    state.result = None;
+    show(Event::Kept(&Step::ALL[..done]));
+    let mut log = Log::open(job.output, done > 0)?;
+    for entry in &settings[done..] {
+        show(Event::Started(entry.step));
+        if !job.run_step(entry, &mut state, &mut log, stop, show)? {
+            return Ok(None);
+        }
+        show(Event::Finished(entry.step));
+    }
+    let found = models(&job.result_of(Step::Mapping))?;
+    let found: Vec<_> = found.into_iter().map(|(_, model)| model).collect();
+    let poses = Poses::new(job.output, job.photographs, &found, job.options)?;
+    state.result = Some(poses.clone());
+    state.save(job.output)?;
+    Ok(Some(poses))
+}
+
+impl Job<'_> {
+    /// The folder of a step's results.
+    fn result_of(&self, step: Step) -> PathBuf {
+        match step {
+            Step::Undistortion => self.output.join(RESULTS[1]),
+            step => self.output.join(WORK).join(step.name()),
+        }
+    }
+
+    fn partial_of(&self, step: Step) -> PathBuf {
+        self.output.join(WORK).join(step.partial())
+    }
+
+    /// The number of steps, from the first one on, that are done with these settings and have their
+    /// results.
+    fn done(&self, state: &State, settings: &[Entry]) -> usize {
+        let has_results = |entry: &&Entry| self.result_of(entry.step).is_dir();
+        let done = state.done_with(settings);
+        settings[..done].iter().take_while(has_results).count()
+    }
+
+    /// Locks the folder for this process, and removes the temporary files of others that ended.
+    fn lock(&self) -> anyhow::Result<File> {
+        io::check_output_folder(self.output)?;
+        let work = self.output;
+        fs::create_dir_all(work)
+            .map_err(|e| InputError::new(work, "output", e, "a folder that can be written"))?;
+        let Some(lock) = io::lock(&work.join("lock"))? else {
+            let found = "another `dsdf poses` that is writing this folder";
+            let expected = "a folder without one: wait for it, or choose another";
+            return Err(InputError::new(work, "output", found, expected).into());
+        };
+        io::remove_abandoned_temporary_files(work);
+        Ok(lock)
+    }
+
+    /// Runs a step, and notes it as done. Returns whether it was not stopped.
+    fn run_step(
+        &self,
+        entry: &Entry,
+        state: &mut State,
+        log: &mut Log,
+        stop: &dyn Fn() -> bool,
+        show: &mut dyn FnMut(Event<'_>),
+    ) -> anyhow::Result<bool> {
+        let step = entry.step;
+        let partial = self.partial_of(step);
+        // COLMAP notes each pair in its database, and continues with the others.
+        let continues = step == Step::Matching
+            && state.started.as_ref() == Some(entry)
+            && partial.join(DATABASE).is_file();
+        self.clear_from(step, continues)?;
+        state.started = Some(entry.clone());
+        state.save(self.output)?;
+        if !continues {
+            self.prepare(step, &partial)?;
+        }
+        let command = self.options.command(step, self.photographs.count());
+        let words = self.command_line(step, command, &partial)?;
+        log.begin(&words)?;
+        let count = self.photographs.count();
+        let end = self.program.run(&words, stop, &mut |line| {
+            if let Some((fraction, text)) = step.progress(line, count) {
+                show(Event::Progress { step, fraction, text: &text });
+            }
+            log.add(line)
+        })?;
+        match end {
+            End::Stopped => return Ok(false),
+            End::Failed(status) => return Err(self.failure(step, command, &status, log)),
+            End::Done => self.accept(step, &partial, log)?,
+        }
+        state.done.push(entry.clone());
+        state.save(self.output)?;
+        Ok(true)
+    }
+
+    /// Removes the results of a step and of all after it. `keeps_partial` is about those of the
+    /// step itself, from a run that was stopped.
+    fn clear_from(&self, step: Step, keeps_partial: bool) -> anyhow::Result<()> {
+        for later in Step::ALL.into_iter().filter(|later| *later >= step) {
+            if later != step || !keeps_partial {
+                remove(&self.partial_of(later))?;
+            }
+            if later != Step::Undistortion {
+                remove(&self.result_of(later))?;
+            }
+        }
+        RESULTS.iter().try_for_each(|name| remove(&self.output.join(name)))
+    }
+
+    /// Makes the folder in which a step writes, with the files that COLMAP expects there.
+    fn prepare(&self, step: Step, partial: &Path) -> anyhow::Result<()> {
+        let context = || format!("cannot write in {}", partial.display());
+        fs::create_dir_all(partial).with_context(context)?;
+        match step {
+            Step::Features => {
+                fs::write(partial.join(LIST), self.photographs.list()).with_context(context)
+            }
+            Step::Matching => {
+                let from = self.result_of(Step::Features).join(DATABASE);
+                fs::copy(&from, partial.join(DATABASE)).map(drop).with_context(context)
+            }
+            Step::Mapping | Step::Undistortion => Ok(()),
+        }
+    }
+
+    /// The command line of a step.
+    fn command_line(
+        &self,
+        step: Step,
+        command: &str,
+        partial: &Path,
+    ) -> anyhow::Result<Vec<String>> {
+        let input = match step {
+            Step::Features | Step::Matching => PathBuf::new(),
+            Step::Mapping => self.result_of(Step::Matching).join(DATABASE),
+            Step::Undistortion => {
+                let all = models(&self.result_of(Step::Mapping))?;
+                all.into_iter().next().context("the mapping has no model")?.0
+            }
+        };
+        // A path that starts with a dash would be an option.
+        let [images, input, output] = [&self.photographs.folder, &input, partial].map(absolute);
+        let places = Places { images: &images, input: &input, output: &output };
+        let help = self.program.help(command)?;
+        let (options, photographs) = (self.options, self.photographs);
+        let mut words = vec![command.to_owned()];
+        words.extend(arguments(step, options, photographs, self.threads, &places, &help)?);
+        Ok(words)
+    }
+
+    /// Gives the results of a finished step their names.
+    fn accept(&self, step: Step, partial: &Path, log: &Log) -> anyhow::Result<()> {
+        let expected = match step {
+            Step::Features | Step::Matching => partial.join(DATABASE),
+            Step::Mapping => partial.join("0"),
+            Step::Undistortion => partial.join(RESULTS[1]),
+        };
+        if !expected.exists() {
+            if step == Step::Mapping {
+                return Err(self.no_pose(log));
+            }
+            bail!("COLMAP ended {step} without {} ({})", expected.display(), log.path().display());
+        }
+        if step != Step::Undistortion {
+            return rename(partial, &self.result_of(step));
+        }
+        for name in RESULTS {
+            rename(&partial.join(name), &self.output.join(name))?;
+        }
+        // The rest is for COLMAP's own surfaces.
+        remove(partial)
+    }
+
+    /// The error of a step that failed.
+    fn failure(&self, step: Step, command: &str, status: &str, log: &Log) -> anyhow::Error {
+        let has_model = self.partial_of(step).join("0").is_dir();
+        // The mapper fails if it makes no model.
+        if step == Step::Mapping && !has_model && status == "ended with status 1" {
+            return self.no_pose(log);
+        }
+        let (error, log) = (log.error(), log.path().display());
+        anyhow::anyhow!("colmap {command} {status}: {error} (all its output: {log})")
+    }
+
+    fn no_pose(&self, log: &Log) -> anyhow::Error {
+        let count = self.photographs.count();
+        let remedies = remedies(self.options.matching_of(count)).join("; ");
+        anyhow::anyhow!(
+            "{}: COLMAP found no pose of {count} photographs: no two have enough in common to \
+             start from ({}); {remedies}",
+            self.photographs.folder.display(),
+            log.path().display()
+        )
+    }
+}
+
+/// The path from the root.
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// Removes a folder if it exists.
+fn remove(folder: &Path) -> anyhow::Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(e).with_context(|| format!("cannot remove {}", folder.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn rename(from: &Path, to: &Path) -> anyhow::Result<()> {
+    fs::rename(from, to).with_context(|| format!("cannot rename {}", from.display()))
+}

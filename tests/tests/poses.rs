@@ -1,0 +1,289 @@
+//! `dsdf poses`: with a script in the place of COLMAP, and with COLMAP itself where it is installed.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
+
+use std::fs;
+use std::io::Write;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use dataset::{LoadOptions, View};
+use image::{Rgb, RgbImage};
+use serde_json::Value;
+use tests::input::Folder;
+use tests::{binary, dsdf_json, root};
+
+/// Four photographs in a folder, and a search path with the stand-in for COLMAP.
+struct Bench {
+    folder: Folder,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = Folder::new();
+        for name in ["photos", "bin", "empty"] {
+            fs::create_dir(folder.path(name)).unwrap();
+        }
+        for i in 0..4_u8 {
+            let pixel = |x: u32, y: u32| Rgb([x as u8 * 7, y as u8 * 7, 60 * i]);
+            let picture = RgbImage::from_fn(32, 32, pixel);
+            picture.save(folder.path(&format!("photos/view {i}.png"))).unwrap();
+        }
+        let script = root().join("tests/fixtures/colmap.sh");
+        symlink(script, folder.path("bin/colmap")).unwrap();
+        Bench { folder }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path(name)
+    }
+
+    /// `dsdf poses` on the photographs, with the stand-in first on the search path.
+    fn command(&self, options: &[&str], faults: &[(&str, &str)]) -> Command {
+        let mut command = Command::new(binary());
+        let old = std::env::var("PATH").unwrap();
+        command
+            .args(["poses", &self.path("photos"), "-o", &self.path("data"), "--quiet"])
+            .args(options)
+            .env("PATH", format!("{}:{old}", self.path("bin")))
+            .env("FAKE_CALLS", self.path("calls"))
+            .envs(faults.iter().copied())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, options: &[&str], faults: &[(&str, &str)]) -> Output {
+        self.command(options, faults).output().unwrap()
+    }
+
+    /// A run that succeeds: its JSON, and the commands of COLMAP that it called.
+    fn json(&self, options: &[&str], faults: &[(&str, &str)]) -> (Value, Vec<String>) {
+        let output = self.run(&[&["--json"], options].concat(), faults);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (serde_json::from_slice(&output.stdout).unwrap(), self.calls())
+    }
+
+    /// The commands of COLMAP since the last look.
+    fn calls(&self) -> Vec<String> {
+        let text = fs::read_to_string(self.path("calls")).unwrap_or_default();
+        let _ = fs::remove_file(self.path("calls"));
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+/// Checks that a run failed with one line that has all words.
+fn failed(output: &Output, status: i32, words: &[&str]) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(status), "{message}");
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    for word in words {
+        assert!(message.contains(word), "no {word:?} in {message}");
+    }
+    assert!(output.stdout.is_empty());
+}
+
+const ALL: [&str; 4] = ["feature_extractor", "exhaustive_matcher", "mapper", "image_undistorter"];
+
+#[test]
+fn photographs_become_a_data_set_and_finished_steps_are_kept() {
+    let bench = Bench::new();
+    let (poses, calls) = bench.json(&[], &[]);
+    assert_eq!(calls, ALL);
+    assert_eq!((&poses["photographs"], &poses["registered"]), (&4.into(), &4.into()));
+    assert_eq!((&poses["points"], &poses["reprojection_error"]), (&6.into(), &0.5.into()));
+    assert_eq!(poses["cameras"][0]["model"], "SIMPLE_RADIAL");
+    assert_eq!(
+        (&poses["missing"], &poses["advice"]),
+        (&Value::from([""; 0]), &Value::from([""; 0]))
+    );
+    // The data set is one for the other commands, and has nothing of COLMAP's own surfaces.
+    let seen = dsdf_json(&["inspect", &bench.path("data"), "-o", &bench.path("i.png")]);
+    assert_eq!(seen["train_views"].as_u64().unwrap() + seen["test_views"].as_u64().unwrap(), 4);
+    assert!(!Path::new(&bench.path("data/colmap/undistortion.partial")).exists());
+    let log = fs::read_to_string(bench.path("data/colmap.log")).unwrap();
+    assert!(log.contains("$ colmap mapper --database_path") && log.contains("Undistorting image"));
+    assert!(log.contains("--SiftExtraction.use_gpu 0 ") && log.contains("single_camera 1 "));
+
+    let (again, calls) = bench.json(&[], &[]);
+    assert_eq!((again, calls.len()), (poses, 0), "a finished step is not run again");
+    // Without COLMAP, a finished data set is still reported.
+    let mut without = bench.command(&["--json"], &[]);
+    assert!(without.env("PATH", bench.path("empty")).output().unwrap().status.success());
+    let (_, calls) = bench.json(&["--matching", "sequential", "--overlap", "3"], &[]);
+    assert_eq!(calls, ["sequential_matcher", "mapper", "image_undistorter"]);
+    let (_, calls) = bench.json(&["--matching", "sequential", "--overlap", "3"], &[]);
+    assert!(calls.is_empty());
+    let (_, calls) = bench.json(&["--max-size", "1600"], &[]);
+    assert_eq!(calls, ALL, "other features are for other matches");
+}
+
+#[test]
+fn a_failed_step_names_its_error_and_is_run_again() {
+    let bench = Bench::new();
+    let output = bench.run(&[], &[("FAKE_FAIL", "mapper")]);
+    let words = ["colmap mapper ended with status 3: ERROR: the fake failed", "data/colmap.log"];
+    failed(&output, 1, &words);
+    assert_eq!(bench.calls(), &ALL[..3]);
+    assert!(!Path::new(&bench.path("data/sparse")).exists());
+    let (poses, calls) = bench.json(&[], &[]);
+    assert_eq!((calls.as_slice(), &poses["registered"]), (&ALL.map(str::to_owned)[2..], &4.into()));
+    // A result that is gone is made again, with all after it.
+    fs::remove_dir_all(bench.path("data/sparse")).unwrap();
+    assert_eq!(bench.json(&[], &[]).1, ["image_undistorter"]);
+}
+
+#[test]
+fn ctrl_c_ends_colmap_and_the_same_command_continues() {
+    let bench = Bench::new();
+    for (hangs, rest) in [("exhaustive_matcher", &ALL[1..]), ("mapper", &ALL[2..])] {
+        let child = bench.command(&[], &[("FAKE_HANG", hangs)]).spawn().unwrap();
+        let mark = bench.path("calls.hangs");
+        let start = Instant::now();
+        while fs::read_to_string(&mark).unwrap_or_default().trim().is_empty() {
+            assert!(start.elapsed() < Duration::from_secs(60), "it never started");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let colmap = fs::read_to_string(&mark).unwrap();
+        fs::remove_file(&mark).unwrap();
+        // A second process is refused meanwhile.
+        failed(&bench.run(&[], &[]), 2, &["another `dsdf poses`"]);
+        let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(interrupt.unwrap().success());
+        failed(&child.wait_with_output().unwrap(), 130, &["stopped; the same command continues"]);
+        let is_alive = Command::new("kill").args(["-0", colmap.trim()]).output().unwrap();
+        assert!(!is_alive.status.success(), "COLMAP is left behind");
+        bench.calls();
+        if hangs == "mapper" {
+            let (poses, calls) = bench.json(&[], &[]);
+            assert_eq!(
+                (calls, &poses["registered"]),
+                (rest.iter().map(|s| (*s).to_owned()).collect(), &4.into())
+            );
+        }
+    }
+}
+
+#[test]
+fn few_poses_have_advice_and_none_is_an_error_with_it() {
+    let bench = Bench::new();
+    let (poses, _) = bench.json(&[], &[("FAKE_FEW", "3"), ("FAKE_SPLIT", "1")]);
+    assert_eq!(poses["missing"], Value::from(["view 3.png"]));
+    assert_eq!(poses["models"], Value::from([3, 1]), "the larger of two models is used");
+    assert!(poses["advice"][0].as_str().unwrap().contains("more photographs"));
+    let text = bench.run(&[], &[]).stdout;
+    let text = String::from_utf8(text).unwrap();
+    for row in
+        ["registered   3 of 4 photographs (75 %)", "missing      view 3.png", "ADVICE       "]
+    {
+        assert!(text.contains(row), "no {row:?} in {text}");
+    }
+    let output = bench.run(&["--seed", "1"], &[("FAKE_NONE", "1")]);
+    failed(&output, 1, &["found no pose of 4 photographs", "newspaper", "data/colmap.log"]);
+    let images = fs::read_dir(bench.path("data")).unwrap().flatten();
+    assert!(images.into_iter().all(|entry| entry.file_name() != "sparse"), "an old model is left");
+}
+
+#[test]
+fn without_colmap_one_line_says_how_to_get_it() {
+    let bench = Bench::new();
+    let mut command = bench.command(&[], &[]);
+    let output = command.env("PATH", bench.path("empty")).output().unwrap();
+    failed(&output, 1, &["colmap: found no such program", "apt install colmap", "brew", "conda"]);
+    let output = bench.run(&["--colmap", "/no/such/colmap"], &[]);
+    failed(&output, 2, &["/no/such/colmap: --colmap: found no such program"]);
+    let output = bench.run(&["--colmap", "/bin/false"], &[]);
+    failed(&output, 2, &["/bin/false: help: found no text, expected the help of COLMAP"]);
+    assert!(!Path::new(&bench.path("data")).exists(), "nothing is written");
+}
+
+#[test]
+fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
+    let bench = Bench::new();
+    let refused = |photos: &str, output: &str, words: &[&str]| {
+        let mut command = bench.command(&[], &[]);
+        // The last of each argument counts, so a new command line is needed.
+        command = {
+            let mut plain = Command::new(binary());
+            plain.args(["poses", &bench.path(photos), "-o", &bench.path(output), "--quiet"]);
+            plain.envs(command.get_envs().filter_map(|(key, value)| Some((key, value?))));
+            plain
+        };
+        failed(&command.output().unwrap(), 2, words);
+    };
+    refused("none", "data", &["none: photographs: found no such folder", "3 or more"]);
+    refused("photos/view 1.png", "data", &["found a file"]);
+    refused("empty", "data", &["empty: photographs: found none"]);
+    refused("bin", "data", &["found none (1 other files; first: colmap)"]);
+    refused("photos", "photos", &["found a folder with other files (view 0.png)"]);
+    refused("photos", "photos/view 1.png", &["found a file"]);
+    refused("photos", "bin/colmap/data", &["output folder: found a file"]);
+    assert!(!Path::new(&bench.path("data")).exists() && bench.calls().is_empty());
+    bench.json(&[], &[]);
+    fs::copy(bench.path("photos/view 1.png"), bench.path("photos/view 9.png")).unwrap();
+    refused("photos", "data", &["poses.json: photographs: found 5", "view 9.png differs", "the 4"]);
+    fs::remove_file(bench.path("photos/view 9.png")).unwrap();
+    fs::write(bench.path("data/poses.json"), "{\"colmap\": 3}").unwrap();
+    refused("photos", "data", &["poses.json: state: found", "a state of `dsdf poses`"]);
+    for (option, word) in [("--overlap=0", "overlap"), ("--matching=some", "exhaustive")] {
+        let output = bench.run(&[option], &[]);
+        failed(&output, 2, &[word]);
+    }
+    RgbImage::new(16, 32).save(bench.path("photos/view 8.png")).unwrap();
+    failed(
+        &bench.run(&["--cameras", "one"], &[]),
+        2,
+        &["--cameras: found one, for photographs of"],
+    );
+}
+
+/// The angle between two views, degrees, and the distance of their eyes.
+fn between(a: &View, b: &View) -> (f64, f64) {
+    let axes = |v: &View| glam::DMat3::from_cols(v.camera.right, v.camera.up, -v.camera.forward);
+    let turn = axes(a).transpose() * axes(b);
+    let angle = glam::DQuat::from_mat3(&turn).to_axis_angle().1.to_degrees();
+    (angle.min(360.0 - angle), (a.camera.eye - b.camera.eye).length())
+}
+
+/// The views of a data set whose names end in `.jpg`, by their names.
+fn views(path: &Path) -> Vec<View> {
+    let dataset = dataset::load(path, &LoadOptions::default()).unwrap();
+    let mut views: Vec<View> = dataset.train.into_iter().chain(dataset.test).collect();
+    views.sort_by_key(|view| view.path.file_name().map(std::ffi::OsStr::to_owned));
+    views
+}
+
+#[test]
+fn colmap_finds_the_poses_of_rendered_photographs() {
+    let Some(room) = tests::shared("data/spot_room") else { return };
+    if Command::new("colmap").arg("help").env("QT_QPA_PLATFORM", "offscreen").output().is_err() {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: COLMAP is not installed");
+        return;
+    }
+    let folder = Folder::new();
+    fs::create_dir(folder.path("photos")).unwrap();
+    let names: Vec<String> = (0..10).map(|i| format!("{i:03}.jpg")).collect();
+    for name in &names {
+        let photo = folder.path(&format!("photos/{name}"));
+        fs::copy(room.join("images").join(name), photo).unwrap();
+    }
+    let (photos, data) = (folder.path("photos"), folder.path("data"));
+    let poses = dsdf_json(&["poses", &photos, "-o", &data]);
+    assert!(poses["registered"].as_u64().unwrap() >= 8, "{poses}");
+    assert!(poses["reprojection_error"].as_f64().unwrap() < 1.0, "{poses}");
+    let truth = views(&room);
+    let name = |view: &View| view.path.file_name().unwrap().to_owned();
+    let found = views(Path::new(&data));
+    let of_truth = |view: &View| truth.iter().find(|other| name(other) == name(view)).unwrap();
+    let unit =
+        between(&found[0], &found[1]).1 / between(of_truth(&found[0]), of_truth(&found[1])).1;
+    for view in &found[1..] {
+        let (angle, distance) = between(&found[0], view);
+        let (true_angle, true_distance) = between(of_truth(&found[0]), of_truth(view));
+        assert!((angle - true_angle).abs() < 1.0, "{:?}: {angle} {true_angle}", view.path);
+        let part = distance / (unit * true_distance);
+        assert!((part - 1.0).abs() < 0.05, "{:?}: distance {part}", view.path);
+    }
+}
