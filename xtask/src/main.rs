@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod bench;
+mod dist;
 mod figures;
 mod stress_arguments;
 mod style;
@@ -37,6 +38,8 @@ enum Task {
         #[arg(long, value_name = "THREADS")]
         workers: Option<usize>,
     },
+    /// Build a static binary of dsdf, and pack it with its licences
+    Dist(dist::Dist),
     /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
     Ablate(sweep::Ablate),
     /// Measure cost and accuracy of each parameter and of the presets
@@ -94,6 +97,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
         Task::Ci => ci(),
         Task::Style => style::run(),
+        Task::Dist(dist) => dist.run(),
         Task::Ablate(arguments) => sweep::run(&arguments),
         Task::Bench { output, workers: None } => bench::run(output),
         Task::Bench { output, workers: Some(workers) } => bench::workers::run(workers, output),

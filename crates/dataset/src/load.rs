@@ -6,7 +6,7 @@ use io::{InputError, check_memory};
 use rayon::prelude::*;
 use render::Camera;
 
-use readers::{Recognised, UnreadView, recognise};
+use readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
 use crate::split::every_eighth;
@@ -74,6 +74,11 @@ impl Unread {
     /// held out.
     pub fn sizes(&self) -> [Vec<[u32; 2]>; 2] {
         [&self.train, &self.test].map(|views| views.iter().map(UnreadView::size).collect())
+    }
+
+    /// The distortion of the lenses, which is removed when the images are read.
+    pub fn distortion(&self) -> Distortion {
+        Distortion::of(self.train.iter().chain(&self.test))
     }
 
     /// The pinhole cameras of the views to fit, without reading their images.

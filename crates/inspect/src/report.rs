@@ -4,7 +4,7 @@ use field::{Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use dataset::{BackgroundEstimate, Dataset, MaskKind, View, looks_away};
+use dataset::{BackgroundEstimate, Dataset, Distortion, MaskKind, View, looks_away};
 
 use crate::exposure::{Exposure, MOST_SPREAD, exposure_spread};
 
@@ -21,6 +21,12 @@ pub struct Report {
     pub masks: usize,
     /// Width and height of the first view, pixels.
     pub image_size: [u32; 2],
+    /// Width and height in pixels, and the number of views, of each size: that of the first view
+    /// first.
+    pub image_sizes: Vec<([u32; 2], usize)>,
+    /// The distortion that was removed from the photographs; `None` if it is not known.
+    /// [`inspect`] sees no photograph as it was, so its caller adds this.
+    pub distortion: Option<Distortion>,
     /// Focal lengths (x, y) of the first view, pixels.
     pub focal: [f64; 2],
     /// Horizontal field of view of the first view, degrees.
@@ -93,6 +99,8 @@ pub fn inspect(
         test_views: dataset.test.len(),
         masks: views.iter().filter(|v| v.mask.is_some()).count(),
         image_size: [first.width, first.height],
+        image_sizes: sizes(&views),
+        distortion: None,
         focal: first.focal.to_array(),
         field_of_view: 2.0 * (0.5 * f64::from(first.width) / first.focal.x).atan().to_degrees(),
         distance: distance(&to_center),
@@ -114,6 +122,19 @@ pub fn inspect(
     report.warnings.clone_from(&dataset.notes);
     report.warnings.extend(warnings(&report, &views, bounds, &off_axis));
     report
+}
+
+/// The sizes of views with the number of each, in the order in which they occur.
+fn sizes(views: &[&View]) -> Vec<([u32; 2], usize)> {
+    let mut sizes: Vec<([u32; 2], usize)> = Vec::new();
+    for view in views {
+        let size = [view.camera.width, view.camera.height];
+        match sizes.iter_mut().find(|(known, _)| *known == size) {
+            Some((_, count)) => *count += 1,
+            None => sizes.push((size, 1)),
+        }
+    }
+    sizes
 }
 
 /// The share of pixels that masks may leave out without a warning.
@@ -205,8 +226,7 @@ fn warnings(
     if report.distance[0] <= report.radius {
         warnings.push("a camera is inside the bounding sphere (see --bounds)".to_owned());
     }
-    let size = |v: &View| [v.camera.width, v.camera.height];
-    let other_size = views.iter().filter(|v| size(v) != report.image_size).count();
+    let other_size = all - report.image_sizes[0].1;
     if other_size > 0 {
         warnings.push(format!("{other_size} images are of another size than the first"));
     }

@@ -1,6 +1,6 @@
 //! The report on views with known figures, and the drawn outline against rays that meet the sphere.
 
-use dataset::{BackgroundEstimate, Dataset, Mask, MaskKind, View};
+use dataset::{BackgroundEstimate, Dataset, Distortion, Mask, MaskKind, View};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3};
@@ -77,6 +77,29 @@ fn the_report_has_the_known_figures() {
     }
     let json = serde_json::to_value(&report).unwrap();
     assert_eq!(json["image_size"], serde_json::json!([60, 50]));
+}
+
+#[test]
+fn sizes_and_lenses_have_rows() {
+    let mut dataset = dataset();
+    dataset.train[1].camera = dataset.train[1].camera.resized(50, 60);
+    dataset.test[0].camera = dataset.test[0].camera.resized(50, 60);
+    let mut report = report(&dataset);
+    let row = |report: &Report, label: &str| {
+        let text = report.to_string();
+        text.lines().find(|line| line.starts_with(label)).map(|line| line[13..].to_owned())
+    };
+    assert!(row(&report, "images").unwrap().starts_with("4 of 60 x 50, 2 of 50 x 60 pixels, "));
+    assert_eq!(row(&report, "lens"), None, "an unknown lens has no row");
+    let mut lens = |views, fisheye, pixels| {
+        report.distortion = Some(Distortion { views, fisheye, pixels });
+        row(&report, "lens").unwrap()
+    };
+    assert_eq!(lens(0, 0, 0.0), "no distortion");
+    assert_eq!(lens(6, 0, 4.256), "distortion of up to 4.26 pixels, removed in 6 views");
+    let both =
+        "fisheye, undistorted in 4 views; distortion of up to 1.00 pixels, removed in 2 views";
+    assert_eq!(lens(6, 4, 1.0), both);
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 use std::fmt::{Display, Formatter, Result};
 
+use dataset::Distortion;
+
 use crate::{Exposure, ExposureSource, Report};
 
 impl Display for Report {
@@ -18,19 +20,33 @@ impl Display for Report {
 
 impl Report {
     fn write_images(&self, f: &mut Formatter<'_>) -> Result {
-        let ([width, height], [fx, fy]) = (self.image_size, self.focal);
+        let [fx, fy] = self.focal;
         writeln!(f, "format       {}", self.format)?;
+        let (train, test) = (self.train_views, self.test_views);
+        writeln!(f, "views        {train} to fit, {test} held out")?;
         writeln!(
             f,
-            "views        {} to fit, {} held out, {} with masks",
-            self.train_views, self.test_views, self.masks
-        )?;
-        writeln!(
-            f,
-            "images       {width} x {height} pixels, {:.1} degrees across \
-             (focal {fx:.1}, {fy:.1} pixels)",
+            "images       {} pixels, {:.1} degrees across (focal {fx:.1}, {fy:.1} pixels)",
+            self.sizes_text(),
             self.field_of_view
-        )
+        )?;
+        match self.distortion {
+            Some(distortion) => writeln!(f, "lens         {}", lens_text(&distortion)),
+            None => Ok(()),
+        }
+    }
+
+    /// The size of all images, or the number of images of each size.
+    fn sizes_text(&self) -> String {
+        let size = |[width, height]: [u32; 2]| format!("{width} x {height}");
+        match self.image_sizes.as_slice() {
+            [(all, _)] => size(*all),
+            sizes => {
+                let each: Vec<String> =
+                    sizes.iter().map(|(s, count)| format!("{count} of {}", size(*s))).collect();
+                each.join(", ")
+            }
+        }
     }
 
     fn write_cameras(&self, f: &mut Formatter<'_>) -> Result {
@@ -93,4 +109,18 @@ impl Report {
         };
         format!("spread {stops:.2} stops (robust standard deviation, by {from})")
     }
+}
+
+/// The distortion of lenses in words.
+fn lens_text(distortion: &Distortion) -> String {
+    let Distortion { views, fisheye, pixels } = *distortion;
+    let brown = views - fisheye;
+    let mut parts = Vec::new();
+    if fisheye > 0 {
+        parts.push(format!("fisheye, undistorted in {fisheye} views"));
+    }
+    if brown > 0 {
+        parts.push(format!("distortion of up to {pixels:.2} pixels, removed in {brown} views"));
+    }
+    if parts.is_empty() { "no distortion".to_owned() } else { parts.join("; ") }
 }

@@ -274,8 +274,8 @@ impl Job<'_> {
         let count = self.photographs.count();
         let remedies = remedies(self.options.matching_of(count)).join("; ");
         anyhow::anyhow!(
-            "{}: COLMAP found no pose of {count} photographs: no two have enough in common to \
-             start from ({}); {remedies}",
+            "{}: COLMAP found no pose: it could not connect any group of the {count} photographs \
+             (its output: {}); {remedies}",
             self.photographs.folder.display(),
             log.path().display()
         )

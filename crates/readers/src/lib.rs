@@ -19,6 +19,7 @@ mod unsupported;
 mod view;
 
 pub use colmap::{SparseCamera, SparseModel, sparse_model};
+pub use lens::Distortion;
 pub use mask::{Mask, MaskKind};
 pub use unread::UnreadView;
 pub use view::View;

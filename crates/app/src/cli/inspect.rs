@@ -56,6 +56,7 @@ impl Inspect {
         let path = run.as_ref().map_or(&self.dataset, |file| &file.dataset);
         let of_run = run.as_ref().map(RunFile::downscale);
         let options = FitOptions { downscale: self.downscale.or(of_run), ..FitOptions::default() };
+        let distortion = dataset::open(path)?.distortion();
         let (dataset, _) = load_for(path, &options, global)?;
         let (file, source) = match &run {
             Some(file) => {
@@ -77,7 +78,8 @@ impl Inspect {
         let sphere = file.world_sphere();
         write_image(&self.output, &overlay(&dataset, &sphere))?;
         let seen = file.composited(Cow::Borrowed(&dataset));
-        let report = inspect(&seen, &sphere, &file.background(), source);
+        let mut report = inspect(&seen, &sphere, &file.background(), source);
+        report.distortion = Some(distortion);
         let modelled = modelled(&dataset, &file);
         let (slope, verdict) = match (&run, model) {
             (Some(file), Some(model)) => {
@@ -94,8 +96,11 @@ impl Inspect {
         global.report(&report, || {
             let slope = slope.map_or(String::new(), |s| format!("\nslope        {s}"));
             let verdict = report.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
-            let [background, masks] = &modelled;
-            let of_fit = format!("\nfit          {background}\n             {masks}");
+            let [model, masks] = modelled.each_ref().map(|line| match line.split_once(": ") {
+                Some((_, value)) => value,
+                None => line,
+            });
+            let of_fit = format!("\nmodel        {model}\nmasks        {masks}");
             let picture = self.output.display();
             format!("{}{of_fit}{slope}\npicture      {picture}{verdict}", report.dataset)
         })

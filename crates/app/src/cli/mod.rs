@@ -7,6 +7,7 @@ mod eval;
 mod export;
 mod fit;
 mod gradient;
+mod groups;
 mod inspect;
 mod interrupt;
 mod mesh;
@@ -157,7 +158,7 @@ fn command(registry: &Registry) -> clap::Command {
     let estimators = estimator_list(registry);
     let for_gradient = format!("{estimators}{}", gradient::FD_HELP);
     with_negative_numbers(Cli::command())
-        .mut_subcommands(with_negative_numbers)
+        .mut_subcommands(|command| groups::grouped(with_negative_numbers(command)))
         .mut_subcommand("gradient", |command| with_estimator_help(command, &for_gradient))
         .mut_subcommand("fit", |command| {
             FitOptions::with_fit_defaults(with_estimator_help(command, &estimators))

@@ -1,0 +1,174 @@
+//! `cargo xtask dist`: an archive with a static binary.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+
+use measure::cargo;
+
+/// The files beside the binary in the archive.
+const FILES: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "CHANGELOG.md"];
+
+/// The type of a program header that names a loader of shared libraries (ELF specification 1.2,
+/// "Program Header").
+const INTERPRETER: u32 = 3;
+
+/// Arguments of `cargo xtask dist`.
+#[derive(Args)]
+pub(crate) struct Dist {
+    /// Target of the binary [default: that of musl for this processor]
+    #[arg(long, value_name = "TRIPLE")]
+    target: Option<String>,
+    /// Folder for the archive [default: target/dist]
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+}
+
+impl Dist {
+    /// Builds the binary, checks that it is static and runs, and writes the archive and its
+    /// SHA-256.
+    ///
+    /// # Errors
+    /// If the target or a C compiler for it is missing, or if a step fails.
+    pub(crate) fn run(&self) -> anyhow::Result<()> {
+        let default = || format!("{}-unknown-linux-musl", std::env::consts::ARCH);
+        let target = self.target.clone().unwrap_or_else(default);
+        let target = target.as_str();
+        check_target(target)?;
+        check_compiler(target)?;
+        let arguments = ["build", "--locked", "--profile", "dist", "--target", target];
+        cargo(&[&arguments[..], &["--package", "app", "--bin", "dsdf"]].concat(), &[])?;
+        let root = measure::dsdf::root();
+        let folder = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+        let built = root.join(folder);
+        let binary = built.join(target).join("dist/dsdf");
+        let bytes = std::fs::read(&binary).with_context(|| binary.display().to_string())?;
+        ensure!(is_static(&bytes)?, "{}: needs a loader of shared libraries", binary.display());
+        let version = said(&binary, &["--version"])?;
+        said(&binary, &["demo", "--help"])?;
+        let name = format!("dsdf-{}-{target}", env!("CARGO_PKG_VERSION"));
+        let output = self.output.clone().unwrap_or_else(|| built.join("dist"));
+        let staged = output.join(&name);
+        if staged.exists() {
+            std::fs::remove_dir_all(&staged)?;
+        }
+        std::fs::create_dir_all(&staged).with_context(|| staged.display().to_string())?;
+        std::fs::copy(&binary, staged.join("dsdf"))?;
+        for file in FILES {
+            std::fs::copy(root.join(file), staged.join(file)).context(file)?;
+        }
+        let archive = format!("{name}.tar.gz");
+        pack(&output, &name, &archive)?;
+        std::fs::remove_dir_all(&staged)?;
+        let sum = text_of(Command::new("sha256sum").arg(&archive).current_dir(&output))?;
+        std::fs::write(output.join(format!("{archive}.sha256")), &sum)?;
+        let megabytes = output.join(&archive).metadata()?.len() as f64 / 1e6;
+        println!("{}: {}, static, {megabytes:.1} MB", output.join(&archive).display(), version);
+        println!("SHA-256 {}", sum.trim());
+        Ok(())
+    }
+}
+
+/// Checks that the standard library of a target is installed.
+fn check_target(target: &str) -> anyhow::Result<()> {
+    let sysroot = text_of(Command::new("rustc").args(["--print", "sysroot"]))?;
+    let library = Path::new(sysroot.trim()).join("lib/rustlib").join(target).join("lib");
+    ensure!(
+        library.is_dir(),
+        "{target}: found no standard library of this target, expected one: rustup target add {target}"
+    );
+    Ok(())
+}
+
+/// Checks that there is a C compiler for a target of musl: the allocator is written in C.
+fn check_compiler(target: &str) -> anyhow::Result<()> {
+    let variable = format!("CC_{}", target.replace('-', "_"));
+    if !target.ends_with("-linux-musl") || std::env::var_os(&variable).is_some() {
+        return Ok(());
+    }
+    let processor = target.split('-').next().unwrap_or_default();
+    let names = [format!("{processor}-linux-musl-gcc"), "musl-gcc".to_owned()];
+    let is_there = |name: &String| Command::new(name).arg("--version").output().is_ok();
+    ensure!(
+        names.iter().any(is_there),
+        "{target}: found no {} and no {}, expected a C compiler for musl: apt install musl-tools, \
+         or its name in {variable}",
+        names[0],
+        names[1]
+    );
+    Ok(())
+}
+
+/// Whether an ELF file of 64 bits and little endian needs no loader of shared libraries.
+///
+/// # Errors
+/// If the file is none.
+fn is_static(bytes: &[u8]) -> anyhow::Result<bool> {
+    let field = |at: usize, length: usize| -> anyhow::Result<usize> {
+        let bytes = bytes.get(at..at + length).context("an ELF file that is cut short")?;
+        Ok(bytes.iter().rev().fold(0, |value, byte| value << 8 | usize::from(*byte)))
+    };
+    ensure!(bytes.starts_with(b"\x7fELF\x02\x01"), "no ELF file of 64 bits, little endian");
+    let (start, size, count) = (field(32, 8)?, field(54, 2)?, field(56, 2)?);
+    for i in 0..count {
+        if field(start + i * size, 4)? == INTERPRETER as usize {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// The output of the binary, which must succeed.
+fn said(binary: &Path, arguments: &[&str]) -> anyhow::Result<String> {
+    Ok(text_of(Command::new(binary).args(arguments))?.trim().to_owned())
+}
+
+/// Packs the folder `name` in `output`. The same files give the same bytes.
+fn pack(output: &Path, name: &str, archive: &str) -> anyhow::Result<()> {
+    let mut tar = Command::new("tar");
+    tar.args(["--sort=name", "--owner=0", "--group=0", "--numeric-owner", "--mtime=@0"]);
+    tar.args(["-czf", archive, name]).current_dir(output);
+    text_of(&mut tar).map(drop)
+}
+
+/// The standard output of a command.
+fn text_of(command: &mut Command) -> anyhow::Result<String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().with_context(|| format!("cannot start {name}"))?;
+    if !output.status.success() {
+        bail!("{name}: {}", String::from_utf8_lossy(&output.stderr).trim());
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file with one program header of this type.
+    fn elf(kind: u8) -> Vec<u8> {
+        let mut bytes = vec![0; 64 + 56];
+        bytes[..6].copy_from_slice(b"\x7fELF\x02\x01");
+        (bytes[32], bytes[54], bytes[56], bytes[64]) = (64, 56, 1, kind);
+        bytes
+    }
+
+    #[test]
+    fn a_loader_is_found_and_other_files_are_refused() {
+        assert!(is_static(&elf(1)).unwrap() && !is_static(&elf(3)).unwrap());
+        assert!(is_static(&elf(1)[..66]).is_err() && is_static(b"#!/bin/sh").is_err());
+        // This test is linked to the C library of the system.
+        if cfg!(all(target_os = "linux", target_env = "gnu", target_endian = "little")) {
+            let own = std::fs::read(std::env::current_exe().unwrap()).unwrap();
+            assert!(!is_static(&own).unwrap());
+        }
+    }
+
+    #[test]
+    fn a_missing_target_is_named_with_its_command() {
+        let error = check_target("x86_64-unknown-plan9").unwrap_err().to_string();
+        assert!(error.ends_with("rustup target add x86_64-unknown-plan9"), "{error}");
+    }
+}
