@@ -1,4 +1,4 @@
-//! `dsdf poses`: with a script in the place of COLMAP, and with COLMAP itself where it is installed.
+//! `dsdf poses`: with a script in the place of COLMAP, and with COLMAP where it is installed.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 

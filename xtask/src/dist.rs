@@ -77,7 +77,8 @@ fn check_target(target: &str) -> anyhow::Result<()> {
     let library = Path::new(sysroot.trim()).join("lib/rustlib").join(target).join("lib");
     ensure!(
         library.is_dir(),
-        "{target}: found no standard library of this target, expected one: rustup target add {target}"
+        "{target}: found no standard library of this target, expected one: \
+         rustup target add {target}"
     );
     Ok(())
 }

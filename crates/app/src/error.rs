@@ -2,7 +2,7 @@
 
 use io::InputError;
 
-/// The error of a command that Ctrl-C stopped and that can continue: a fit, or the search for poses.
+/// The error of a command that Ctrl-C stopped and that can continue: a fit, or a search for poses.
 /// Its state is saved; the exit status is 130.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("interrupted")]

@@ -10,7 +10,7 @@ const EXPECTED: &str = "transforms_train.json, transforms.json, cameras_sphere.n
      camera file of Metashape (.xml)";
 
 /// New poses, for programs whose files no converter reads.
-const NEW_POSES: &str = "poses by COLMAP from the photographs (see docs/captures.md)";
+const NEW_POSES: &str = "poses of the photographs by `dsdf poses` (see docs/captures.md)";
 
 /// A form of data set that is not read.
 struct Form {
@@ -119,7 +119,7 @@ const FORMS: [Form; 14] = [
     },
     Form {
         name: "a scan of ScanNet (pose/ and intrinsic/)",
-        remedy: "transforms.json made from pose/, or poses by COLMAP (see docs/captures.md)",
+        remedy: "transforms.json made from pose/, or poses by `dsdf poses`",
         is_in: |folder, names| {
             folder.join("pose").is_dir()
                 && (has(names, "intrinsic") || has(names, "color") || has(names, "rgb"))
