@@ -2,16 +2,17 @@
 
 use io::InputError;
 
-/// The error of a command that Ctrl-C stopped and that can continue: a fit, or a search for poses.
-/// Its state is saved; the exit status is 130.
-#[derive(Debug, Clone, Copy, thiserror::Error)]
-#[error("interrupted")]
-pub struct Interrupted;
+pub use messages::Interrupted;
 
-/// The exit status of an error: 2 for wrong input ([`InputError`]), 130 for [`Interrupted`], 1 for
-/// any other error.
+/// Wrong arguments: the message of the command line's parser, in one line.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct WrongArguments(pub(crate) String);
+
+/// The exit status of an error: 2 for wrong input ([`InputError`]) and wrong arguments, 130 for
+/// [`Interrupted`], 1 for any other error.
 pub fn exit_status(error: &anyhow::Error) -> u8 {
-    if error.downcast_ref::<InputError>().is_some() {
+    if error.is::<InputError>() || error.is::<WrongArguments>() {
         2
     } else if error.downcast_ref::<Interrupted>().is_some() {
         130

@@ -130,6 +130,14 @@ impl SceneFile {
     }
 }
 
+/// Reads the `camera` object of a scene file on its own. `path` is the name in error messages.
+///
+/// # Errors
+/// If a number is missing or wrong.
+pub fn camera(path: &Path, value: &Value) -> Result<Camera> {
+    camera::read(Object::new(path, "", value)?)
+}
+
 /// The radius of the tracing sphere in radii of the solid's ball: it has room around the solid, but
 /// for a network inside of its own ball.
 fn bounds_margin(sdf: &Sdf) -> f64 {

@@ -1,18 +1,16 @@
 //! Flags, output and errors that the commands share.
 
-use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use super::interrupt::Interrupt;
-use super::progress::{Clock, Progress};
 use dataset::Dataset;
 use estimate::Registry;
 use fit::{Model, RunCameras, RunExposures, RunFile, align, match_exposures};
 use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
+use messages::{Console, Progress};
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
@@ -33,33 +31,25 @@ pub(crate) struct Global {
     /// The estimators that `--estimator` can name.
     #[arg(skip)]
     pub(crate) registry: Registry,
-    /// The time of the next line of progress.
+    /// The receiver of output and progress.
     #[arg(skip)]
-    pub(crate) clock: Clock,
-    /// The requests of Ctrl-C.
-    #[arg(skip)]
-    pub(crate) interrupt: Interrupt,
+    pub(crate) console: Console,
 }
 
 impl Global {
-    /// Prints a result to standard output: `json` as one line with `--json`, else `text`.
+    /// Prints a result to standard output: `json` as one line with `--json` and in a host, else
+    /// `text`.
     pub(crate) fn report(
         &self,
         json: &impl Serialize,
         text: impl FnOnce() -> String,
     ) -> anyhow::Result<()> {
-        let line = if self.json {
+        let line = if self.json || self.console.is_hosted() {
             escaped(&serde_json::to_string(json)?)
         } else {
             text().lines().map(printable).collect::<Vec<_>>().join("\n")
         };
-        match writeln!(std::io::stdout(), "{line}") {
-            // A reader may close the pipe early, for example `head`. That is no error.
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                Err(error).context("cannot write to standard output")
-            }
-            _ => Ok(()),
-        }
+        self.console.result(&line).context("cannot write to standard output")
     }
 
     /// Checks before the work that an output file can be written, and that its extension is one of
@@ -70,7 +60,7 @@ impl Global {
     pub(crate) fn will_write(&self, path: &Path, extensions: &[&str]) -> anyhow::Result<()> {
         check_extension(path, extensions)?;
         check_output(path)?;
-        self.interrupt.clean(path.parent().unwrap_or(Path::new("")));
+        self.console.clean(path.parent().unwrap_or(Path::new("")));
         Ok(())
     }
 
@@ -81,22 +71,22 @@ impl Global {
     /// If they cannot.
     pub(crate) fn will_write_in(&self, folder: &Path, inside: &[&str]) -> anyhow::Result<()> {
         check_output_folder(folder)?;
-        self.interrupt.clean(folder);
-        inside.iter().for_each(|name| self.interrupt.clean(&folder.join(name)));
+        self.console.clean(folder);
+        inside.iter().for_each(|name| self.console.clean(&folder.join(name)));
         Ok(())
     }
 
     /// Prints a line about the progress to standard error, unless `--quiet` is given.
     pub(crate) fn say(&self, line: &str) {
         if !self.quiet {
-            eprintln!("{}", printable(line));
+            self.console.line(line);
         }
     }
 
     /// The progress of a command on standard error: a bar on a terminal, else a line about every
     /// ten seconds; nothing with `--quiet`.
     pub(crate) fn progress(&self, name: &str) -> Progress {
-        Progress::new(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet, &self.clock)
+        self.console.progress(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet)
     }
 }
 

@@ -9,24 +9,25 @@ mod fit;
 mod gradient;
 mod groups;
 mod inspect;
-mod interrupt;
 mod mesh;
 mod poses;
 mod preset;
-mod progress;
 mod query;
 mod render;
 mod report;
 mod synth;
 
 use std::ffi::OsString;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use ::fit::FitOptions;
 use estimate::Registry;
+use messages::{Console, Host};
 
-use crate::error::exit_status;
+use crate::error::{Interrupted, WrongArguments, exit_status};
 
 /// Reconstruct shapes from posed photographs by differentiable rendering of neural signed distance
 /// fields
@@ -109,27 +110,61 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registry) -> u8 {
     let fd = gradient::FINITE_DIFFERENCES;
     assert!(registry.get(fd).is_none(), "{fd:?} cannot be the name of an estimator");
-    let cli = match parse(arguments, registry) {
-        Ok(cli) => cli,
+    match parse_and_execute(arguments, registry, Console::default()) {
+        Ok(()) => 0,
+        Err(error) => {
+            eprintln!("error: {}", error_line(&error));
+            exit_status(&error)
+        }
+    }
+}
+
+/// Runs a command inside another program, which gets the result as JSON, lines and progress.
+///
+/// No handler of Ctrl-C is installed, and nothing is written to the standard streams but help.
+///
+/// # Errors
+/// Those of the command; [`exit_status`] tells their kinds apart, and [`error_line`] has the text.
+/// `Interrupted` if the host stopped the command.
+pub fn run_in_host(
+    arguments: impl IntoIterator<Item = OsString>,
+    host: Arc<dyn Host>,
+) -> anyhow::Result<()> {
+    let console = Console::of_host(host);
+    let run = || parse_and_execute(arguments, Registry::default(), console);
+    match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(result) => result,
+        Err(stopped) if stopped.is::<Interrupted>() => Err(Interrupted.into()),
+        Err(panic) => resume_unwind(panic),
+    }
+}
+
+/// An error and its causes, in one line.
+pub fn error_line(error: &anyhow::Error) -> String {
+    let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
+    io::printable(&chain.join(": "))
+}
+
+fn parse_and_execute(
+    arguments: impl IntoIterator<Item = OsString>,
+    registry: Registry,
+    console: Console,
+) -> anyhow::Result<()> {
+    match parse(arguments, registry) {
+        Ok(mut cli) => {
+            cli.global.console = console;
+            execute(cli)
+        }
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
             let first = text.split("\n\n").next().unwrap_or_default();
-            eprintln!("{}", io::printable(&first.split_whitespace().collect::<Vec<_>>().join(" ")));
-            return 2;
+            let words = first.split_whitespace().skip_while(|word| *word == "error:");
+            Err(WrongArguments(words.collect::<Vec<_>>().join(" ")).into())
         }
         Err(help) => {
             // A reader may close the pipe early. That is no error.
             let _ = help.print();
-            return 0;
-        }
-    };
-    match execute(cli) {
-        Ok(()) => 0,
-        Err(error) => {
-            let chain: Vec<String> =
-                error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
-            eprintln!("error: {}", io::printable(&chain.join(": ")));
-            exit_status(&error)
+            Ok(())
         }
     }
 }
@@ -210,7 +245,7 @@ fn end_with(_parent: Option<u32>) -> anyhow::Result<()> {
 fn execute(cli: Cli) -> anyhow::Result<()> {
     let global = cli.global;
     end_with(global.end_with)?;
-    global.interrupt.install()?;
+    global.console.handle_interrupts()?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(global.threads.map_or(0, usize::from))
         .build()?;

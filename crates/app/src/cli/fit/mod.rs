@@ -110,13 +110,14 @@ pub(super) fn fit(
         ));
     }
     run_folder::write_run_file(run, &fitting.file)?;
-    let interrupt = &global.interrupt;
+    let console = &global.console;
     let live = segment.reports.then(|| Live::start(run, &fitting));
-    let last = interrupt.while_iterating(|| {
+    let last = console.while_iterating(|| {
         iterate(&mut fitting, run, segment.stop_after, live.as_ref(), global)
     })?;
-    if interrupt.requested() {
-        eprintln!("stopped after {} iterations; --resume continues", fitting.iteration);
+    if console.stop_requested() {
+        let stopped = fitting.iteration;
+        console.line(&format!("stopped after {stopped} iterations; --resume continues"));
         return Err(Interrupted.into());
     }
     fitting.preview()?;
@@ -193,7 +194,7 @@ fn iterate(
     let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let mut last: Option<Metrics> = None;
     let done = Cell::new(fitting.iteration);
-    let stop = || global.interrupt.requested() || stop_after.is_some_and(|n| done.get() >= n);
+    let stop = || global.console.stop_requested() || stop_after.is_some_and(|n| done.get() >= n);
     progress::find_depths(fitting, &stop, global);
     let bar = progress::start(global);
     fitting.run(&stop, &mut |fitting, metrics| {

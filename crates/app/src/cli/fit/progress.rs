@@ -1,23 +1,21 @@
 //! The progress of a fit.
 
 use crate::cli::common::Global;
-use crate::cli::progress::Progress;
 use fit::{Fit, Metrics};
+use messages::Progress;
+
+/// The template of the bar.
+const BAR: &str = "{wide_bar} {percent:>3} % {eta} left  {msg}";
 
 /// The progress of a fit on standard error: a bar on a terminal, else a line about every ten
 /// seconds; nothing with `--quiet`.
 pub(super) fn start(global: &Global) -> Progress {
-    Progress::new("fit", "{wide_bar} {percent:>3} % {eta} left  {msg}", global.quiet, &global.clock)
+    global.console.progress("fit", BAR, global.quiet)
 }
 
 /// Finds the depths that guide the fit, with their progress.
 pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
-    let bar = Progress::new(
-        "depths",
-        "{wide_bar} {percent:>3} % {eta} left  {msg}",
-        global.quiet,
-        &global.clock,
-    );
+    let bar = global.console.progress("depths", BAR, global.quiet);
     // The search begins anew after an adjustment of the cameras.
     let (mut search, mut last) = (1, 0);
     fitting.find_depths(stop, &mut |done, all| {

@@ -41,7 +41,8 @@ impl Gradient {
             PrecisionArg::F64 => self.compute::<f64>(global)?,
         };
         if !report.unmodelled.is_empty() {
-            eprintln!("warning: the estimator leaves out {}", report.unmodelled.join(" and "));
+            let left_out = report.unmodelled.join(" and ");
+            global.console.line(&format!("warning: the estimator leaves out {left_out}"));
         }
         global.report(&report, || report.text())
     }

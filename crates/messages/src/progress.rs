@@ -6,64 +6,69 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::Console;
+
 /// Seconds between two lines.
 const EVERY: u64 = 10;
 
 /// The length of the bar: it moves in steps of 0.01 %.
 const LENGTH: u64 = 10_000;
 
-/// The progress of a command, shown on standard error.
-pub(crate) struct Progress {
+/// The progress of a step of a command: on standard error, or for the host.
+pub struct Progress {
     name: String,
     bar: ProgressBar,
     /// The lines in place of a bar that is not drawn; `None` with a bar, and with `--quiet`.
     lines: Option<Lines>,
+    console: Console,
 }
 
 impl Progress {
-    /// The progress of the step `name`. `template` is that of the bar. `{msg}` in it is the name,
-    /// or the text that was last given to [`show`](Self::show).
-    pub(super) fn new(name: &str, template: &str, quiet: bool, clock: &Clock) -> Self {
+    /// See [`Console::progress`].
+    pub(crate) fn new(name: &str, template: &str, quiet: bool, console: &Console) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(LENGTH) };
         let bar = match ProgressStyle::with_template(template) {
             Ok(style) => bar.with_style(style),
             Err(_) => bar,
         };
         let lines = (!quiet && bar.is_hidden()).then(|| {
-            let (clock, start) = (clock.clone(), Instant::now());
+            let (clock, start) = (console.clock.clone(), Instant::now());
             Lines { clock, start, first: OnceLock::new() }
         });
         bar.set_message(name.to_owned());
-        Progress { name: name.to_owned(), bar, lines }
+        Progress { name: name.to_owned(), bar, lines, console: console.clone() }
     }
 
     /// Shows a fraction between 0 and 1, and a text.
-    pub(crate) fn show(&self, fraction: f64, text: &dyn Fn() -> String) {
-        if self.lines.is_none() {
+    pub fn show(&self, fraction: f64, text: &dyn Fn() -> String) {
+        if self.lines.is_none() && !self.console.is_hosted() {
             self.bar.set_message(text());
         }
-        self.advance(fraction, &|| format!(", {}", text()));
+        self.advance(fraction, text);
     }
 
     /// A callback that shows a fraction between 0 and 1, on any thread.
-    pub(crate) fn mover(&self) -> impl Fn(f64) + Sync + '_ {
+    pub fn mover(&self) -> impl Fn(f64) + Sync + '_ {
         |fraction| self.advance(fraction, &String::new)
     }
 
     fn advance(&self, fraction: f64, text: &dyn Fn() -> String) {
         let fraction = fraction.clamp(0.0, 1.0);
+        self.console.tell_host(&self.name, fraction, text);
         self.bar.set_position((fraction * LENGTH as f64) as u64);
         let Some(lines) = &self.lines else { return };
         let (elapsed, first) = (lines.start.elapsed(), *lines.first.get_or_init(|| fraction));
         if lines.clock.is_due(lines.clock.start.elapsed()) {
             let times = times(first, fraction, elapsed);
-            let line = format!("{}: {:.0} %, {times}{}", self.name, 100.0 * fraction, text());
+            let (text, percent) = (text(), 100.0 * fraction);
+            let text = if text.is_empty() { text } else { format!(", {text}") };
+            let line = format!("{}: {percent:.0} %, {times}{text}", self.name);
             eprintln!("{}", io::printable(&line));
         }
     }
 
     /// Removes the bar.
-    pub(crate) fn finish_and_clear(&self) {
+    pub fn finish_and_clear(&self) {
         self.bar.finish_and_clear();
     }
 }

@@ -4,6 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// The error of a command that was stopped: of a fit by Ctrl-C, whose checkpoint is saved, or of
+/// any command by its host. The exit status is 130.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+#[error("interrupted")]
+pub struct Interrupted;
+
 /// The state that the handler of Ctrl-C shares with the commands.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Interrupt(Arc<Flags>);
@@ -58,7 +64,12 @@ impl Interrupt {
         result
     }
 
-    /// Whether a fit shall stop.
+    /// Whether a fit is iterating.
+    pub(crate) fn is_iterating(&self) -> bool {
+        self.0.iterating.load(Ordering::SeqCst)
+    }
+
+    /// Whether Ctrl-C was pressed while a fit was iterating.
     pub(crate) fn requested(&self) -> bool {
         self.0.requested.load(Ordering::SeqCst)
     }
