@@ -158,8 +158,9 @@ fn parse_and_execute(
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
             let first = text.split("\n\n").next().unwrap_or_default();
-            let words = first.split_whitespace().skip_while(|word| *word == "error:");
-            Err(WrongArguments(words.collect::<Vec<_>>().join(" ")).into())
+            // Without a command, the text is the help.
+            let message = first.strip_prefix("error:").unwrap_or("no command: see dsdf --help");
+            Err(WrongArguments(message.split_whitespace().collect::<Vec<_>>().join(" ")).into())
         }
         Err(help) => {
             // A reader may close the pipe early. That is no error.
