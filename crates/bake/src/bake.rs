@@ -72,7 +72,8 @@ pub(crate) fn seen(
     let (done, all) = (AtomicUsize::new(0), points.len());
     let mut seen = vec![0; words(scene) * all];
     let chunks = points.par_chunks(CHUNK).zip(normals.par_chunks(CHUNK));
-    chunks.zip(seen.par_chunks_mut(CHUNK * words(scene))).try_for_each(
+    // A program that stops a command unwinds from `progress`.
+    chunks.zip(seen.par_chunks_mut(CHUNK * words(scene))).panic_fuse().try_for_each(
         |((points, normals), seen)| {
             for camera in 0..scene.cameras.len() {
                 for i in seen_by(scene, camera, points, normals)? {

@@ -43,6 +43,8 @@ pub fn paint(
     let mut colors = vec![GREY; texels.len()];
     let chunks = texels.par_chunks(CHUNK).zip(colors.par_chunks_mut(CHUNK));
     let unseen: Vec<usize> = chunks
+        // A program that stops a command unwinds from `progress`.
+        .panic_fuse()
         .map(|(texels, colors)| {
             let unseen = paint_chunk(scene, mesh, &seen, texels, colors);
             let before = done.fetch_add(texels.len(), Ordering::Relaxed);

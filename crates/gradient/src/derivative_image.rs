@@ -64,6 +64,8 @@ pub fn differentiate<R: Real>(
     // The derivatives of each tile, by direction.
     let of_tile: Vec<Vec<Mean>> = tiles
         .par_iter()
+        // A program that stops a command unwinds from `progress`.
+        .panic_fuse()
         .map(|pixels| {
             let mut mask = SilhouetteMask::default();
             let mut images = Vec::with_capacity(parts.len());

@@ -124,7 +124,9 @@ impl Grid {
         mixed.iter().enumerate().for_each(|(i, b)| self.state[*b] = i as u32);
         let mut values = vec![[0.0; BLOCK.pow(3)]; mixed.len()];
         let done = AtomicUsize::new(0);
-        values.par_chunks_mut(BATCH).zip(mixed.par_chunks(BATCH)).for_each(|(values, blocks)| {
+        let batches = values.par_chunks_mut(BATCH).zip(mixed.par_chunks(BATCH));
+        // A program that stops a command unwinds from `progress`.
+        batches.panic_fuse().for_each(|(values, blocks)| {
             self.evaluate_blocks(solid, blocks, values);
             let done = done.fetch_add(blocks.len(), Ordering::Relaxed) + blocks.len();
             progress(done as f64 / mixed.len() as f64);

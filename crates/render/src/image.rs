@@ -49,6 +49,8 @@ pub fn render<R: Real>(
     let size = (CHUNK / spp as usize).max(1);
     let chunks: Vec<Vec<([f32; 3], f32)>> = (0..count.div_ceil(size))
         .into_par_iter()
+        // A program that stops a command unwinds from `progress`.
+        .panic_fuse()
         .map(|chunk| {
             let pixels = chunk * size..((chunk + 1) * size).min(count);
             let result = render_pixels(scene, camera, pixels, spp, seed);
