@@ -28,7 +28,8 @@ def data(tmp_path_factory):
     return folder
 
 
-FIT = {"iterations": 40, "width": 16, "threads": 2, "seed": 3, "quiet": True}
+FIT = {"iterations": 12, "width": 16, "grid": "none", "batch": 256, "stereo": "none",
+       "threads": 2, "seed": 3, "quiet": True}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,8 @@ def test_images_and_derivatives_have_the_bits_of_the_program(program, scene, tmp
 
 
 def test_fits_have_the_bits_of_the_program(program, data, run, tmp_path):
-    options = ["--iterations", 40, "--width", 16, "--threads", 1, "--seed", 3, "--quiet"]
+    options = ["--iterations", 12, "--width", 16, "--grid", "none", "--batch", 256]
+    options += ["--stereo", "none", "--threads", 1, "--seed", 3, "--quiet"]
     assert cli(program, "fit", data, "-o", tmp_path / "run", *options)[0] == 0
     assert run.model.read_bytes() == (tmp_path / "run/model.safetensors").read_bytes()
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
@@ -69,9 +71,9 @@ def test_fits_have_the_bits_of_the_program(program, data, run, tmp_path):
 
 
 def test_the_results_of_a_run(run, data, tmp_path):
-    assert run.report["iterations"] == 40 and "verdict" in run.report
-    assert len(run.metrics()) == 40
-    errors = run.evaluate(mesh=data / "mesh.ply", quiet=True)
+    assert run.report["iterations"] == 12 and "verdict" in run.report
+    assert len(run.metrics()) == 12
+    errors = run.evaluate(mesh=data / "truth.ply", resolution=24, quiet=True)
     assert errors["psnr"] > 5 and 0 <= errors["f_score"] <= 1 and errors["views"] == 1
     mesh = run.mesh(tmp_path / "m.ply", resolution=24, quiet=True)
     assert mesh.vertices.shape == mesh.colors.shape and mesh.colors.dtype == np.uint8
