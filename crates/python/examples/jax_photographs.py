@@ -19,7 +19,7 @@ import dsdf.jax
 
 BOUNDS = (0, 0, 0, 1.4)
 BLOCK = {
-    "camera": {"width": 64, "height": 64, "focal": 110, "principal": [32, 32],
+    "camera": {"width": 160, "height": 160, "focal": 275, "principal": [80, 80],
                "eye": [1.2, 1.5, 3], "target": [0, 0, 0], "up": [0, 1, 0]},
     "sdf": {"type": "smooth_union", "k": 0.2, "children": [
         {"type": "box", "center": [-0.1, -0.1, 0], "half_size": [0.6, 0.3, 0.4]},
@@ -39,7 +39,7 @@ def radiance(layers, x, normal, direction):
 def main(picture="jax_photographs.png", steps=200):
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        dsdf.synth(BLOCK, folder, views=12, size="64x64", spp=64)
+        dsdf.synth(BLOCK, folder, views=12, size="64x64", spp=16)
         views, held_out = dsdf.photographs(folder)
     cameras = [view.camera for view in views]
     pixels = dsdf.pixels(cameras)
@@ -54,7 +54,8 @@ def main(picture="jax_photographs.png", steps=200):
     scene = {"bounds": BOUNDS, "background": BLOCK["background"]}
     see = lambda camera: dsdf.picture(field, shader, camera, spp=8, **scene)
     error = lambda: np.mean([np.abs(see(v.camera) - v.image).mean() for v in held_out])
-    first, before = see(held_out[0].camera), error()
+    shown = dsdf.Camera(**BLOCK["camera"])
+    first, before = see(shown), error()
     for step in range(steps):
         chosen = rng.choice(len(pixels), 768, replace=False)
         batch = (field, shader, cameras, pixels[chosen])
@@ -64,14 +65,13 @@ def main(picture="jax_photographs.png", steps=200):
         samples = dsdf.record(*batch, seed=2 * step + 1, spp=4, **scene)
         of_field, of_shader = dsdf.jax.gradient(samples, delta, field, shader)
         x = jnp.asarray(rng.uniform(-1, 1, (512, 3)), dtype=jnp.float32)
-        of_field = jax.tree.map(lambda g, e: g + 0.02 * e, of_field, smooth(field.parameters, x))
+        of_field = jax.tree.map(lambda g, e: g + 0.005 * e, of_field, smooth(field.parameters, x))
         gradient = (of_field, of_shader)
-        state, parameters = adam(step + 1.0, 4e-3, state, parameters, gradient)
+        state, parameters = adam(step + 1.0, 5e-3, state, parameters, gradient)
         field.parameters, shader.parameters = parameters
     after = error()
     print(f"mean error of held-out photographs: {before:.4f} before, {after:.4f} after")
-    shown = held_out[0]
-    dsdf.write_image(picture, np.concatenate([shown.image, first, see(shown.camera)], axis=1))
+    dsdf.write_image(picture, np.concatenate([dsdf.render(BLOCK), first, see(shown)], axis=1))
     return before, after
 
 

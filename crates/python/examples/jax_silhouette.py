@@ -18,7 +18,7 @@ import dsdf.jax
 
 BOUNDS = (0, 0, 0, 1.4)
 JACK = {
-    "camera": {"width": 64, "height": 64, "focal": 110, "principal": [32, 32],
+    "camera": {"width": 160, "height": 160, "focal": 275, "principal": [80, 80],
                "eye": [1.2, 1.5, 3], "target": [0, 0, 0], "up": [0, 1, 0]},
     "sdf": {"type": "smooth_union", "k": 0.15, "children": [
         {"type": "capsule", "a": [-0.8, 0, 0], "b": [0.8, 0, 0], "radius": 0.2},
@@ -30,10 +30,10 @@ JACK = {
 
 
 def start(sizes, key):
-    """The weights of a perceptron."""
+    """The weights of a perceptron, normal with the variance 2/inputs."""
     keys = jax.random.split(key, len(sizes))
     pairs = zip(keys, sizes[:-1], sizes[1:])
-    return [(jax.random.normal(k, (m, n)) / np.sqrt(m), jnp.zeros(n)) for k, m, n in pairs]
+    return [(jax.random.normal(k, (m, n)) * np.sqrt(2 / m), jnp.zeros(n)) for k, m, n in pairs]
 
 
 def perceptron(layers, h):
@@ -45,7 +45,7 @@ def perceptron(layers, h):
 
 def distance(layers, x):
     """The signed distance of a ball, plus a perceptron."""
-    return jnp.sqrt((x * x).sum(-1) + 1e-12) - 0.7 + 0.5 * perceptron(layers, x)[:, 0]
+    return jnp.sqrt((x * x).sum(-1) + 1e-12) - 0.7 + 0.2 * perceptron(layers, x)[:, 0]
 
 
 def eikonal(layers, x):
@@ -68,7 +68,7 @@ def adam(step, rate, state, parameters, gradient):
 def main(picture="jax_silhouette.png", steps=200):
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        dsdf.synth(JACK, folder, views=12, size="64x64", spp=64)
+        dsdf.synth(JACK, folder, views=12, size="64x64", spp=16)
         views, held_out = dsdf.photographs(folder)
     cameras = [view.camera for view in views]
     pixels = dsdf.pixels(cameras)
@@ -79,7 +79,8 @@ def main(picture="jax_silhouette.png", steps=200):
     state, smooth = (zero, zero), jax.jit(jax.grad(eikonal))
     see = lambda camera: dsdf.picture(field, (1, 1, 1), camera, bounds=BOUNDS, spp=16)
     error = lambda: np.mean([np.abs(see(v.camera) - v.image).mean() for v in held_out])
-    first, before = see(held_out[0].camera), error()
+    shown = dsdf.Camera(**JACK["camera"])
+    first, before = see(shown), error()
     for step in range(steps):
         chosen = rng.choice(len(pixels), 1024, replace=False)
         batch = (field, (1, 1, 1), cameras, pixels[chosen])
@@ -89,13 +90,12 @@ def main(picture="jax_silhouette.png", steps=200):
         samples = dsdf.record(*batch, bounds=BOUNDS, seed=2 * step + 1, spp=4)
         gradient = dsdf.jax.gradient(samples, delta, field)
         x = jnp.asarray(rng.uniform(-1, 1, (512, 3)), dtype=jnp.float32)
-        add = lambda g, e: g + 0.02 * e
+        add = lambda g, e: g + 0.005 * e
         gradient = jax.tree.map(add, gradient, smooth(field.parameters, x))
-        state, field.parameters = adam(step + 1.0, 4e-3, state, field.parameters, gradient)
+        state, field.parameters = adam(step + 1.0, 5e-3, state, field.parameters, gradient)
     after = error()
     print(f"mean error of held-out silhouettes: {before:.4f} before, {after:.4f} after")
-    shown = held_out[0]
-    dsdf.write_image(picture, np.concatenate([shown.image, first, see(shown.camera)], axis=1))
+    dsdf.write_image(picture, np.concatenate([dsdf.render(JACK), first, see(shown)], axis=1))
     return before, after
 
 

@@ -18,7 +18,7 @@ import dsdf.torch
 
 BOUNDS = (0, 0, 0, 1.4)
 BLOCK = {
-    "camera": {"width": 64, "height": 64, "focal": 110, "principal": [32, 32],
+    "camera": {"width": 160, "height": 160, "focal": 275, "principal": [80, 80],
                "eye": [1.2, 1.5, 3], "target": [0, 0, 0], "up": [0, 1, 0]},
     "sdf": {"type": "smooth_union", "k": 0.2, "children": [
         {"type": "box", "center": [-0.1, -0.1, 0], "half_size": [0.6, 0.3, 0.4]},
@@ -45,7 +45,7 @@ def main(picture="torch_photographs.png", steps=200):
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        dsdf.synth(BLOCK, folder, views=12, size="64x64", spp=64)
+        dsdf.synth(BLOCK, folder, views=12, size="64x64", spp=16)
         views, held_out = dsdf.photographs(folder)
     cameras = [view.camera for view in views]
     pixels = dsdf.pixels(cameras)
@@ -54,11 +54,12 @@ def main(picture="torch_photographs.png", steps=200):
     distance, radiance = Network(), Radiance()
     field, shader = dsdf.torch.Field(distance), dsdf.torch.Shader(radiance)
     parameters = [*distance.parameters(), *radiance.parameters()]
-    optimizer = torch.optim.Adam(parameters, lr=4e-3)
+    optimizer = torch.optim.Adam(parameters, lr=5e-3)
     scene = {"bounds": BOUNDS, "background": BLOCK["background"]}
     see = lambda camera: dsdf.picture(field, shader, camera, spp=8, **scene)
     error = lambda: np.mean([np.abs(see(v.camera) - v.image).mean() for v in held_out])
-    first, before = see(held_out[0].camera), error()
+    shown = dsdf.Camera(**BLOCK["camera"])
+    first, before = see(shown), error()
     for step in range(steps):
         chosen = rng.choice(len(pixels), 768, replace=False)
         batch = (field, shader, cameras, pixels[chosen])
@@ -70,12 +71,11 @@ def main(picture="torch_photographs.png", steps=200):
         dsdf.torch.backward(samples, delta, field, shader)
         x = torch.tensor(rng.uniform(-1, 1, (512, 3)), dtype=torch.float32, requires_grad=True)
         (slope,) = torch.autograd.grad(distance(x).sum(), x, create_graph=True)
-        (0.02 * (slope.norm(dim=-1) - 1).square().mean()).backward()
+        (0.005 * (slope.norm(dim=-1) - 1).square().mean()).backward()
         optimizer.step()
     after = error()
     print(f"mean error of held-out photographs: {before:.4f} before, {after:.4f} after")
-    shown = held_out[0]
-    dsdf.write_image(picture, np.concatenate([shown.image, first, see(shown.camera)], axis=1))
+    dsdf.write_image(picture, np.concatenate([dsdf.render(BLOCK), first, see(shown)], axis=1))
     return before, after
 
 

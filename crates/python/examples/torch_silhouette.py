@@ -17,7 +17,7 @@ import dsdf.torch
 
 BOUNDS = (0, 0, 0, 1.4)
 JACK = {
-    "camera": {"width": 64, "height": 64, "focal": 110, "principal": [32, 32],
+    "camera": {"width": 160, "height": 160, "focal": 275, "principal": [80, 80],
                "eye": [1.2, 1.5, 3], "target": [0, 0, 0], "up": [0, 1, 0]},
     "sdf": {"type": "smooth_union", "k": 0.15, "children": [
         {"type": "capsule", "a": [-0.8, 0, 0], "b": [0.8, 0, 0], "radius": 0.2},
@@ -29,9 +29,13 @@ JACK = {
 
 
 def perceptron(inputs, outputs, width=48):
-    layers = [torch.nn.Linear(inputs, width), torch.nn.Softplus(beta=20)]
-    layers += [torch.nn.Linear(width, width), torch.nn.Softplus(beta=20)]
-    return torch.nn.Sequential(*layers, torch.nn.Linear(width, outputs))
+    """Two hidden layers; weights are normal with the variance 2/inputs."""
+    linear = [torch.nn.Linear(*size) for size in ((inputs, width), (width, width), (width, outputs))]
+    for layer in linear:
+        torch.nn.init.normal_(layer.weight, std=(2 / layer.in_features) ** 0.5)
+        torch.nn.init.zeros_(layer.bias)
+    soft = torch.nn.Softplus(beta=20)
+    return torch.nn.Sequential(linear[0], soft, linear[1], soft, linear[2])
 
 
 class Network(torch.nn.Module):
@@ -42,14 +46,14 @@ class Network(torch.nn.Module):
         self.layers = perceptron(3, 1)
 
     def forward(self, x):
-        return x.norm(dim=-1) - 0.7 + 0.5 * self.layers(x).squeeze(-1)
+        return x.norm(dim=-1) - 0.7 + 0.2 * self.layers(x).squeeze(-1)
 
 
 def main(picture="torch_silhouette.png", steps=200):
     torch.manual_seed(0)
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        dsdf.synth(JACK, folder, views=12, size="64x64", spp=64)
+        dsdf.synth(JACK, folder, views=12, size="64x64", spp=16)
         views, held_out = dsdf.photographs(folder)
     cameras = [view.camera for view in views]
     pixels = dsdf.pixels(cameras)
@@ -57,11 +61,12 @@ def main(picture="torch_silhouette.png", steps=200):
 
     network = Network()
     field = dsdf.torch.Field(network)
-    optimizer = torch.optim.Adam(network.parameters(), lr=4e-3)
+    optimizer = torch.optim.Adam(network.parameters(), lr=5e-3)
     scene = {"shader": (1, 1, 1), "bounds": BOUNDS}
     see = lambda camera: dsdf.picture(field, camera=camera, spp=16, **scene)
     error = lambda: np.mean([np.abs(see(v.camera) - v.image).mean() for v in held_out])
-    first, before = see(held_out[0].camera), error()
+    shown = dsdf.Camera(**JACK["camera"])
+    first, before = see(shown), error()
     for step in range(steps):
         chosen = rng.choice(len(pixels), 1024, replace=False)
         batch = (field, scene["shader"], cameras, pixels[chosen])
@@ -73,12 +78,11 @@ def main(picture="torch_silhouette.png", steps=200):
         field.backward(*samples.backward(delta))
         x = torch.tensor(rng.uniform(-1, 1, (512, 3)), dtype=torch.float32, requires_grad=True)
         (slope,) = torch.autograd.grad(network(x).sum(), x, create_graph=True)
-        (0.02 * (slope.norm(dim=-1) - 1).square().mean()).backward()
+        (0.005 * (slope.norm(dim=-1) - 1).square().mean()).backward()
         optimizer.step()
     after = error()
     print(f"mean error of held-out silhouettes: {before:.4f} before, {after:.4f} after")
-    shown = held_out[0]
-    dsdf.write_image(picture, np.concatenate([shown.image, first, see(shown.camera)], axis=1))
+    dsdf.write_image(picture, np.concatenate([dsdf.render(JACK), first, see(shown)], axis=1))
     return before, after
 
 
