@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::common::Global;
-use super::progress::Progress;
 use crate::error::Interrupted;
 use ::poses::{Event, Job, Options, Photographs, Program, run};
+use messages::Progress;
 
 /// Arguments of `dsdf poses`.
 #[derive(Args, Debug)]
@@ -35,15 +35,15 @@ impl Poses {
         let (photographs, options) = (&photographs, &self.options);
         let job = Job { photographs, output: &self.output, options, program: &program, threads };
         let mut bar = None;
-        let stop = || global.interrupt.requested();
-        let interrupt = &global.interrupt;
-        let found = interrupt
+        let stop = || global.console.stop_requested();
+        let found = global
+            .console
             .while_iterating(|| run(&job, &stop, &mut |event| self.show(event, &mut bar, global)));
         if let Some(bar) = bar {
             bar.finish_and_clear();
         }
         let Some(poses) = found? else {
-            eprintln!("stopped; the same command continues");
+            global.console.line("stopped; the same command continues");
             return Err(Interrupted.into());
         };
         global.report(&poses, || poses.text())
@@ -59,7 +59,7 @@ impl Poses {
             }
             Event::Started(step) => {
                 let template = "{wide_bar} {percent:>3} % {eta} left  {msg}";
-                *bar = Some(Progress::new(step.name(), template, global.quiet, &global.clock));
+                *bar = Some(global.console.progress(step.name(), template, global.quiet));
             }
             Event::Progress { fraction, text, .. } => {
                 if let Some(bar) = bar {
