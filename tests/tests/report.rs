@@ -41,8 +41,8 @@ setTimeout(() => {
     const key = (name) => () => canvas.dispatchEvent(new KeyboardEvent("keydown", { key: name }));
     const first = pixels();
     result.drawn = first.filter((value, i) => i % 4 === 3 && value > 0).length / (first.length / 4);
-    result.keys = Object.fromEntries(["ArrowLeft", "ArrowUp", "+", "-", "2", "3", "1", "c", "a", "0"]
-      .map((name) => [name, changed(key(name))]));
+    const names = ["ArrowLeft", "ArrowUp", "+", "-", "2", "3", "1", "c", "a", "0"];
+    result.keys = Object.fromEntries(names.map((name) => [name, changed(key(name))]));
     const name = () => document.getElementById("view-name").textContent;
     result.first = name();
     document.getElementById("next").click();

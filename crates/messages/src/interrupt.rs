@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The error of a command that was stopped: of a fit or a search for poses by Ctrl-C, whose state is
-/// saved, or of any command by its host. The exit status is 130.
+/// The error of a command that was stopped: of a fit or a search for poses by Ctrl-C, whose state
+/// is saved, or of any command by its host. The exit status is 130.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("interrupted")]
 pub struct Interrupted;
