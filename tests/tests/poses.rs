@@ -152,7 +152,10 @@ fn ctrl_c_ends_colmap_and_the_same_command_continues() {
         failed(&bench.run(&[], &[]), 2, &["another `dsdf poses`"]);
         let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
         assert!(interrupt.unwrap().success());
-        failed(&child.wait_with_output().unwrap(), 130, &["stopped; the same command continues"]);
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130));
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(message.contains("stopped; the same command continues"), "{message}");
         let is_alive = Command::new("kill").args(["-0", colmap.trim()]).output().unwrap();
         assert!(!is_alive.status.success(), "COLMAP is left behind");
         bench.calls();
@@ -203,14 +206,9 @@ fn without_colmap_one_line_says_how_to_get_it() {
 fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
     let bench = Bench::new();
     let refused = |photos: &str, output: &str, words: &[&str]| {
-        let mut command = bench.command(&[], &[]);
-        // The last of each argument counts, so a new command line is needed.
-        command = {
-            let mut plain = Command::new(binary());
-            plain.args(["poses", &bench.path(photos), "-o", &bench.path(output), "--quiet"]);
-            plain.envs(command.get_envs().filter_map(|(key, value)| Some((key, value?))));
-            plain
-        };
+        let mut command = Command::new(binary());
+        command.args(["poses", &bench.path(photos), "-o", &bench.path(output), "--quiet"]);
+        command.env("PATH", bench.path("bin")).env("FAKE_CALLS", bench.path("calls"));
         failed(&command.output().unwrap(), 2, words);
     };
     refused("none", "data", &["none: photographs: found no such folder", "3 or more"]);
@@ -239,6 +237,9 @@ fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
     );
 }
 
+/// Views of the room that are next to each other.
+const NEIGHBOURS: [u32; 14] = [1, 3, 14, 16, 17, 19, 21, 29, 31, 32, 34, 36, 44, 47];
+
 /// The angle between two views, degrees, and the distance of their eyes.
 fn between(a: &View, b: &View) -> (f64, f64) {
     let axes = |v: &View| glam::DMat3::from_cols(v.camera.right, v.camera.up, -v.camera.forward);
@@ -247,7 +248,7 @@ fn between(a: &View, b: &View) -> (f64, f64) {
     (angle.min(360.0 - angle), (a.camera.eye - b.camera.eye).length())
 }
 
-/// The views of a data set whose names end in `.jpg`, by their names.
+/// The views of a data set, by the names of their files.
 fn views(path: &Path) -> Vec<View> {
     let dataset = dataset::load(path, &LoadOptions::default()).unwrap();
     let mut views: Vec<View> = dataset.train.into_iter().chain(dataset.test).collect();
@@ -264,26 +265,30 @@ fn colmap_finds_the_poses_of_rendered_photographs() {
     }
     let folder = Folder::new();
     fs::create_dir(folder.path("photos")).unwrap();
-    let names: Vec<String> = (0..10).map(|i| format!("{i:03}.jpg")).collect();
-    for name in &names {
+    for i in NEIGHBOURS {
+        let name = format!("{i:03}.jpg");
         let photo = folder.path(&format!("photos/{name}"));
-        fs::copy(room.join("images").join(name), photo).unwrap();
+        fs::copy(room.join("images").join(&name), photo).unwrap();
     }
     let (photos, data) = (folder.path("photos"), folder.path("data"));
     let poses = dsdf_json(&["poses", &photos, "-o", &data]);
-    assert!(poses["registered"].as_u64().unwrap() >= 8, "{poses}");
+    assert!(poses["registered"].as_u64().unwrap() >= 10, "{poses}");
     assert!(poses["reprojection_error"].as_f64().unwrap() < 1.0, "{poses}");
     let truth = views(&room);
     let name = |view: &View| view.path.file_name().unwrap().to_owned();
     let found = views(Path::new(&data));
     let of_truth = |view: &View| truth.iter().find(|other| name(other) == name(view)).unwrap();
-    let unit =
-        between(&found[0], &found[1]).1 / between(of_truth(&found[0]), of_truth(&found[1])).1;
-    for view in &found[1..] {
-        let (angle, distance) = between(&found[0], view);
-        let (true_angle, true_distance) = between(of_truth(&found[0]), of_truth(view));
-        assert!((angle - true_angle).abs() < 1.0, "{:?}: {angle} {true_angle}", view.path);
+    // The unit of length is arbitrary: the median of all pairs with the first view.
+    let pairs: Vec<_> = found[1..]
+        .iter()
+        .map(|view| (view, between(&found[0], view), between(of_truth(&found[0]), of_truth(view))))
+        .collect();
+    let mut scales: Vec<f64> = pairs.iter().map(|(_, found, truth)| found.1 / truth.1).collect();
+    scales.sort_by(f64::total_cmp);
+    let unit = scales[scales.len() / 2];
+    for (view, (angle, distance), (true_angle, true_distance)) in pairs {
+        assert!((angle - true_angle).abs() < 1.5, "{:?}: {angle} {true_angle}", view.path);
         let part = distance / (unit * true_distance);
-        assert!((part - 1.0).abs() < 0.05, "{:?}: distance {part}", view.path);
+        assert!((part - 1.0).abs() < 0.08, "{:?}: distance {part}", view.path);
     }
 }

@@ -247,6 +247,8 @@ pub(crate) fn arguments(
             line.add(&["image_path"], path(places.images))?;
             line.add(&["output_path"], path(places.output))?;
             line.add_if_known("Mapper.num_threads", threads);
+            // The default, 10, refuses a model of 9 of 12 photographs.
+            line.add_if_known("Mapper.min_model_size", (photographs.count() / 4).clamp(3, 10));
         }
         Step::Undistortion => {
             line.add(&["image_path"], path(places.images))?;
