@@ -30,7 +30,8 @@ JACK = {
 
 def perceptron(inputs, outputs, width=48):
     """Two hidden layers; weights are normal with the variance 2/inputs."""
-    linear = [torch.nn.Linear(*size) for size in ((inputs, width), (width, width), (width, outputs))]
+    sizes = (inputs, width), (width, width), (width, outputs)
+    linear = [torch.nn.Linear(*size) for size in sizes]
     for layer in linear:
         torch.nn.init.normal_(layer.weight, std=(2 / layer.in_features) ** 0.5)
         torch.nn.init.zeros_(layer.bias)

@@ -25,7 +25,7 @@ fn read(description: &Bound<'_, PyDict>, name: &str) -> PyResult<Camera> {
     }
     let text: String = py.import("json")?.call_method1("dumps", (plain,))?.extract()?;
     let value = serde_json::from_str(&text)
-        .map_err(|error| wrong(name, "", error, "finite numbers, as in a scene file"))?;
+        .map_err(|error| wrong(name, "keywords", error, "finite numbers, as in a scene file"))?;
     scene::camera(Path::new(name), &value).map(Camera).map_err(wrong_input)
 }
 

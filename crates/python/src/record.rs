@@ -230,7 +230,7 @@ impl Record {
         rows(py, &self.samples.radiance)
     }
 
-    /// The part of every pixel in which the object is visible, n numbers from 0 to 1.
+    /// An estimate of the part of every pixel in which the object is visible, n numbers.
     #[getter]
     fn coverage<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_vec(py, self.samples.coverage())

@@ -144,6 +144,9 @@ def test_wrong_arguments_are_named():
     wrong("background", ball, (1, 1, 1), views, pixels, background=[1, 2])
     wrong("cameras[0]: /focal", ball, (1, 1, 1), [{"width": 1, "height": 1}], pixels)
     wrong("cameras", ball, (1, 1, 1), [], pixels)
+    nan = {"width": 1, "height": 1, "focal": float("nan"), "principal": [0, 0]}
+    wrong("cameras[0]: keywords", ball, (1, 1, 1), [nan], pixels)
+    wrong("cameras[0]: found str", ball, (1, 1, 1), ["camera"], pixels)
     record = dsdf.record(ball, (1, 1, 1), views, pixels, bounds=BOUNDS)
     for delta in ([[1, 2, 3], [1, 2, 3]], [[1, np.nan, 3]], [["a", "b", "c"]]):
         with pytest.raises(dsdf.InputError, match="delta"):

@@ -153,9 +153,9 @@ def render(
     progress: Optional[Progress] = None,
     **options: Any,
 ) -> NDArray[np.float32]:
-    """``dsdf render``: the image of a scene, or of a run from all sides. Height x width x 3, linear.
+    """``dsdf render``: the image of a scene, or of a run from all sides.
 
-    The image is written to ``output`` too, if that is given.
+    The result is height x width x 3, linear. The image is written to ``output`` too, if that is given.
     """
     if output is not None:
         _native.check_image(output)

@@ -52,7 +52,7 @@ class Record:
 
     @property
     def coverage(self) -> Array:
-        """The part of every pixel in which the object is visible, n numbers from 0 to 1."""
+        """An estimate of the part of every pixel in which the object is visible, n numbers."""
 
     @property
     def rays(self) -> int: ...

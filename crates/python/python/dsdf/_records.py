@@ -134,7 +134,7 @@ def picture(
     background: Optional[ArrayLike] = None,
     **options: Any,
 ) -> Array:
-    """The image of a field: linear RGB, height x width x 3. The arguments are those of ``record``."""
+    """The image of a field: linear RGB, height x width x 3. The arguments are as of ``record``."""
     rows = pixels([camera])
     step = max(1, _BATCH // max(spp, 1))
     parts = [
@@ -158,9 +158,10 @@ def picture(
 def photographs(
     dataset: Union[str, os.PathLike], downscale: int = 1
 ) -> tuple[list[Photograph], list[Photograph]]:
-    """The photographs of a data set to fit, and the held-out ones, at 1/``downscale`` of their size.
+    """The photographs of a data set to fit, and the held-out ones.
 
-    The formats are those of ``dsdf fit``.
+    They are read at 1/``downscale`` of their width and height. The formats are those of
+    ``dsdf fit``.
     """
     train, held_out = _native.read_dataset(dataset, downscale)
     return [Photograph(*view) for view in train], [Photograph(*view) for view in held_out]
