@@ -235,7 +235,8 @@ impl Display for Verdict {
         let (train, test) = (text(training_psnr), text(held_out_psnr));
         writeln!(
             f,
-            "match        {train} on training pixels, {test} on held-out pixels (samples)"
+            "match        {train} on training views, {test} on held-out views (PSNR of samples \
+             inside the sphere)"
         )?;
         write!(f, "verdict      {}", self.text)
     }

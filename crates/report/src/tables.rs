@@ -49,7 +49,10 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
         let (train, test) = (db(evidence.training_psnr), db(evidence.held_out_psnr));
         rows.push((
             "match",
-            format!("{train} on training pixels, {test} on held-out pixels (samples)"),
+            format!(
+                "{train} on training views, {test} on held-out views (PSNR of samples inside the \
+                 sphere)"
+            ),
         ));
         if let Some(SurfaceShares { on_sphere, unseen, .. }) = &evidence.surface {
             let [on_sphere, unseen] = [on_sphere, unseen].map(|share| 100.0 * share);
