@@ -3,8 +3,8 @@
 
 use tests::dsdf;
 
-/// Lines of a screen.
-const LINES: usize = 40;
+/// Lines of a screen: a window of 1080 pixels has about 50.
+const LINES: usize = 48;
 
 /// Characters of a line.
 const WIDTH: usize = 100;

@@ -17,13 +17,13 @@ pub(crate) struct Fit {
     /// Run folder to write
     #[arg(short, long)]
     pub(super) output: PathBuf,
-    /// Continue from the checkpoint in the run folder; only --time and --iterations may change
+    /// Continue the run of this folder; only --time and --iterations may change
     #[arg(long)]
     pub(super) resume: bool,
-    /// Stop at this iteration, counted from the start of the run; --resume continues
+    /// Stop at this iteration of the run; --resume continues
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) stop_after: Option<u64>,
-    /// Write report.html into the run folder, now and then and at the end (see `dsdf report`)
+    /// Write report.html into the run folder, now and then and at the end
     #[arg(long)]
     pub(super) report: bool,
     /// Check the options and the data set, and exit
