@@ -23,9 +23,16 @@ fn read(description: &Bound<'_, PyDict>, name: &str) -> PyResult<Camera> {
         let value = numpy.call_method1("asarray", (value,))?.call_method0("tolist")?;
         plain.set_item(key, value)?;
     }
-    let text: String = py.import("json")?.call_method1("dumps", (plain,))?.extract()?;
+    let finite = PyDict::new(py);
+    finite.set_item("allow_nan", false)?;
+    let text = py.import("json")?.call_method("dumps", (plain,), Some(&finite));
+    let text: String = text
+        .map_err(|error| {
+            wrong(name, "keywords", error.value(py), "finite numbers and lists of them")
+        })?
+        .extract()?;
     let value = serde_json::from_str(&text)
-        .map_err(|error| wrong(name, "keywords", error, "finite numbers, as in a scene file"))?;
+        .map_err(|error| wrong(name, "keywords", error, "finite numbers and lists of them"))?;
     scene::camera(Path::new(name), &value).map(Camera).map_err(wrong_input)
 }
 
