@@ -19,7 +19,7 @@ pub fn named(up: DVec3) -> String {
     format!("({:.2}, {:.2}, {:.2})", up.x, up.y, up.z)
 }
 
-/// The axis within [`SNAP_DEGREES`] of a unit vector, or else the vector.
+/// The axis within 20 degrees of a unit vector, or else the vector.
 pub fn snapped(up: DVec3) -> DVec3 {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
     let cosine = SNAP_DEGREES.to_radians().cos();
