@@ -188,8 +188,11 @@ def test_ctrl_c_stops_a_fit_with_a_checkpoint_and_resume_continues(data, tmp_pat
             os.kill(os.getpid(), signal.SIGINT)
 
     options = {**FIT, "iterations": 100_000}
+    # A process that was started in the background ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt):
         dsdf.fit(data, folder, progress=progress, **options)
+    signal.signal(signal.SIGINT, before)
     assert (folder / "checkpoint/state.safetensors").is_file()
     done = len(dsdf.Run(folder).metrics())
     assert 0 < done < 100_000
