@@ -77,9 +77,9 @@ impl Poses {
     ) -> anyhow::Result<Self> {
         let undistorted = sparse_model(&dataset.join("sparse"))?;
         let Some(model) = found.first() else { anyhow::bail!("no model in {}", dataset.display()) };
-        let has_pose = |name: &&String| model.images.binary_search(name).is_err();
+        let has_no_pose = |name: &&String| model.images.binary_search(name).is_err();
         let names = photographs.files.iter().map(|file| &file.name);
-        let missing: Vec<String> = names.filter(has_pose).cloned().collect();
+        let missing: Vec<String> = names.filter(has_no_pose).cloned().collect();
         let (all, registered) = (photographs.count(), model.images.len());
         let is_few = (registered as f64) < FEW * all as f64;
         let advice = if is_few { remedies(options.matching_of(all)) } else { Vec::new() };

@@ -65,11 +65,11 @@ impl State {
         if self.photographs == photographs.files {
             return Ok(());
         }
-        let known = |file: &&PhotoFile| !self.photographs.contains(file);
+        let is_new = |file: &&PhotoFile| !self.photographs.contains(file);
         let differs = photographs
             .files
             .iter()
-            .find(known)
+            .find(is_new)
             .or_else(|| self.photographs.iter().find(|file| !photographs.files.contains(file)));
         let name = differs.map_or("", |file| file.name.as_str());
         let found = format!(

@@ -88,6 +88,11 @@ impl Global {
     pub(crate) fn progress(&self, name: &str) -> Progress {
         self.console.progress(name, "{msg} {wide_bar} {percent:>3} % {eta} left", self.quiet)
     }
+
+    /// The same for a step whose progress has a text.
+    pub(crate) fn progress_with_text(&self, name: &str) -> Progress {
+        self.console.progress(name, "{wide_bar} {percent:>3} % {eta} left  {msg}", self.quiet)
+    }
 }
 
 /// JSON with the escapes of all characters that could change a terminal.

@@ -58,8 +58,7 @@ impl Poses {
                 global.say(&format!("done already: {}", names.join(", ")));
             }
             Event::Started(step) => {
-                let template = "{wide_bar} {percent:>3} % {eta} left  {msg}";
-                *bar = Some(global.console.progress(step.name(), template, global.quiet));
+                *bar = Some(global.progress_with_text(step.name()));
             }
             Event::Progress { fraction, text, .. } => {
                 if let Some(bar) = bar {

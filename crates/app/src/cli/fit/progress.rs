@@ -4,18 +4,15 @@ use crate::cli::common::Global;
 use fit::{Fit, Metrics};
 use messages::Progress;
 
-/// The template of the bar.
-const BAR: &str = "{wide_bar} {percent:>3} % {eta} left  {msg}";
-
 /// The progress of a fit on standard error: a bar on a terminal, else a line about every ten
 /// seconds; nothing with `--quiet`.
 pub(super) fn start(global: &Global) -> Progress {
-    global.console.progress("fit", BAR, global.quiet)
+    global.progress_with_text("fit")
 }
 
 /// Finds the depths that guide the fit, with their progress.
 pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
-    let bar = global.console.progress("depths", BAR, global.quiet);
+    let bar = global.progress_with_text("depths");
     // The search begins anew after an adjustment of the cameras.
     let (mut search, mut last) = (1, 0);
     fitting.find_depths(stop, &mut |done, all| {
