@@ -86,7 +86,7 @@ fn a_fit_refines_disturbed_poses() {
     let without = folder.path("without");
     let fit = [&["fit", &data, "-o", &without], &options[..], &["none"]].concat();
     let [with, without] =
-        [report, dsdf_json(&fit)].map(|r| r["verdict"]["training_psnr"].as_f64().unwrap());
+        [report, dsdf_json(&fit)].map(|r| r["verdict"]["training_match"].as_f64().unwrap());
     println!("{with} dB on training views, {without} dB with the cameras as given");
     assert!(with > without + 1.0, "{with} and {without} dB");
     let cameras = read(&format!("{run}/cameras.json"));

@@ -67,6 +67,46 @@ fn the_errors_of_each_view_follow_from_its_picture() {
     assert_eq!(dsdf_json(&["eval", &run]), report);
 }
 
+/// Views held out are those of the start of the fit, also when other photographs come or go.
+#[test]
+fn a_run_keeps_its_held_out_views() {
+    let folder = Folder::new();
+    let (data, run) = (ball(&folder, "9"), folder.path("run"));
+    // Without a split of its own, every eighth view is held out.
+    let file = format!("{data}/transforms.json");
+    fs::rename(format!("{data}/transforms_train.json"), &file).unwrap();
+    fs::remove_file(format!("{data}/transforms_test.json")).unwrap();
+    let options = ["--iterations", "2", "--batch", "64"];
+    dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
+    let before = dsdf_json(&["eval", &run]);
+    assert_eq!(before["views"], 2);
+    let whole: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    let write = |value: &Value| fs::write(&file, value.to_string()).unwrap();
+    // Another photograph in front: every eighth view would be another one.
+    let mut more = whole.clone();
+    let frames = more["frames"].as_array_mut().unwrap();
+    let mut first = frames[4].clone();
+    let image = first["file_path"].as_str().unwrap().to_owned();
+    let image = format!("{data}/{image}");
+    let image = if fs::exists(&image).unwrap() { image } else { image + ".png" };
+    fs::copy(&image, format!("{data}/again.png")).unwrap();
+    first["file_path"] = json!("again.png");
+    frames.insert(0, first);
+    write(&more);
+    assert_eq!(dsdf_json(&["eval", &run]), before);
+    // A photograph less is refused, by each command that reads it.
+    let mut less = whole.clone();
+    less["frames"].as_array_mut().unwrap().remove(4);
+    write(&less);
+    let words = ["views: found none with the name", "expected the 9 views that the run began with"];
+    refused(&["eval", &run], 2, &words);
+    refused(&["inspect", &run, "-o", &folder.path("i.png")], 2, &words);
+    refused(&["report", &run, "-o", &folder.path("r.html")], 2, &words);
+    refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &words);
+    write(&whole);
+    dsdf_ok(&["fit", "--resume", "-o", &run, "--iterations", "4"]);
+}
+
 #[test]
 fn a_run_without_held_out_views_says_so() {
     let folder = Folder::new();

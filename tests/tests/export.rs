@@ -98,7 +98,7 @@ fn a_run_whose_data_set_is_gone_has_a_mesh_without_colours_and_a_warning() {
         .unwrap();
     assert!(output.status.success());
     let errors = String::from_utf8(output.stderr).unwrap();
-    assert!(errors.lines().any(|l| l.starts_with("warning: no colours")), "{errors}");
+    assert!(errors.lines().any(|l| l.starts_with("WARNING no colours")), "{errors}");
     let glb = folder.path("painted.glb");
     refused(&["mesh", &folder.path("run"), "-o", &glb, "--texture", "64"], 2, &["data"]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -32,7 +32,7 @@ fn a_fit_prints_its_assumptions_and_its_verdict() {
     for (line, words) in [
         (0, "6 to fit, 1 held out, 32 x 32 pixels"),
         (1, "from outlines before plain backgrounds"),
-        (2, "one colour (confidence in uniform photographs: 1.00 of 1)"),
+        (2, "one colour (confidence that one colour explains it: 1.00 of 1)"),
         (3, "of the object in 7 views, not used"),
         (4, "not known"),
     ] {
@@ -40,7 +40,7 @@ fn a_fit_prints_its_assumptions_and_its_verdict() {
     }
     let verdict = &report["verdict"];
     assert_eq!((&verdict["fault"], &verdict["training_views"]), (&Value::Null, &6.into()));
-    assert!(verdict["training_psnr"].as_f64().unwrap() > 22.0, "{verdict}");
+    assert!(verdict["training_match"].as_f64().unwrap() > 22.0, "{verdict}");
     assert_eq!(verdict["surface"]["on_sphere"], 0.0);
     // The run has it too.
     let picture = folder.path("i.png");

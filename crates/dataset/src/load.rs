@@ -9,7 +9,7 @@ use render::Camera;
 use readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
-use crate::split::every_eighth;
+use crate::split::{by_names, every_eighth};
 use crate::{Dataset, View};
 
 /// Options of [`load`].
@@ -74,6 +74,27 @@ impl Unread {
     /// held out.
     pub fn sizes(&self) -> [Vec<[u32; 2]>; 2] {
         [&self.train, &self.test].map(|views| views.iter().map(UnreadView::size).collect())
+    }
+
+    /// The same views with the split of a run: `names` of those to fit, and of those held out, in
+    /// this order. Views that came later are left out, with a note.
+    ///
+    /// # Errors
+    /// If a view is missing: without it, the numbers of the others would be compared with those of
+    /// the run as if nothing had changed.
+    pub fn split_by_names(self, names: [&[String]; 2]) -> Result<Self, InputError> {
+        let Unread { path, train, test, mut recognised } = self;
+        let all = names.map(<[_]>::len).iter().sum::<usize>();
+        let ([train, test], later) =
+            by_names([train, test], names, UnreadView::name).map_err(|name| {
+                let expected = format!("the {all} views that the run began with");
+                InputError::new(&path, "views", format!("none with the name {name}"), expected)
+            })?;
+        if later > 0 {
+            let text = "views added since the run began, and left out";
+            recognised.notes.push(format!("{text}: {later}"));
+        }
+        Ok(Unread { path, train, test, recognised })
     }
 
     /// The distortion of the lenses, which is removed when the images are read.

@@ -11,7 +11,6 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context, ensure};
-use dataset::LoadOptions;
 use estimate::Registry;
 use fit::{Fit, RunFile, Stage};
 use serde_json::json;
@@ -39,7 +38,7 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     let mut file = RunFile::load(run)?;
     file.options.preview_every = u64::MAX;
     file.options.checkpoint_every = u64::MAX;
-    let dataset = dataset::load(&file.dataset, &LoadOptions { downscale: file.downscale() })?;
+    let dataset = file.read(None)?;
     let dataset = file.prepare(dataset);
     // The run is not changed: what is saved at the end goes to another folder.
     let copy = tempfile::tempdir()?;

@@ -46,7 +46,7 @@ pub fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
             format!("; --background {name} needs --masks ignore")
         }
         MaskUse::Coverage => String::new(),
-        _ => format!(" (confidence in uniform photographs: {confidence:.2} of 1)"),
+        _ => format!(" (confidence that one colour explains it: {confidence:.2} of 1)"),
     };
     let views = || dataset.train.iter().chain(&dataset.test);
     let covered = views().filter(|view| view.coverage().is_some()).count();

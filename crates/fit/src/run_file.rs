@@ -3,7 +3,10 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use dataset::{BackgroundEstimate, Dataset, SphereSource, View, check_places, surroundings};
+use dataset::{
+    BackgroundEstimate, Dataset, LoadOptions, SphereSource, Unread, View, check_places,
+    surroundings,
+};
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
@@ -36,6 +39,13 @@ pub struct RunFile {
     pub background_confidence: f32,
     /// The model for the exposures of the photographs.
     pub exposure_model: ExposureModel,
+    /// The names of the views to fit. A run of an earlier version has none: its views are those of
+    /// the data set as it is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub views: Vec<String>,
+    /// The names of the views that are held out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held_out: Vec<String>,
     /// The options.
     pub options: FitOptions,
 }
@@ -85,6 +95,8 @@ impl RunFile {
                 _ => confidence,
             },
             exposure_model: ExposureModel::Even,
+            views: names(&dataset.train),
+            held_out: names(&dataset.test),
             options: options.clone(),
         };
         // The photographs as the fit sees them: without the background that masks remove.
@@ -123,6 +135,27 @@ impl RunFile {
     /// It is 1 if the options have no number; those of a file that was loaded have one.
     pub fn downscale(&self) -> u32 {
         self.options.downscale.unwrap_or(1)
+    }
+
+    /// Opens the data set of the run, with its views to fit and to hold out; or another data set,
+    /// with a split of its own.
+    ///
+    /// # Errors
+    /// If it cannot be read, or if a view of the run is missing.
+    pub fn open(&self, other: Option<&Path>) -> anyhow::Result<Unread> {
+        let unread = dataset::open(other.unwrap_or(&self.dataset))?;
+        if other.is_some() || self.views.is_empty() {
+            return Ok(unread);
+        }
+        Ok(unread.split_by_names([&self.views, &self.held_out])?)
+    }
+
+    /// Reads the photographs of [`open`](Self::open) at the run's size.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn read(&self, other: Option<&Path>) -> anyhow::Result<Dataset> {
+        self.open(other)?.read(&LoadOptions { downscale: self.downscale() }, &mut |_| {})
     }
 
     /// The data set as the run sees it: relative to [`origin`](Self::origin), and over black if
@@ -293,9 +326,15 @@ impl RunFile {
             background_spread: 0.01,
             background_confidence: 1.0,
             exposure_model: ExposureModel::Even,
+            views: Vec::new(),
+            held_out: Vec::new(),
             options,
         }
     }
+}
+
+fn names(views: &[View]) -> Vec<String> {
+    views.iter().map(|view| view.name.clone()).collect()
 }
 
 /// The key that a TOML error is about; "line N" if there is none.

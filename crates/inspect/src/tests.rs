@@ -115,7 +115,7 @@ fn suspicious_views_give_warnings() {
         "{:?}",
         found.warnings
     );
-    assert!(found.to_string().contains("WARNING"));
+    assert!(found.warning_rows().starts_with("\nWARNING      "));
     assert_eq!(found.axes_through, 1);
 
     let mut near = dataset();

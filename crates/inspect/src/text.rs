@@ -10,15 +10,16 @@ impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         self.write_images(f)?;
         self.write_cameras(f)?;
-        self.write_surroundings(f)?;
-        for warning in &self.warnings {
-            write!(f, "\nWARNING      {warning}")?;
-        }
-        Ok(())
+        self.write_surroundings(f)
     }
 }
 
 impl Report {
+    /// The warnings as lines of the text, which has them behind all other rows.
+    pub fn warning_rows(&self) -> String {
+        self.warnings.iter().map(|warning| format!("\nWARNING      {warning}")).collect()
+    }
+
     fn write_images(&self, f: &mut Formatter<'_>) -> Result {
         let [fx, fy] = self.focal;
         writeln!(f, "format       {}", self.format)?;

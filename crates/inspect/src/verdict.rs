@@ -26,10 +26,11 @@ pub struct Evidence {
     pub fits_exposures: bool,
     /// The shares of the surface's area; `None` without a surface.
     pub surface: Option<SurfaceShares>,
-    /// The PSNR on training views, in dB; see [`sampled_psnr`].
-    pub training_psnr: Option<f64>,
-    /// The PSNR on held-out views, in dB; `None` without such views.
-    pub held_out_psnr: Option<f64>,
+    /// The PSNR of samples of training views inside the sphere, in dB; see [`sampled_psnr`]. The
+    /// PSNR of whole views is that of `dsdf eval`.
+    pub training_match: Option<f64>,
+    /// Like `training_match`, of held-out views; `None` without such views.
+    pub held_out_match: Option<f64>,
 }
 
 impl Evidence {
@@ -61,8 +62,8 @@ impl Evidence {
             exposure_spread: exposure_spread(&dataset.train, sphere, background).map(|e| e.stops),
             fits_exposures,
             surface: surface_shares(scene, sphere, 0..train)?,
-            training_psnr: psnr(&dataset.train, 0..train)?,
-            held_out_psnr: psnr(&dataset.test, train..all)?,
+            training_match: psnr(&dataset.train, 0..train)?,
+            held_out_match: psnr(&dataset.test, train..all)?,
         })
     }
 }
@@ -139,14 +140,14 @@ impl Fault {
             let is_clutter = evidence.background_confidence < LEAST_CONFIDENCE;
             return Some(if is_clutter { Fault::PaintedBackground } else { Fault::SmallSphere });
         }
-        let both = evidence.training_psnr.zip(evidence.held_out_psnr);
+        let both = evidence.training_match.zip(evidence.held_out_match);
         if both.is_some_and(|(t, h)| h < GOOD_PSNR && t - h > LARGEST_GAP) {
             return Some(match evidence.training_views < FEW_VIEWS {
                 true => Fault::FewViews,
                 false => Fault::Inconsistent,
             });
         }
-        let is_below = |least: f64| evidence.training_psnr.is_some_and(|psnr| psnr < least);
+        let is_below = |least: f64| evidence.training_match.is_some_and(|psnr| psnr < least);
         let differ = evidence.exposure_spread.is_some_and(|stops| stops > MOST_SPREAD);
         if differ && !evidence.fits_exposures && is_below(LEAST_PSNR_OF_EXPOSURES) {
             return Some(Fault::Exposure);
@@ -157,7 +158,7 @@ impl Fault {
         if surface.seen_above_table > MOST_ON_SPHERE {
             return Some(Fault::SmallSphere);
         }
-        let no_view_shows_it = evidence.training_psnr.is_none();
+        let no_view_shows_it = evidence.training_match.is_none();
         (surface.unseen > MOST_UNSEEN || no_view_shows_it).then_some(Fault::Unseen)
     }
 
@@ -221,7 +222,7 @@ impl Verdict {
 impl Display for Verdict {
     /// Three lines: a label of 13 columns, then a sentence.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let Evidence { surface, training_psnr, held_out_psnr, .. } = &self.evidence;
+        let Evidence { surface, training_match, held_out_match, .. } = &self.evidence;
         if let Some(SurfaceShares { on_sphere, seen_on_sphere, unseen, .. }) = surface {
             let [on_sphere, seen_on_sphere, unseen] =
                 [on_sphere, seen_on_sphere, unseen].map(|share| 100.0 * share);
@@ -232,11 +233,11 @@ impl Display for Verdict {
             )?;
         }
         let text = |psnr: &Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
-        let (train, test) = (text(training_psnr), text(held_out_psnr));
+        let (train, test) = (text(training_match), text(held_out_match));
         writeln!(
             f,
-            "match        {train} on training views, {test} on held-out views (PSNR of samples \
-             inside the sphere)"
+            "match        {train} on training views, {test} on held-out views (samples inside the \
+             sphere, not whole views)"
         )?;
         write!(f, "verdict      {}", self.text)
     }

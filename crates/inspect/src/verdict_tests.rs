@@ -16,8 +16,8 @@ fn good() -> Evidence {
             seen_above_table: 0.0,
             unseen: 0.05,
         }),
-        training_psnr: Some(32.0),
-        held_out_psnr: Some(31.0),
+        training_match: Some(32.0),
+        held_out_match: Some(31.0),
     }
 }
 
@@ -29,16 +29,16 @@ fn shares(seen_on_sphere: f64, unseen: f64) -> Option<SurfaceShares> {
 #[test]
 fn each_fault_follows_from_its_evidence() {
     let cluttered = Evidence { background_confidence: 0.1, surface: shares(0.2, 0.1), ..good() };
-    let short = Evidence { training_psnr: Some(19.0), held_out_psnr: Some(18.5), ..good() };
-    let cow = Evidence { training_psnr: Some(24.8), held_out_psnr: Some(22.7), ..good() };
-    let apart = Evidence { held_out_psnr: Some(25.0), ..good() };
+    let short = Evidence { training_match: Some(19.0), held_out_match: Some(18.5), ..good() };
+    let cow = Evidence { training_match: Some(24.8), held_out_match: Some(22.7), ..good() };
+    let apart = Evidence { held_out_match: Some(25.0), ..good() };
     let cases = [
         (good(), None),
         (Evidence { surface: None, ..good() }, Some(Fault::NoSurface)),
         (cluttered.clone(), Some(Fault::PaintedBackground)),
         (Evidence { uniform_background: false, ..cluttered.clone() }, Some(Fault::SmallSphere)),
         (
-            Evidence { uniform_background: false, training_psnr: Some(22.8), ..cluttered.clone() },
+            Evidence { uniform_background: false, training_match: Some(22.8), ..cluttered.clone() },
             Some(Fault::LowAccuracy),
         ),
         // A table.
@@ -62,11 +62,11 @@ fn each_fault_follows_from_its_evidence() {
         (Evidence { exposure_spread: Some(0.3), ..cow.clone() }, Some(Fault::Exposure)),
         (cow, None),
         (Evidence { surface: shares(0.0, 0.5), ..good() }, Some(Fault::Unseen)),
-        (Evidence { training_psnr: None, held_out_psnr: None, ..good() }, Some(Fault::Unseen)),
+        (Evidence { training_match: None, held_out_match: None, ..good() }, Some(Fault::Unseen)),
         // The exposures differ, and the fit is good all the same.
         (Evidence { exposure_spread: Some(0.3), ..good() }, None),
-        (Evidence { held_out_psnr: None, exposure_spread: None, ..good() }, None),
-        (Evidence { training_psnr: Some(39.0), held_out_psnr: Some(34.0), ..good() }, None),
+        (Evidence { held_out_match: None, exposure_spread: None, ..good() }, None),
+        (Evidence { training_match: Some(39.0), held_out_match: Some(34.0), ..good() }, None),
         // Few views suffice for this shape.
         (Evidence { training_views: 5, ..good() }, None),
     ];
@@ -85,7 +85,7 @@ fn the_text_has_the_numbers_and_an_option() {
             seen_above_table: 0.25,
             unseen: 0.125,
         }),
-        held_out_psnr: None,
+        held_out_match: None,
         ..good()
     };
     let verdict = Verdict::of(painted);
@@ -96,6 +96,6 @@ fn the_text_has_the_numbers_and_an_option() {
     let json = serde_json::to_value(&verdict).unwrap();
     assert_eq!(json["fault"], "painted-background");
     assert_eq!(json["surface"]["unseen"], 0.125);
-    assert!(json["held_out_psnr"].is_null() && json["text"].as_str() == Some(verdict.text));
+    assert!(json["held_out_match"].is_null() && json["text"].as_str() == Some(verdict.text));
     assert!(Verdict::of(good()).to_string().contains("nothing wrong was found"));
 }

@@ -71,6 +71,11 @@ impl UnreadView {
         UnreadView { name, path, mask: None, camera, lens, size_source: None, full_size: None }
     }
 
+    /// The image's name in the data set.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
     pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
         let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));

@@ -290,7 +290,7 @@ function viewerOf(canvas, message) {
     const scale = window.devicePixelRatio || 1;
     canvas.width = Math.max(1, Math.round(canvas.clientWidth * scale));
     canvas.height = Math.max(1, Math.round(canvas.clientHeight * scale));
-    viewer.redraw();
+    viewer.draw(); // At once: a canvas of another size is empty.
   }).observe(canvas);
   return viewer;
 }

@@ -27,6 +27,8 @@ pub(crate) struct Metrics {
     pub(crate) iterations: u64,
     /// The wall time of these, in seconds.
     pub(crate) seconds: f64,
+    /// A sentence about lines that cannot be read, or about their lack.
+    pub(crate) warning: Option<String>,
 }
 
 /// A line of `metrics.jsonl`.
@@ -39,14 +41,25 @@ struct Line {
     psnr: Option<f64>,
 }
 
-/// Reads the file `metrics.jsonl`. A damaged line, as a killed fit leaves it, is left out.
+/// Reads the file `metrics.jsonl`. Damaged lines are left out: with a warning, but for one at the
+/// end, as a killed fit leaves it.
 ///
 /// # Errors
 /// If the file cannot be read.
 pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     let bytes = io::read(path, "metrics", "the metrics of a run")?;
-    let lines: Vec<Line> =
-        bytes.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    let (whole, last) = bytes.split_at(bytes.iter().rposition(|b| *b == b'\n').unwrap_or(0));
+    let all = || whole.split(|b| *b == b'\n').filter(|line| !line.trim_ascii().is_empty());
+    let read = |line| serde_json::from_slice::<Line>(line).ok();
+    let damaged = all().filter(|line| read(line).is_none()).count();
+    let lines: Vec<Line> = all().chain([last]).filter_map(read).collect();
+    let warning = match (damaged, lines.len()) {
+        (_, 0) => {
+            Some("metrics.jsonl has no line that can be read: there are no curves".to_owned())
+        }
+        (0, _) => None,
+        (n, m) => Some(format!("damaged lines of metrics.jsonl, left out: {n} of {}", n + m)),
+    };
     let curve = |name, unit, logarithmic: bool, of: fn(&Line) -> Option<f64>| {
         let known = lines.iter().filter_map(|line| Some((line.seconds, of(line)?)));
         let known = known.filter(|(s, v)| s.is_finite() && v.is_finite());
@@ -60,7 +73,7 @@ pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     ];
     let curves = all.into_iter().filter(|curve| !curve.points.is_empty()).collect();
     let last = lines.last().map_or((0, 0.0), |line| (line.iteration, line.seconds));
-    Ok(Metrics { curves, iterations: last.0, seconds: last.1 })
+    Ok(Metrics { curves, iterations: last.0, seconds: last.1, warning })
 }
 
 /// The means over [`POINTS`] equal times, if there are more points.
@@ -95,12 +108,20 @@ mod tests {
         };
         let text: String = (0..4800).map(line).collect();
         std::fs::write(&path, text + "{\"seconds\":1").unwrap();
-        let Metrics { curves, iterations, .. } = metrics(&path).unwrap();
-        assert_eq!((curves.len(), iterations), (2, 4799));
+        let Metrics { curves, iterations, warning, .. } = metrics(&path).unwrap();
+        assert_eq!((curves.len(), iterations, warning), (2, 4799, None));
         // A loss of 0 has no logarithm.
         assert_eq!(curves[0].points.len(), POINTS);
         let (seconds, loss) = curves[0].points[0];
         assert!((seconds - loss).abs() < 1e-9 && (seconds - 10.5).abs() < 1.0);
         assert!(curves[1].points.iter().all(|p| (p.1 - 20.0).abs() < 1e-9));
+
+        std::fs::write(&path, line(1) + "no line\n\n" + &line(2)).unwrap();
+        let Metrics { curves, iterations, warning, .. } = metrics(&path).unwrap();
+        assert_eq!((curves[0].points.len(), iterations), (2, 2));
+        assert_eq!(warning.unwrap(), "damaged lines of metrics.jsonl, left out: 1 of 3");
+        std::fs::write(&path, "").unwrap();
+        let Metrics { curves, warning, .. } = metrics(&path).unwrap();
+        assert!(curves.is_empty() && warning.unwrap().contains("no line that can be read"));
     }
 }

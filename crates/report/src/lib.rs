@@ -68,12 +68,14 @@ pub fn page(
     let solid = fit::Solid::new(run.model, run.file);
     let views = views::views(run, &solid, detail, &|p| progress(0.6 * p))?;
     let metrics = curves::metrics(&run.folder.join("metrics.jsonl"))?;
-    let Metrics { curves, iterations, seconds } = metrics;
+    let Metrics { curves, iterations, seconds, warning } = metrics;
     let scene = page::Scene {
         frame: solid::Frame::of(run),
         mesh: solid::mesh(run, &solid, detail, &|p| progress(0.6 + 0.4 * p))?,
         views,
         curves,
     };
-    page::html(run, &scene, &format!("{iterations} iterations, {seconds:.0} s"))
+    let warnings: Vec<&str> =
+        run.warnings.iter().map(String::as_str).chain(warning.as_deref()).collect();
+    page::html(run, &scene, &warnings, &format!("{iterations} iterations, {seconds:.0} s"))
 }

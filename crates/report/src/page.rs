@@ -26,8 +26,13 @@ pub(crate) struct Scene {
     pub(crate) curves: Vec<Curve>,
 }
 
-/// The page of a run. `spent` has its iterations and its time, as text.
-pub(crate) fn html(run: &Run<'_>, scene: &Scene, spent: &str) -> anyhow::Result<String> {
+/// The page of a run, with these warnings. `spent` has its iterations and its time, as text.
+pub(crate) fn html(
+    run: &Run<'_>,
+    scene: &Scene,
+    warnings: &[&str],
+    spent: &str,
+) -> anyhow::Result<String> {
     let name = run.folder.file_name().unwrap_or(run.folder.as_os_str()).to_string_lossy();
     let (class, verdict) = match run.verdict {
         None => ("live", "The fit goes on."),
@@ -42,7 +47,7 @@ pub(crate) fn html(run: &Run<'_>, scene: &Scene, spent: &str) -> anyhow::Result<
         ("class", class.to_owned()),
         ("verdict", escaped(verdict)),
         ("summary", tables::summary(run, spent)),
-        ("warnings", tables::warnings(run)),
+        ("warnings", tables::warnings(warnings)),
         ("corrections", tables::corrections(run)?),
         ("options", tables::options(run)?),
         ("data", data),

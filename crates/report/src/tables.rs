@@ -36,7 +36,7 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
     let mut rows = vec![
         ("data set", run.file.dataset.display().to_string()),
         ("views", format!("{train} to fit, {test} held out")),
-        ("sphere", format!("centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}")),
+        ("sphere", format!("centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, data set units")),
         ("fit", spent.to_owned()),
     ];
     rows.extend(run.modelled.iter().filter_map(|line| {
@@ -46,12 +46,12 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
     if let Some(verdict) = run.verdict {
         let evidence = &verdict.evidence;
         let db = |psnr: Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
-        let (train, test) = (db(evidence.training_psnr), db(evidence.held_out_psnr));
+        let (train, test) = (db(evidence.training_match), db(evidence.held_out_match));
         rows.push((
             "match",
             format!(
-                "{train} on training views, {test} on held-out views (PSNR of samples inside the \
-                 sphere)"
+                "{train} on training views, {test} on held-out views (samples inside the sphere, \
+                 not whole views)"
             ),
         ));
         if let Some(SurfaceShares { on_sphere, unseen, .. }) = &evidence.surface {
@@ -68,13 +68,13 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
     terms(&rows)
 }
 
-/// The warnings about the photographs.
-pub(crate) fn warnings(run: &Run<'_>) -> String {
-    if run.warnings.is_empty() {
+/// The warnings about the photographs and the files of the run.
+pub(crate) fn warnings(warnings: &[&str]) -> String {
+    if warnings.is_empty() {
         return "<p>There are no warnings about the photographs.</p>\n".to_owned();
     }
-    let item = |text: &String| format!("<li>{}</li>\n", escaped(text));
-    format!("<ul>\n{}</ul>\n", run.warnings.iter().map(item).collect::<String>())
+    let item = |text: &&str| format!("<li>{}</li>\n", escaped(text));
+    format!("<ul>\n{}</ul>\n", warnings.iter().map(item).collect::<String>())
 }
 
 /// The corrections of cameras and the exposures, if the run fitted any.

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::common::{ARGUMENTS, Global};
 use ::mesh::{Components, Mesh, keep_components};
-use dataset::{Dataset, LoadOptions};
+use dataset::Dataset;
 use fit::{Model, RunCameras, RunFile, Solid};
 use io::InputError;
 use metrics::SurfacePoint;
@@ -158,8 +158,7 @@ impl CutOptions {
 
 /// The data set of a run as the run sees it, or another one.
 pub(super) fn views_of_run(file: &RunFile, other: Option<&Path>) -> anyhow::Result<Dataset> {
-    let options = LoadOptions { downscale: file.downscale() };
-    Ok(file.prepare(dataset::load(other.unwrap_or(&file.dataset), &options)?))
+    Ok(file.prepare(file.read(other)?))
 }
 
 /// A mesh that is being cut.

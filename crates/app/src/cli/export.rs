@@ -193,7 +193,7 @@ impl Export {
             Some((_, Ok(cameras))) => cameras,
             Some((_, Err(error))) if must_have => return Err(error),
             Some((lack, Err(error))) => {
-                global.say(&format!("warning: {lack}: {error:#}"));
+                global.say(&format!("WARNING {lack}: {error:#}"));
                 Vec::new()
             }
         };
@@ -236,8 +236,7 @@ fn up_of(cameras: &[Camera], file: &RunFile) -> DVec3 {
 fn cameras_of(subject: &Subject<'_>) -> anyhow::Result<Vec<Camera>> {
     let Subject { run, file, .. } = *subject;
     let of_dataset = || {
-        let folder = subject.dataset.unwrap_or(&file.dataset);
-        let cameras = dataset::open(folder).and_then(|unread| Ok(unread.cameras()?));
+        let cameras = file.open(subject.dataset).and_then(|unread| Ok(unread.cameras()?));
         cameras.context("the data set cannot be read")
     };
     let other = subject.dataset.map(|_| of_dataset()).transpose()?;

@@ -7,7 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{FROM_RUN, Global, as_fitted};
-use super::fit::load_for;
+use super::fit::read_for;
 use super::query::slope_of;
 use ::inspect::{Report, Verdict, inspect, overlay};
 use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, examine, modelled};
@@ -53,11 +53,14 @@ impl Inspect {
             true => Some(RunFile::load(&self.dataset)?),
             false => None,
         };
-        let path = run.as_ref().map_or(&self.dataset, |file| &file.dataset);
         let of_run = run.as_ref().map(RunFile::downscale);
         let options = FitOptions { downscale: self.downscale.or(of_run), ..FitOptions::default() };
-        let distortion = dataset::open(path)?.distortion();
-        let (dataset, _) = load_for(path, &options, global)?;
+        let unread = match &run {
+            Some(file) => file.open(None)?,
+            None => dataset::open(&self.dataset)?,
+        };
+        let distortion = unread.distortion();
+        let (dataset, _) = read_for(unread, &options, global)?;
         let (file, source) = match &run {
             Some(file) => {
                 let bounds = self.bounds.unwrap_or(file.bounds);
@@ -65,7 +68,7 @@ impl Inspect {
             }
             None => {
                 let options = FitOptions { bounds: self.bounds, ..options };
-                let (file, source) = RunFile::of_dataset(path.clone(), &dataset, &options)?;
+                let (file, source) = RunFile::of_dataset(self.dataset.clone(), &dataset, &options)?;
                 (file, source.to_string())
             }
         };
@@ -102,7 +105,9 @@ impl Inspect {
             });
             let of_fit = format!("\nmodel        {model}\nmasks        {masks}");
             let picture = self.output.display();
-            format!("{}{of_fit}{slope}\npicture      {picture}{verdict}", report.dataset)
+            let warnings = report.dataset.warning_rows();
+            let dataset = &report.dataset;
+            format!("{dataset}{of_fit}{slope}\npicture      {picture}{warnings}{verdict}")
         })
     }
 }

@@ -8,7 +8,6 @@ use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, option_error};
-use dataset::LoadOptions;
 use fit::{Model, RunFile, Solid};
 use io::{InputError, write_image};
 use pictures::{around, turntable, upwards};
@@ -91,8 +90,7 @@ impl Render {
         check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
         let file = RunFile::load(&self.scene)?;
         let model = Model::load(&self.scene, &file)?;
-        let dataset = dataset::load(&file.dataset, &LoadOptions { downscale: file.downscale() })?
-            .about(file.origin());
+        let dataset = file.read(None)?.about(file.origin());
         let bounds = file.sphere();
         let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
         let up = upwards(&training, bounds.center);

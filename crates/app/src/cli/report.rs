@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, as_fitted};
-use super::fit::load_for;
+use super::fit::read_for;
 use ::inspect::{Verdict, inspect};
 use ::report::{Detail, Run, page};
 use dataset::Dataset;
@@ -42,7 +42,7 @@ impl Report {
         let model = Model::load(&self.run, &file)?;
         let downscale = Some(file.downscale());
         let options = FitOptions { downscale, ..FitOptions::default() };
-        let (dataset, _) = load_for(&file.dataset, &options, global)?;
+        let (dataset, _) = read_for(file.open(None)?, &options, global)?;
         let mut dataset = file.prepare(dataset);
         let about = About::of(&dataset, &file);
         as_fitted(&self.run, &model, &file, &mut dataset, false, global)?;

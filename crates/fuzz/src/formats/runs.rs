@@ -49,6 +49,8 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background_spread: 0.05,
         background_confidence: 0.5,
         exposure_model: ExposureModel::Even,
+        views: Vec::new(),
+        held_out: Vec::new(),
         options,
     }
 }

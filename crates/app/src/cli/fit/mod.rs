@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::common::{Global, as_fitted};
 use super::eval::{SAMPLES, compare_views};
-use super::report::Live;
+use super::report::{Live, PAGE};
 use crate::error::Interrupted;
 use ::inspect::Verdict;
 use dataset::Dataset;
@@ -22,7 +22,7 @@ use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile, examine};
 
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};
-pub(super) use start::{load_for, new_run};
+pub(super) use start::{new_run, read_for};
 
 /// The result of `dsdf fit`.
 #[derive(Serialize)]
@@ -76,6 +76,9 @@ impl Fit {
         run_folder::check_output(&self.output, global)?;
         if !self.resume {
             refuse_occupied(&self.output)?;
+        }
+        if self.report && self.output.is_dir() {
+            io::check_output(&self.output.join(PAGE))?;
         }
         let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };

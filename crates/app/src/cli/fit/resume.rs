@@ -5,7 +5,7 @@ use std::path::Path;
 use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{FROM_RUN, Global};
-use dataset::{Dataset, LoadOptions};
+use dataset::Dataset;
 use fit::{RunFile, check_masks};
 use io::InputError;
 
@@ -28,8 +28,7 @@ impl Fit {
         file.options.validate(&toml, &global.registry)?;
         self.refuse_other_options(&file, &toml)?;
         self.refuse_other_dataset(&file, &toml)?;
-        let options = LoadOptions { downscale: file.downscale() };
-        let dataset = dataset::load(&file.dataset, &options)?;
+        let dataset = file.read(None)?;
         check_masks(file.masks, &dataset, &toml)?;
         let dataset = file.prepare(dataset);
         Ok((dataset, file, FROM_RUN.to_owned()))

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{ARGUMENTS, Global};
-use dataset::{Dataset, LoadOptions};
+use dataset::{Dataset, LoadOptions, Unread};
 use fit::{FitOptions, MaskChoice, RunFile};
 use io::InputError;
 
@@ -36,7 +36,7 @@ pub(in crate::cli) fn new_run(
     options: &FitOptions,
     global: &Global,
 ) -> anyhow::Result<(Dataset, RunFile, String)> {
-    let (dataset, downscale) = load_for(path, options, global)?;
+    let (dataset, downscale) = read_for(dataset::open(path)?, options, global)?;
     let dataset = match options.masks {
         MaskChoice::Ignore => dataset.with_all_pixels(),
         MaskChoice::Auto | MaskChoice::Use => dataset,
@@ -47,17 +47,16 @@ pub(in crate::cli) fn new_run(
     Ok((file.prepare(dataset), file, source.to_string()))
 }
 
-/// Loads a data set at the size at which a fit with these options reads it. Also returns the factor
+/// Reads a data set at the size at which a fit with these options reads it. Also returns the factor
 /// by which width and height are reduced. A factor that is not an option is told on standard error.
 ///
 /// # Errors
 /// If the data set cannot be read.
-pub(in crate::cli) fn load_for(
-    path: &Path,
+pub(in crate::cli) fn read_for(
+    unread: Unread,
     options: &FitOptions,
     global: &Global,
 ) -> anyhow::Result<(Dataset, u32)> {
-    let unread = dataset::open(path)?;
     let [train, held_out] = unread.sizes();
     let (downscale, limit) = options.downscale_for(&train, &held_out);
     if let Some(limit) = limit {

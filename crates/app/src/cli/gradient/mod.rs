@@ -42,7 +42,7 @@ impl Gradient {
         };
         if !report.unmodelled.is_empty() {
             let left_out = report.unmodelled.join(" and ");
-            global.console.line(&format!("warning: the estimator leaves out {left_out}"));
+            global.say(&format!("WARNING the estimator leaves out {left_out}"));
         }
         global.report(&report, || report.text())
     }
