@@ -141,13 +141,7 @@ fn ctrl_c_ends_colmap_and_the_same_command_continues() {
     for (hangs, rest) in [("exhaustive_matcher", &ALL[1..]), ("mapper", &ALL[2..])] {
         let child = bench.command(&[], &[("FAKE_HANG", hangs)]).spawn().unwrap();
         let mark = bench.path("calls.hangs");
-        let start = Instant::now();
-        while fs::read_to_string(&mark).unwrap_or_default().trim().is_empty() {
-            assert!(start.elapsed() < Duration::from_secs(60), "it never started");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        let colmap = fs::read_to_string(&mark).unwrap();
-        fs::remove_file(&mark).unwrap();
+        let colmap = hanging(&mark);
         // A second process is refused meanwhile.
         failed(&bench.run(&[], &[]), 2, &["another `dsdf poses`"]);
         let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
@@ -156,7 +150,7 @@ fn ctrl_c_ends_colmap_and_the_same_command_continues() {
         assert_eq!(output.status.code(), Some(130));
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(message.contains("stopped; the same command continues"), "{message}");
-        let is_alive = Command::new("kill").args(["-0", colmap.trim()]).output().unwrap();
+        let is_alive = Command::new("kill").args(["-0", &colmap]).output().unwrap();
         assert!(!is_alive.status.success(), "COLMAP is left behind");
         bench.calls();
         if hangs == "mapper" {
@@ -167,6 +161,52 @@ fn ctrl_c_ends_colmap_and_the_same_command_continues() {
             );
         }
     }
+}
+
+/// The process of the fake that hangs, once there is one.
+fn hanging(mark: &str) -> String {
+    let start = Instant::now();
+    loop {
+        let colmap = fs::read_to_string(mark).unwrap_or_default();
+        if colmap.ends_with('\n') {
+            fs::remove_file(mark).unwrap();
+            return colmap.trim().to_owned();
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it never started");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_colmap_whose_dsdf_was_killed_keeps_the_folder() {
+    let bench = Bench::new();
+    let mut child = bench.command(&[], &[("FAKE_HANG", "mapper")]).spawn().unwrap();
+    let colmap = hanging(&bench.path("calls.hangs"));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    failed(&bench.run(&[], &[]), 2, &["or a COLMAP that it started, at work in this folder"]);
+    assert!(Command::new("kill").args(["-KILL", &colmap]).status().unwrap().success());
+    bench.calls();
+    // The end of a process takes a moment.
+    let start = Instant::now();
+    while bench.run(&[], &[]).status.code() == Some(2) {
+        assert!(start.elapsed() < Duration::from_secs(60), "the folder stays locked");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(bench.calls(), &ALL[2..]);
+}
+
+#[test]
+fn photographs_of_each_size_have_a_lens() {
+    let bench = Bench::new();
+    RgbImage::new(16, 32).save(bench.path("photos/view 8.png")).unwrap();
+    let (poses, calls) = bench.json(&[], &[]);
+    assert_eq!(calls, [&ALL[..1], &ALL].concat(), "features of two sizes");
+    assert_eq!(poses["photographs"], 5);
+    let list =
+        |i: u32| fs::read_to_string(bench.path(&format!("data/colmap/features/images-{i}.txt")));
+    assert_eq!(list(0).unwrap().lines().count(), 4);
+    assert_eq!(list(1).unwrap(), "view 8.png\n");
 }
 
 #[test]
@@ -197,6 +237,8 @@ fn without_colmap_one_line_says_how_to_get_it() {
     failed(&output, 1, &["colmap: found no such program", "apt install colmap", "brew", "conda"]);
     let output = bench.run(&["--colmap", "/no/such/colmap"], &[]);
     failed(&output, 2, &["/no/such/colmap: --colmap: found no such program"]);
+    let output = bench.run(&["--colmap", "/"], &[]);
+    failed(&output, 2, &["/: --colmap: found no program that can be started"]);
     let output = bench.run(&["--colmap", "/bin/false"], &[]);
     failed(&output, 2, &["/bin/false: help: found no text, expected the help of COLMAP"]);
     assert!(!Path::new(&bench.path("data")).exists(), "nothing is written");
@@ -218,6 +260,11 @@ fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
     refused("photos", "photos", &["found a folder with other files (view 0.png)"]);
     refused("photos", "photos/view 1.png", &["found a file"]);
     refused("photos", "bin/colmap/data", &["output folder: found a file"]);
+    let photo = bench.path("photos/view 2.png");
+    let whole = fs::read(&photo).unwrap();
+    fs::write(&photo, &whole[..whole.len() - 20]).unwrap();
+    refused("photos", "data", &["view 2.png: image: found an image that is cut short"]);
+    fs::write(&photo, whole).unwrap();
     assert!(!Path::new(&bench.path("data")).exists() && bench.calls().is_empty());
     bench.json(&[], &[]);
     fs::copy(bench.path("photos/view 1.png"), bench.path("photos/view 9.png")).unwrap();

@@ -97,14 +97,29 @@ fn read_turned(
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film, None));
     }
+    let (image, format) = decoded_file(path, expected)?;
+    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+}
+
+/// Decodes a PNG, JPEG or EXR file, and drops the image.
+///
+/// # Errors
+/// As those of [`read_image`].
+pub fn check_image(path: &Path) -> Result<(), InputError> {
+    decoded_file(path, None).map(drop)
+}
+
+/// The image of a file, turned as [`read_turned`] says, and its format.
+fn decoded_file(
+    path: &Path,
+    expected: Option<(u32, u32)>,
+) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
     let bytes = read(path, "image", IMAGE).or_else(|e| missing(path, e))?;
     if bytes.is_empty() {
         return Err(InputError::new(path, "image", "an empty file", IMAGE));
     }
     refuse(path, &bytes)?;
-    let (image, format) = decoded(path, &bytes, expected)?;
-    drop(bytes);
-    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+    decoded(path, &bytes, expected)
 }
 
 /// The image of a file with this content, turned as [`read_turned`] says, and its format.

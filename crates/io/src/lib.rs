@@ -32,7 +32,7 @@ pub use error::{InputError, is_hidden, printable};
 pub use exif::FocalLength;
 pub use heif::refuse_unconverted;
 pub use image_read::{
-    TurnedByExif, focal_length, image_size, read_image, read_image_of, reading_memory,
+    TurnedByExif, check_image, focal_length, image_size, read_image, read_image_of, reading_memory,
     turned_by_exif,
 };
 pub use image_write::{png, write_image};

@@ -48,7 +48,7 @@ pub enum CameraModel {
 /// The photographs that share a lens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum CameraChoice {
-    /// All, if sizes and EXIF focal lengths are equal; else those that COLMAP finds alike by EXIF
+    /// Those of one size and one EXIF focal length
     #[default]
     Auto,
     /// All
@@ -96,14 +96,6 @@ impl Default for Options {
     }
 }
 
-/// Whether photographs share a lens, as COLMAP is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sharing {
-    All,
-    ByExif,
-    None,
-}
-
 impl Options {
     /// The pairs that are compared, without `Auto`.
     pub fn matching_of(&self, photographs: usize) -> Matching {
@@ -123,12 +115,21 @@ impl Options {
         Ok(())
     }
 
-    fn sharing(&self, photographs: &Photographs) -> Sharing {
+    /// The numbers of the photographs whose features are searched by one call of COLMAP. They share
+    /// a lens, unless each has a lens of its own.
+    pub(crate) fn groups(&self, photographs: &Photographs) -> Vec<Vec<usize>> {
         match self.cameras {
-            CameraChoice::One => Sharing::All,
-            CameraChoice::Each => Sharing::None,
-            CameraChoice::Auto if photographs.are_alike() => Sharing::All,
-            CameraChoice::Auto => Sharing::ByExif,
+            CameraChoice::Auto => photographs.alike(),
+            CameraChoice::One | CameraChoice::Each => vec![(0..photographs.count()).collect()],
+        }
+    }
+
+    /// The use of lenses in words. One lens for all is the same for each choice that leads to it.
+    fn lenses(&self, photographs: &Photographs) -> &'static str {
+        match self.cameras {
+            CameraChoice::Each => "each",
+            _ if self.groups(photographs).len() == 1 => "one",
+            _ => "alike",
         }
     }
 
@@ -150,7 +151,7 @@ impl Options {
             match step {
                 Step::Features => vec![
                     ("camera_model", self.model().to_owned()),
-                    ("cameras", format!("{:?}", self.sharing(photographs))),
+                    ("cameras", self.lenses(photographs).to_owned()),
                     ("max_size", self.max_size.to_string()),
                     ("seed", self.seed.to_string()),
                 ],
@@ -191,10 +192,14 @@ pub(crate) struct Places<'a> {
     pub(crate) input: &'a Path,
     /// The folder of the results.
     pub(crate) output: &'a Path,
+    /// The list of the photographs of a call, for the first step.
+    pub(crate) list: &'a Path,
 }
 
-/// The name of the list of photographs in the results of the first step.
-pub(crate) const LIST: &str = "images.txt";
+/// The name of a list of photographs in the results of the first step.
+pub(crate) fn list_name(group: usize) -> String {
+    format!("images-{group}.txt")
+}
 
 /// The name of a database.
 pub(crate) const DATABASE: &str = "database.db";
@@ -218,11 +223,11 @@ pub(crate) fn arguments(
         Step::Features => {
             line.add(&["database_path"], database)?;
             line.add(&["image_path"], path(places.images))?;
-            line.add(&["image_list_path"], path(&places.output.join(LIST)))?;
+            line.add(&["image_list_path"], path(places.list))?;
             line.add(&["ImageReader.camera_model"], options.model())?;
-            let sharing = options.sharing(photographs);
-            line.add(&["ImageReader.single_camera"], u8::from(sharing == Sharing::All))?;
-            if sharing == Sharing::None {
+            let is_each = options.cameras == CameraChoice::Each;
+            line.add(&["ImageReader.single_camera"], u8::from(!is_each))?;
+            if is_each {
                 line.add(&["ImageReader.single_camera_per_image"], 1)?;
             }
             line.add(&["FeatureExtraction.use_gpu", "SiftExtraction.use_gpu"], 0)?;
@@ -315,7 +320,7 @@ mod tests {
     fn line(step: Step, options: &Options, help: &str) -> anyhow::Result<String> {
         let folder = tempfile::tempdir().unwrap();
         let (photographs, here) = (photographs(folder.path()), Path::new("x"));
-        let places = Places { images: here, input: here, output: here };
+        let places = Places { images: here, input: here, output: here, list: here };
         let help = Help::new("some_command", help);
         arguments(step, options, &photographs, 2, &places, &help).map(|words| words.join(" "))
     }
@@ -373,7 +378,11 @@ mod tests {
         let one = Options { cameras: CameraChoice::One, ..Options::default() };
         let error = one.check(&photographs).unwrap_err().to_string();
         assert!(error.starts_with("arguments: --cameras: found one, for"), "{error}");
-        assert_eq!(Options::default().sharing(&photographs), Sharing::ByExif);
+        let auto = Options::default();
+        assert_eq!(auto.groups(&photographs), [vec![0, 1, 2, 3], vec![4]]);
+        assert_eq!(auto.lenses(&photographs), "alike");
+        let each = Options { cameras: CameraChoice::Each, ..Options::default() };
+        assert_eq!((each.groups(&photographs).len(), each.lenses(&photographs)), (1, "each"));
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use io::{FocalLength, InputError, extension, focal_length, image_size, refuse_unconverted};
+use io::{
+    FocalLength, InputError, check_image, extension, focal_length, image_size, refuse_unconverted,
+};
 use serde::{Deserialize, Serialize};
 
 /// Extensions of photographs, in lower case.
@@ -84,9 +86,26 @@ impl Photographs {
         self.files.len()
     }
 
-    /// Whether all have one size and one focal length, as far as their files tell.
-    pub fn are_alike(&self) -> bool {
-        self.have_one_size() && self.focals.iter().all(|focal| *focal == self.focals[0])
+    /// The numbers of the photographs of each size and focal length, as far as their files tell, in
+    /// the order of their first photographs.
+    pub(crate) fn alike(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for number in 0..self.count() {
+            let lens = |i: usize| (self.sizes[i], self.focals[i]);
+            match groups.iter_mut().find(|group| lens(group[0]) == lens(number)) {
+                Some(group) => group.push(number),
+                None => groups.push(vec![number]),
+            }
+        }
+        groups
+    }
+
+    /// Decodes a photograph.
+    ///
+    /// # Errors
+    /// If it cannot be decoded.
+    pub(crate) fn decode(&self, number: usize) -> Result<(), InputError> {
+        check_image(&self.folder.join(&self.files[number].name))
     }
 
     /// Whether all have one size.
@@ -109,12 +128,12 @@ impl Photographs {
     pub fn left_out(&self) -> Option<String> {
         let first = self.other.first()?;
         let count = self.other.len();
-        Some(format!("{count} files are no .jpg, .jpeg or .png and are left out; first: {first}"))
+        Some(format!("files left out that are no .jpg, .jpeg or .png: {count}; first: {first}"))
     }
 
-    /// The names of the files, one a line.
-    pub(crate) fn list(&self) -> String {
-        self.files.iter().map(|file| format!("{}\n", file.name)).collect()
+    /// The names of photographs, one a line.
+    pub(crate) fn list(&self, numbers: &[usize]) -> String {
+        numbers.iter().map(|&number| format!("{}\n", self.files[number].name)).collect()
     }
 }
 
@@ -169,12 +188,19 @@ mod tests {
         }
         std::fs::write(at("notes.txt"), "x").unwrap();
         let found = Photographs::in_folder(folder.path()).unwrap();
-        assert_eq!(found.list(), "a b.PNG\nb.png\nc.png\n");
-        assert!(found.are_alike() && found.left_out().unwrap().ends_with("first: notes.txt"));
+        assert_eq!(found.list(&[0, 1, 2]), "a b.PNG\nb.png\nc.png\n");
+        assert_eq!(found.alike(), [[0, 1, 2]]);
+        assert!(found.left_out().unwrap().ends_with("first: notes.txt"));
         assert_eq!((found.most_pixels(3200), found.most_pixels(20)), (1200, 300));
         png(&at("d.png"), 30, 40);
         let found = Photographs::in_folder(folder.path()).unwrap();
-        assert!(!found.are_alike() && !found.have_one_size());
+        assert_eq!(found.alike(), [vec![0, 1, 2], vec![3]]);
+        assert!(!found.have_one_size());
+        found.decode(2).unwrap();
+        let whole = std::fs::read(at("c.png")).unwrap();
+        std::fs::write(at("c.png"), &whole[..whole.len() - 20]).unwrap();
+        let error = found.decode(2).unwrap_err().to_string();
+        assert!(error.contains("c.png: image: found an image that is cut short"), "{error}");
     }
 
     #[test]

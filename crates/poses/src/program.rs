@@ -1,6 +1,7 @@
 //! The program COLMAP: its version, its options, and its runs.
 
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, PipeReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -84,9 +85,12 @@ impl Program {
     fn not_started(&self, error: std::io::Error) -> anyhow::Error {
         let path = self.path.display();
         match error.kind() {
-            ErrorKind::NotFound if self.is_given => {
-                let expected = "the program COLMAP";
-                InputError::new(&self.path, "--colmap", "no such program", expected).into()
+            kind if self.is_given => {
+                let found = match kind {
+                    ErrorKind::NotFound => "no such program".to_owned(),
+                    _ => format!("no program that can be started ({error})"),
+                };
+                InputError::new(&self.path, "--colmap", found, "the program COLMAP").into()
             }
             ErrorKind::NotFound => {
                 anyhow::anyhow!("{path}: found no such program, expected COLMAP: {HOW_TO_GET}")
@@ -130,16 +134,21 @@ impl Program {
 
     /// Runs a command. `line` gets each line of both outputs. The run is ended when `stop` is true.
     ///
+    /// `lock` is a locked file that the program gets as its input: the lock lasts as long as the
+    /// program, also if this process is killed.
+    ///
     /// # Errors
     /// If the program cannot be started, or by `line`.
     pub(crate) fn run(
         &self,
         arguments: &[String],
+        lock: &File,
         stop: &dyn Fn() -> bool,
         line: &mut dyn FnMut(&str) -> anyhow::Result<()>,
     ) -> anyhow::Result<End> {
         let (reader, writer) = std::io::pipe().context("cannot make a pipe")?;
         let mut command = self.command();
+        command.stdin(lock.try_clone().context("cannot share the lock")?);
         command.args(arguments).stdout(writer.try_clone()?).stderr(writer);
         let mut child = command.spawn().map_err(|e| self.not_started(e))?;
         // The pipe ends when the child's copies of its writer are closed, and there is no other.
@@ -237,7 +246,8 @@ mod tests {
     fn run(script: &str, stop: &dyn Fn() -> bool) -> (End, Vec<String>) {
         let mut lines = Vec::new();
         let arguments = ["-c".to_owned(), script.to_owned()];
-        let end = shell().run(&arguments, stop, &mut |line| {
+        let lock = tempfile::tempfile().unwrap();
+        let end = shell().run(&arguments, &lock, stop, &mut |line| {
             lines.push(line.to_owned());
             Ok(())
         });
@@ -266,6 +276,19 @@ mod tests {
     }
 
     #[test]
+    fn the_lock_lasts_as_long_as_the_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        let lock = io::lock(&path).unwrap().unwrap();
+        let mut child =
+            Command::new("sleep").arg("100").stdin(lock.try_clone().unwrap()).spawn().unwrap();
+        drop(lock);
+        assert!(io::lock(&path).unwrap().is_none());
+        end(&mut child);
+        assert!(io::lock(&path).unwrap().is_some());
+    }
+
+    #[test]
     fn a_missing_program_and_another_program_are_told_apart() {
         let missing = Program { path: "no-such-colmap".into(), is_given: false };
         let error = missing.version().unwrap_err();
@@ -273,6 +296,8 @@ mod tests {
         assert!(error.to_string().contains("apt install colmap"), "{error}");
         let given = Program::at("/no/such/colmap".into()).version().unwrap_err();
         assert!(given.downcast_ref::<InputError>().is_some());
+        let folder = Program::at("/".into()).version().unwrap_err();
+        assert!(folder.downcast_ref::<InputError>().is_some(), "{folder}");
         let other = Program::at("true".into()).version().unwrap_err().to_string();
         assert!(other.contains("found no text, expected the help of COLMAP"), "{other}");
     }

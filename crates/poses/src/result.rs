@@ -44,8 +44,42 @@ pub struct Poses {
     pub cameras: Vec<Camera>,
     /// Width and height of the first undistorted photograph, in pixels.
     pub undistorted: [u64; 2],
+    /// Signs that poses or lenses are wrong, one sentence each.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// Ways to more poses, if there are few.
     pub advice: Vec<String>,
+}
+
+/// The least and the largest focal length of a lens, in units of the longer side of its
+/// photographs: fields of view of 157 and 3 degrees. COLMAP trusts lenses from 0.1 to 10.
+const FOCAL: [f64; 2] = [0.1, 20.0];
+
+/// A warning about lenses that do not exist.
+fn lens_warning(cameras: &[Camera]) -> Option<String> {
+    let side = |camera: &Camera| camera.size.into_iter().max().unwrap_or(1) as f64;
+    let is_wrong =
+        |camera: &&Camera| !(FOCAL[0]..=FOCAL[1]).contains(&(camera.focal / side(camera)));
+    let first = cameras.iter().find(is_wrong)?;
+    let wrong = cameras.iter().filter(is_wrong).count();
+    Some(format!(
+        "{wrong} of {} lenses cannot be right (a focal length of {:.1} pixels for a side of {}), \
+         nor can the poses of their photographs: use one lens for many photographs (--cameras), \
+         or photographs with EXIF data",
+        cameras.len(),
+        first.focal,
+        side(first)
+    ))
+}
+
+/// A path as a word of a shell.
+fn shell_word(path: &Path) -> String {
+    let word = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./+,:@%=".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word,
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
 }
 
 /// The models in a folder of COLMAP's results, the one with the most photographs first.
@@ -88,6 +122,7 @@ impl Poses {
             size: c.size,
             focal: c.parameters.first().copied().unwrap_or(0.0),
         };
+        let cameras: Vec<Camera> = model.cameras.iter().map(camera).collect();
         Ok(Poses {
             dataset: dataset.to_owned(),
             photographs: all,
@@ -96,8 +131,9 @@ impl Poses {
             models: found.iter().map(|model| model.images.len()).collect(),
             points: model.points,
             reprojection_error: model.reprojection_error,
-            cameras: model.cameras.iter().map(camera).collect(),
             undistorted: undistorted.cameras.first().map_or([0; 2], |camera| camera.size),
+            warnings: lens_warning(&cameras).into_iter().collect(),
+            cameras,
             advice: advice.into_iter().map(str::to_owned).collect(),
         })
     }
@@ -129,10 +165,14 @@ impl Poses {
         let [width, height] = self.undistorted;
         let dataset = self.dataset.display();
         rows.push(format!("data set     {dataset}: undistorted, {width} x {height} pixels"));
+        for warning in &self.warnings {
+            rows.push(format!("WARNING      {warning}"));
+        }
         for advice in &self.advice {
             rows.push(format!("ADVICE       {advice}"));
         }
-        rows.push(format!("next         dsdf inspect {dataset} -o inspect.png"));
+        let word = shell_word(&self.dataset);
+        rows.push(format!("next         dsdf inspect {word} -o inspect.png"));
         rows.join("\n")
     }
 
@@ -177,6 +217,7 @@ mod tests {
             reprojection_error: Some(0.493),
             cameras: vec![camera.clone()],
             undistorted: [318, 238],
+            warnings: vec!["a lens".into()],
             advice: vec!["more photographs".into()],
         };
         let text = poses.text();
@@ -187,11 +228,17 @@ mod tests {
             "points       1612, mean reprojection error 0.49 pixels",
             "camera       SIMPLE_RADIAL, focal length 342.5 of 320 x 240 pixels",
             "data set     data: undistorted, 318 x 238 pixels",
+            "WARNING      a lens",
             "ADVICE       more photographs",
             "next         dsdf inspect data -o inspect.png",
         ] {
             assert!(text.lines().any(|line| line == row), "{row}\n{text}");
         }
+        assert_eq!(lens_warning(&poses.cameras), None);
+        let odd = [camera.clone(), Camera { focal: 3.4e8, ..camera.clone() }];
+        let warning = lens_warning(&odd).unwrap();
+        assert!(warning.starts_with("1 of 2 lenses cannot be right (a focal length of 3"));
+        assert_eq!(shell_word(Path::new("a b/it's")), r"'a b/it'\''s'");
         poses.cameras.push(Camera { focal: 400.0, ..camera });
         let expected = "2 of SIMPLE_RADIAL, focal lengths 342.5 to 400.0 pixels";
         assert_eq!(poses.camera_text(), expected);

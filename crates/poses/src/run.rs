@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use io::InputError;
 
 use crate::advice::remedies;
-use crate::commands::{DATABASE, LIST, Options, Places, arguments};
+use crate::commands::{DATABASE, Options, Places, arguments, list_name};
 use crate::output::Log;
 use crate::photographs::Photographs;
 use crate::program::{End, Program};
@@ -39,6 +39,9 @@ pub struct Job<'a> {
 /// News of a run.
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
+    /// This part of the photographs is decoded, 0 to 1: a damaged one ends the run before COLMAP
+    /// starts.
+    Decoding(f64),
     /// These steps are done already.
     Kept(&'a [Step]),
     /// A step starts.
@@ -63,35 +66,44 @@ pub enum Event<'a> {
 /// returned. The same job continues then.
 ///
 /// # Errors
-/// With an [`InputError`] if the folder has other files, or belongs to other photographs; if COLMAP
-/// is missing, a step fails, no pose is found, or a file cannot be written.
+/// With an [`InputError`] if the folder has other files, or belongs to other photographs, if a
+/// photograph cannot be decoded, or if a path is not in UTF-8; if COLMAP is missing, a step fails, no pose is found, or a file cannot be written.
 pub fn run(
     job: &Job<'_>,
     stop: &dyn Fn() -> bool,
     show: &mut dyn FnMut(Event<'_>),
 ) -> anyhow::Result<Option<Poses>> {
     job.options.check(job.photographs)?;
+    for (path, field) in [(&*job.photographs.folder, "photographs"), (job.output, "output")] {
+        check_utf8(path, field)?;
+    }
     let settings = job.options.settings(job.photographs);
     let state = State::of(job.output, job.photographs)?;
     if job.done(&state, &settings) == Step::ALL.len()
-        && let Some(poses) = state.result
+        && let Some(poses) = &state.result
     {
         show(Event::Kept(&Step::ALL));
-        return Ok(Some(Poses { dataset: job.output.to_owned(), ..poses }));
+        return Ok(Some(Poses { dataset: job.output.to_owned(), ..poses.clone() }));
     }
     // The program first: without it, nothing is written.
     let version = job.program.version()?;
-    let _lock = job.lock()?;
+    let done_of =
+        |state: &State| if state.colmap == version { job.done(state, &settings) } else { 0 };
+    // COLMAP leaves photographs out that it cannot decode.
+    if done_of(&state) == 0 && !job.decode(stop, show)? {
+        return Ok(None);
+    }
+    let lock = job.lock()?;
     let mut state = State::of(job.output, job.photographs)?;
-    let done = if state.colmap == version { job.done(&state, &settings) } else { 0 };
-    state.colmap = version;
+    let done = done_of(&state);
+    state.colmap.clone_from(&version);
     state.done.truncate(done);
     state.result = None;
     show(Event::Kept(&Step::ALL[..done]));
     let mut log = Log::open(job.output, done > 0)?;
     for entry in &settings[done..] {
         show(Event::Started(entry.step));
-        if !job.run_step(entry, &mut state, &mut log, stop, show)? {
+        if !job.run_step(entry, &mut state, (&mut log, &lock), stop, show)? {
             return Ok(None);
         }
         show(Event::Finished(entry.step));
@@ -105,6 +117,24 @@ pub fn run(
 }
 
 impl Job<'_> {
+    /// Decodes all photographs. Returns whether it was not stopped.
+    fn decode(
+        &self,
+        stop: &dyn Fn() -> bool,
+        show: &mut dyn FnMut(Event<'_>),
+    ) -> Result<bool, InputError> {
+        show(Event::Decoding(0.0));
+        let all = self.photographs.count() as f64;
+        for number in 0..self.photographs.count() {
+            if stop() {
+                return Ok(false);
+            }
+            self.photographs.decode(number)?;
+            show(Event::Decoding((number + 1) as f64 / all));
+        }
+        Ok(true)
+    }
+
     /// The folder of a step's results.
     fn result_of(&self, step: Step) -> PathBuf {
         match step {
@@ -132,7 +162,7 @@ impl Job<'_> {
         fs::create_dir_all(work)
             .map_err(|e| InputError::new(work, "output", e, "a folder that can be written"))?;
         let Some(lock) = io::lock(&work.join("lock"))? else {
-            let found = "another `dsdf poses` that is writing this folder";
+            let found = "another `dsdf poses`, or a COLMAP that it started, at work in this folder";
             let expected = "a folder without one: wait for it, or choose another";
             return Err(InputError::new(work, "output", found, expected).into());
         };
@@ -145,7 +175,7 @@ impl Job<'_> {
         &self,
         entry: &Entry,
         state: &mut State,
-        log: &mut Log,
+        (log, lock): (&mut Log, &File),
         stop: &dyn Fn() -> bool,
         show: &mut dyn FnMut(Event<'_>),
     ) -> anyhow::Result<bool> {
@@ -161,21 +191,28 @@ impl Job<'_> {
         if !continues {
             self.prepare(step, &partial)?;
         }
-        let command = self.options.command(step, self.photographs.count());
-        let words = self.command_line(step, command, &partial)?;
-        log.begin(&words)?;
-        let count = self.photographs.count();
-        let end = self.program.run(&words, stop, &mut |line| {
-            if let Some((fraction, text)) = step.progress(line, count) {
-                show(Event::Progress { step, fraction, text: &text });
+        let groups = match step {
+            Step::Features => self.options.groups(self.photographs),
+            _ => vec![Vec::new()],
+        };
+        let (count, mut before) = (self.photographs.count(), 0);
+        for (number, group) in groups.iter().enumerate() {
+            let command = self.options.command(step, count);
+            let words = self.command_line(step, command, &partial, number)?;
+            log.begin(&words)?;
+            let end = self.program.run(&words, lock, stop, &mut |line| {
+                if let Some((fraction, text)) = step.progress(line, count, before) {
+                    show(Event::Progress { step, fraction, text: &text });
+                }
+                log.add(line)
+            })?;
+            match end {
+                End::Stopped => return Ok(false),
+                End::Failed(status) => return Err(self.failure(step, command, &status, log)),
+                End::Done => before += group.len(),
             }
-            log.add(line)
-        })?;
-        match end {
-            End::Stopped => return Ok(false),
-            End::Failed(status) => return Err(self.failure(step, command, &status, log)),
-            End::Done => self.accept(step, &partial, log)?,
         }
+        self.accept(step, &partial, log)?;
         state.done.push(entry.clone());
         state.save(self.output)?;
         Ok(true)
@@ -201,7 +238,11 @@ impl Job<'_> {
         fs::create_dir_all(partial).with_context(context)?;
         match step {
             Step::Features => {
-                fs::write(partial.join(LIST), self.photographs.list()).with_context(context)
+                let groups = self.options.groups(self.photographs);
+                groups.iter().enumerate().try_for_each(|(number, group)| {
+                    let list = partial.join(list_name(number));
+                    fs::write(list, self.photographs.list(group)).with_context(context)
+                })
             }
             Step::Matching => {
                 let from = self.result_of(Step::Features).join(DATABASE);
@@ -217,6 +258,7 @@ impl Job<'_> {
         step: Step,
         command: &str,
         partial: &Path,
+        group: usize,
     ) -> anyhow::Result<Vec<String>> {
         let input = match step {
             Step::Features | Step::Matching => PathBuf::new(),
@@ -228,7 +270,8 @@ impl Job<'_> {
         };
         // A path that starts with a dash would be an option.
         let [images, input, output] = [&self.photographs.folder, &input, partial].map(absolute);
-        let places = Places { images: &images, input: &input, output: &output };
+        let list = output.join(list_name(group));
+        let places = Places { images: &images, input: &input, output: &output, list: &list };
         let help = self.program.help(command)?;
         let (options, photographs) = (self.options, self.photographs);
         let mut words = vec![command.to_owned()];
@@ -267,6 +310,7 @@ impl Job<'_> {
             return self.no_pose(log);
         }
         let (error, log) = (log.error(), log.path().display());
+        let error = if error.is_empty() { "it printed nothing" } else { error };
         anyhow::anyhow!("colmap {command} {status}: {error} (all its output: {log})")
     }
 
@@ -280,6 +324,16 @@ impl Job<'_> {
             log.path().display()
         )
     }
+}
+
+/// Refuses a path that cannot be an argument of COLMAP, also where the part before it is to blame.
+fn check_utf8(path: &Path, field: &str) -> Result<(), InputError> {
+    let found = || format!("{} as its path from the root", absolute(path).to_string_lossy());
+    let expected = "a path in UTF-8";
+    absolute(path)
+        .to_str()
+        .map(|_| ())
+        .ok_or_else(|| InputError::new(path, field, found(), expected))
 }
 
 /// The path from the root.

@@ -38,11 +38,20 @@ impl Step {
     }
 
     /// The fraction of the step that is done after this line of COLMAP's output, and its text;
-    /// `None` for a line about something else. `photographs` is their number.
-    pub(crate) fn progress(self, line: &str, photographs: usize) -> Option<(f64, String)> {
+    /// `None` for a line about something else. `photographs` is their number, and `before` that of
+    /// calls of COLMAP before.
+    pub(crate) fn progress(
+        self,
+        line: &str,
+        photographs: usize,
+        before: usize,
+    ) -> Option<(f64, String)> {
         match self {
-            Step::Features => fraction_in(line, "Processed file", "photographs"),
-            Step::Undistortion => fraction_in(line, "Undistorting image", "photographs"),
+            Step::Features => {
+                let [done, _] = numbers_after(line, "Processed file")?[..] else { return None };
+                of_photographs(before + done, photographs)
+            }
+            Step::Undistortion => fraction_in(line, "Undistorting image"),
             Step::Matching => matched(line),
             Step::Mapping => registered(line, photographs),
         }
@@ -63,10 +72,14 @@ fn numbers_after(line: &str, start: &str) -> Option<Vec<usize>> {
     inside.split([',', '/']).map(|word| word.trim().parse().ok()).collect()
 }
 
-/// The progress in a line such as `Processed file [3/48]`.
-fn fraction_in(line: &str, start: &str, unit: &str) -> Option<(f64, String)> {
+/// The progress in a line such as `Undistorting image [3/48]`.
+fn fraction_in(line: &str, start: &str) -> Option<(f64, String)> {
     let [done, all] = numbers_after(line, start)?[..] else { return None };
-    (all > 0).then(|| (done as f64 / all as f64, format!("{done} of {all} {unit}")))
+    of_photographs(done, all)
+}
+
+fn of_photographs(done: usize, all: usize) -> Option<(f64, String)> {
+    (all > 0).then(|| (done as f64 / all as f64, format!("{done} of {all} photographs")))
 }
 
 /// The progress in a line of a matcher: of blocks of pairs, or of photographs.
@@ -83,8 +96,7 @@ fn matched(line: &str) -> Option<(f64, String)> {
             _ => {}
         }
     }
-    fraction_in(line, "Matching image", "photographs")
-        .or_else(|| fraction_in(line, "Processing image", "photographs"))
+    fraction_in(line, "Matching image").or_else(|| fraction_in(line, "Processing image"))
 }
 
 /// The progress in a line such as `Registering image #20 (3)`: the third photograph.
@@ -103,12 +115,14 @@ mod tests {
 
     #[test]
     fn lines_of_old_and_new_versions_give_the_progress() {
-        let text = |step: Step, line: &str| step.progress(line, 48);
+        let text = |step: Step, line: &str| step.progress(line, 48, 0);
         let some = |fraction: f64, text: &str| Some((fraction, text.to_owned()));
         assert_eq!(
             text(Step::Features, "Processed file [12/48]"),
             some(0.25, "12 of 48 photographs")
         );
+        let second = Step::Features.progress("Processed file [3/12]", 48, 36);
+        assert_eq!(second, some(39.0 / 48.0, "39 of 48 photographs"));
         let new = "I20260901 10:00:00.0 1 feature_extraction.cc:254] Processed file [24/48]";
         assert_eq!(text(Step::Features, new), some(0.5, "24 of 48 photographs"));
         let block = some(0.7, "block 7 of 10");
@@ -129,10 +143,10 @@ mod tests {
     fn other_lines_give_none() {
         for line in ["", "Matching block [", "Matching block [0/0, 0/0]", "Processed file [a/b]"] {
             for step in Step::ALL {
-                assert_eq!(step.progress(line, 48), None, "{line}");
+                assert_eq!(step.progress(line, 48, 0), None, "{line}");
             }
         }
-        assert_eq!(Step::Matching.progress("Matching block [0/2, 1/2]", 4), None);
-        assert_eq!(Step::Mapping.progress("Registering image #2 (none)", 4), None);
+        assert_eq!(Step::Matching.progress("Matching block [0/2, 1/2]", 4, 0), None);
+        assert_eq!(Step::Mapping.progress("Registering image #2 (none)", 4, 0), None);
     }
 }

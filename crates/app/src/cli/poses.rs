@@ -53,11 +53,18 @@ impl Poses {
     fn show(&self, event: Event<'_>, bar: &mut Option<Progress>, global: &Global) {
         match event {
             Event::Kept([]) => {}
+            Event::Decoding(fraction) => {
+                let bar = bar.get_or_insert_with(|| global.progress("photographs"));
+                bar.mover()(fraction);
+            }
             Event::Kept(steps) => {
                 let names: Vec<&str> = steps.iter().map(|step| step.name()).collect();
                 global.say(&format!("done already: {}", names.join(", ")));
             }
             Event::Started(step) => {
+                if let Some(bar) = bar.take() {
+                    bar.finish_and_clear();
+                }
                 *bar = Some(global.progress_with_text(step.name()));
             }
             Event::Progress { fraction, text, .. } => {
