@@ -35,9 +35,10 @@ fi
   echo "SKIPPED: the tests of PyTorch, which is not installed (see DSDF_TORCH in crates/python/ci.sh)" >&2
 export PYO3_PYTHON="$PWD/$out/venv/bin/python" CARGO_TARGET_DIR="$PWD/$out"
 manifest=crates/python/Cargo.toml
-cargo clippy --locked --manifest-path $manifest -- -D warnings
 rm -rf "$out/wheels"
-"$out/venv/bin/maturin" build --quiet --locked --manifest-path $manifest --out "$out/wheels"
+# The build compiles the package with clippy in place of rustc, so that nothing is compiled twice.
+RUSTC_WORKSPACE_WRAPPER=$(command -v clippy-driver) RUSTFLAGS="-D warnings" \
+  "$out/venv/bin/maturin" build --quiet --locked --manifest-path $manifest --out "$out/wheels"
 pip install --force-reinstall --no-deps "$out"/wheels/*.whl
 export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/debug/dsdf}"
 "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -18,12 +19,34 @@ pub(crate) fn rows<'py>(py: Python<'py>, v: &[DVec3]) -> PyResult<Bound<'py, PyA
 /// # Errors
 /// If they are no numbers. `name` says in the message which argument or result it is.
 pub(crate) fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64>, Vec<usize>)> {
+    numbers_of(value, name, "fiub")
+}
+
+/// As [`numbers`], with these kinds of NumPy types: `f` floating point, `i` and `u` whole numbers,
+/// `b` booleans.
+fn numbers_of(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    kinds: &str,
+) -> PyResult<(Vec<f64>, Vec<usize>)> {
     let py = value.py();
-    let array = py.import("numpy")?.call_method1("asarray", (value,))?;
+    let numpy = py.import("numpy")?;
+    if numpy.getattr("ma")?.call_method1("isMaskedArray", (value,))?.extract()? {
+        // Its mask would be lost.
+        return Err(wrong(name, "array", "a masked array", "an array without a mask"));
+    }
+    let array = numpy.call_method1("asarray", (value,)).map_err(|error| {
+        // Rows of several lengths, for example. Other exceptions pass through.
+        match error.is_instance_of::<PyValueError>(py) {
+            true => wrong(name, "array", error.value(py), "an array of numbers"),
+            false => error,
+        }
+    })?;
     let dtype = array.getattr("dtype")?;
     let kind: String = dtype.getattr("kind")?.extract()?;
-    if !["f", "i", "u", "b"].contains(&kind.as_str()) {
-        return Err(wrong(name, "dtype", dtype.str()?, "real numbers"));
+    if !kinds.contains(&kind) {
+        let expected = if kinds == "f" { "floating-point numbers" } else { "real numbers" };
+        return Err(wrong(name, "dtype", dtype.str()?, expected));
     }
     let options = PyDict::new(py);
     options.set_item("order", "C")?;
@@ -34,9 +57,14 @@ pub(crate) fn numbers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<f64
     Ok((array.to_vec()?, shape))
 }
 
-/// As [`numbers`], of an exact shape.
-fn shaped(value: &Bound<'_, PyAny>, name: &str, shape: &[usize]) -> PyResult<Vec<f64>> {
-    let (numbers, found) = numbers(value, name)?;
+/// Floating-point numbers of an exact shape, the result of a method; or any, as an argument.
+fn shaped(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    shape: &[usize],
+    kinds: &str,
+) -> PyResult<Vec<f64>> {
+    let (numbers, found) = numbers_of(value, name, kinds)?;
     if found != shape {
         return Err(wrong(name, "shape", tuple(&found), &tuple(shape)));
     }
@@ -52,22 +80,41 @@ pub(crate) fn tuple(shape: &[usize]) -> String {
 
 /// `n` numbers.
 pub(crate) fn read_numbers(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<f64>> {
-    shaped(value, name, &[n])
+    shaped(value, name, &[n], "fiub")
 }
 
-/// `n` vectors: an array n × 3.
-pub(crate) fn read_rows(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<DVec3>> {
-    let numbers = shaped(value, name, &[n, 3])?;
+/// `n` numbers that a method returned: whole numbers and booleans are those of a mistake, for
+/// example of a comparison.
+pub(crate) fn result_numbers(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<f64>> {
+    shaped(value, name, &[n], "f")
+}
+
+/// `n` vectors that a method returned: an array n × 3.
+pub(crate) fn result_rows(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<DVec3>> {
+    let numbers = shaped(value, name, &[n, 3], "f")?;
     Ok(numbers.chunks_exact(3).map(DVec3::from_slice).collect())
 }
 
-/// `n` vectors of finite numbers.
+/// `n` vectors of finite numbers that a method returned.
+pub(crate) fn finite_result_rows(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    n: usize,
+) -> PyResult<Vec<DVec3>> {
+    finite(result_rows(value, name, n)?, name)
+}
+
+/// `n` vectors of finite numbers: an array n × 3.
 pub(crate) fn read_finite_rows(
     value: &Bound<'_, PyAny>,
     name: &str,
     n: usize,
 ) -> PyResult<Vec<DVec3>> {
-    let rows = read_rows(value, name, n)?;
+    let numbers = shaped(value, name, &[n, 3], "fiub")?;
+    finite(numbers.chunks_exact(3).map(DVec3::from_slice).collect(), name)
+}
+
+fn finite(rows: Vec<DVec3>, name: &str) -> PyResult<Vec<DVec3>> {
     match rows.iter().position(|row| !row.is_finite()) {
         Some(i) => Err(wrong(name, &format!("row {i}"), rows[i], "finite numbers")),
         None => Ok(rows),

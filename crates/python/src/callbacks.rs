@@ -3,10 +3,10 @@
 use field::{Field, Sphere, SurfaceAdjoint, SurfaceBatch};
 use glam::DVec3;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyList, PyTuple};
 use render::Shader;
 
-use crate::arrays::{read_finite_rows, read_numbers, read_rows, rows};
+use crate::arrays::{finite_result_rows, result_numbers, result_rows, rows};
 use crate::failure::{Failure, wrong};
 
 /// A Python object, and the first exception of its methods.
@@ -43,9 +43,10 @@ impl Callbacks<'_> {
         method: &str,
         result: Bound<'py, PyAny>,
     ) -> PyResult<[Bound<'py, PyAny>; N]> {
-        let items: Vec<Bound<'py, PyAny>> = match result.cast::<PyTuple>() {
-            Ok(tuple) if N > 1 => tuple.iter().collect(),
-            _ => vec![result],
+        let is_list = result.is_instance_of::<PyTuple>() || result.is_instance_of::<PyList>();
+        let items: Vec<Bound<'py, PyAny>> = match N > 1 && is_list {
+            true => result.try_iter()?.collect::<PyResult<_>>()?,
+            false => vec![result],
         };
         let found = items.len();
         items.try_into().map_err(|_| {
@@ -79,7 +80,7 @@ impl Field<f64> for PyField<'_> {
         }
         let found = self
             .callbacks
-            .call("value", &[x], |[value]| read_numbers(&value, "field.value", x.len()));
+            .call("value", &[x], |[value]| result_numbers(&value, "field.value", x.len()));
         match found {
             Some(value) => f.copy_from_slice(&value),
             None => f.fill(f64::NAN),
@@ -91,8 +92,8 @@ impl Field<f64> for PyField<'_> {
             return;
         }
         let found = self.callbacks.call("value_gradient", &[x], |[value, slope]| {
-            let value = read_numbers(&value, "field.value_gradient, value", x.len())?;
-            Ok((value, read_rows(&slope, "field.value_gradient, gradient", x.len())?))
+            let value = result_numbers(&value, "field.value_gradient, value", x.len())?;
+            Ok((value, result_rows(&slope, "field.value_gradient, gradient", x.len())?))
         });
         match found {
             Some((value, slope)) => {
@@ -117,8 +118,8 @@ impl Field<f64> for PyField<'_> {
             return;
         }
         let found = self.callbacks.call("hessian_vector", &[x, p], |[slope, turned]| {
-            let slope = read_rows(&slope, "field.hessian_vector, gradient", x.len())?;
-            Ok((slope, read_rows(&turned, "field.hessian_vector, product", x.len())?))
+            let slope = result_rows(&slope, "field.hessian_vector, gradient", x.len())?;
+            Ok((slope, result_rows(&turned, "field.hessian_vector, product", x.len())?))
         });
         match found {
             Some((slope, turned)) => {
@@ -151,7 +152,7 @@ impl Shader<f64> for PyShader<'_> {
         }
         let SurfaceBatch { x, normal, direction } = *points;
         let found = self.0.call("radiance", &[x, normal, direction], |[radiance]| {
-            read_finite_rows(&radiance, "shader.radiance", x.len())
+            finite_result_rows(&radiance, "shader.radiance", x.len())
         });
         match found {
             Some(found) => rgb.copy_from_slice(&found),
@@ -172,7 +173,7 @@ impl Shader<f64> for PyShader<'_> {
         let SurfaceBatch { x, normal, direction } = *points;
         let found = self.0.call("vjp", &[x, normal, direction, adjoint], |bars| {
             let [x_bar, normal_bar, direction_bar] = bars;
-            let read = |bar, name: &str| read_finite_rows(&bar, name, x.len());
+            let read = |bar, name: &str| finite_result_rows(&bar, name, x.len());
             Ok(SurfaceAdjoint {
                 x: read(x_bar, "shader.vjp, adjoint of x")?,
                 normal: read(normal_bar, "shader.vjp, adjoint of n")?,

@@ -20,12 +20,15 @@ fn read(description: &Bound<'_, PyDict>, name: &str) -> PyResult<Camera> {
     let py = description.py();
     let (numpy, plain) = (py.import("numpy")?, PyDict::new(py));
     for (key, value) in description {
+        let key: String = key.extract()?;
+        let (values, _) = numbers(&value, &format!("{name}: /{key}"))?;
+        if !values.iter().all(|v| v.is_finite()) {
+            return Err(wrong(name, &format!("/{key}"), value, "finite numbers"));
+        }
         let value = numpy.call_method1("asarray", (value,))?.call_method0("tolist")?;
         plain.set_item(key, value)?;
     }
-    let finite = PyDict::new(py);
-    finite.set_item("allow_nan", false)?;
-    let text = py.import("json")?.call_method("dumps", (plain,), Some(&finite));
+    let text = py.import("json")?.call_method1("dumps", (plain,));
     let text: String = text
         .map_err(|error| {
             wrong(name, "keywords", error.value(py), "finite numbers and lists of them")

@@ -6,8 +6,9 @@ use estimate::{
     Terms,
 };
 use field::{PartialSum, SLOPE_POINTS, Sphere};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use render::{
     Analytic, Background, BackgroundPerCamera, Formula, Pixel, Scene, Shader, UniformBackground,
@@ -68,6 +69,41 @@ impl Parts {
     }
 }
 
+/// The place where the ray through the centre of a pixel enters a ball; `None` if it misses it.
+fn entry(bounds: &Sphere<f64>, camera: &render::Camera, pixel: &Pixel) -> Option<DVec3> {
+    let u = DVec2::new(f64::from(pixel.x), f64::from(pixel.y)) + 0.5;
+    let direction = camera.direction(u);
+    let (start, _) = bounds.clip(camera.eye, direction)?;
+    Some(camera.eye + direction * start)
+}
+
+impl Parts {
+    /// Refuses a field that is negative where most rays start: they would see nothing, and have no
+    /// derivatives. Warns where some do.
+    ///
+    /// # Errors
+    /// That, or an exception of the field.
+    fn refuse_inside(&self, py: Python<'_>, pixels: &[Pixel]) -> PyResult<()> {
+        let entry = |pixel: &Pixel| entry(&self.bounds, &self.cameras[pixel.camera], pixel);
+        let entries: Vec<DVec3> = pixels.iter().filter_map(entry).collect();
+        let mut f = vec![0.0; entries.len()];
+        self.with_scene(py, |scene| scene.field.value(&entries, &mut f))?;
+        let Some(first) = f.iter().position(|f| *f < 0.0) else { return Ok(()) };
+        let (inside, all) = (f.iter().filter(|f| **f < 0.0).count(), f.len());
+        let found = format!(
+            "{} at {}, where a ray starts ({inside} of {all} rays)",
+            f[first], entries[first]
+        );
+        let expected = "a positive value outside the solid, and bounds that hold the whole solid";
+        if 2 * inside > all {
+            return Err(wrong("field", "value", found, expected));
+        }
+        let text = format!("field: value: found {found}, expected {expected}: they see nothing");
+        let text = std::ffi::CString::new(text)?;
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 2)
+    }
+}
+
 /// Samples of pixels, from which derivatives of any function of the pixels follow.
 #[pyclass(frozen, module = "dsdf")]
 pub(crate) struct Record {
@@ -78,7 +114,7 @@ pub(crate) struct Record {
 
 /// Samples pixels with an estimator. `dsdf.record` in Python documents the arguments.
 #[pyfunction]
-#[pyo3(signature = (field, shader, cameras, pixels, *, bounds, estimator="refined", seed=0, spp=64,
+#[pyo3(signature = (field, shader, cameras, pixels, *, bounds, estimator="refined", seed, spp,
     edge_samples=None, background=None, relaxation=1.0, hit_tolerance=None, steps=22, top_k=14,
     gamma=3.0, lambda_d=1.0, epsilon=1e-6))]
 #[allow(clippy::too_many_arguments, reason = "the keywords of a Python function")]
@@ -90,9 +126,9 @@ pub(crate) fn record(
     pixels: &Bound<'_, PyAny>,
     bounds: &Bound<'_, PyAny>,
     estimator: &str,
-    seed: u64,
-    spp: u32,
-    edge_samples: Option<u32>,
+    seed: &Bound<'_, PyAny>,
+    spp: &Bound<'_, PyAny>,
+    edge_samples: Option<&Bound<'_, PyAny>>,
     background: Option<&Bound<'_, PyAny>>,
     relaxation: f64,
     hit_tolerance: Option<f64>,
@@ -111,12 +147,11 @@ pub(crate) fn record(
         bounds: read_bounds(bounds)?,
         cameras,
     };
-    let edge_samples = edge_samples.unwrap_or_else(|| spp.div_ceil(2));
-    for (name, count) in [("spp", spp), ("edge_samples", edge_samples)] {
-        if !(1..=65_536).contains(&count) {
-            return Err(wrong(ARGUMENTS, name, count, "1 to 65536"));
-        }
-    }
+    let seed: u64 = whole(seed, "seed", "0 to 18446744073709551615", |_| true)?;
+    let count = |value, name| whole(value, name, "1 to 65536", |n| (1..=65_536).contains(n));
+    let spp: u32 = count(spp, "spp")?;
+    let edge_samples =
+        edge_samples.map_or(Ok(spp.div_ceil(2)), |value| count(value, "edge_samples"))?;
     let default = trace::Options::default();
     let tolerance = hit_tolerance.unwrap_or(default.tolerance);
     let tracing = trace::Options { relaxation, tolerance, ..default };
@@ -126,6 +161,7 @@ pub(crate) fn record(
     warp.validate().map_err(|e| wrong(ARGUMENTS, e.name, e.found, e.expected))?;
     let estimator = named(estimator, warp)?;
     let counts = SampleCounts { spp, edge_samples };
+    parts.refuse_inside(py, &pixels)?;
     let (samples, unmodelled) = parts.with_scene(py, |scene| {
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let batch = Batch { pixels: &pixels, counts, seed, terms: Terms::All };
@@ -138,6 +174,17 @@ pub(crate) fn record(
         samples: samples.map_err(not_finite)?,
         unmodelled: unmodelled.into_iter().map(Discontinuity::name).collect(),
     })
+}
+
+/// A whole number in a range, of which `expected` are the words.
+fn whole<'py, T: for<'a> FromPyObject<'a, 'py>>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    expected: &str,
+    is_in_range: impl Fn(&T) -> bool,
+) -> PyResult<T> {
+    let number = value.extract::<T>().ok().filter(is_in_range);
+    number.ok_or_else(|| wrong(ARGUMENTS, name, value, expected))
 }
 
 /// The estimator of a name.
@@ -179,10 +226,12 @@ fn read_appearance(shader: &Bound<'_, PyAny>) -> PyResult<Appearance> {
     if shader.hasattr("radiance")? {
         return Ok(Appearance::Object(shader.clone().unbind()));
     }
-    let expected = "an object with radiance and vjp, or a colour";
-    let rgb = read_numbers(shader, "shader", 3)
-        .map_err(|_| wrong(ARGUMENTS, "shader", shader, expected))?;
-    Ok(Appearance::Constant(DVec3::from_slice(&rgb)))
+    let expected = "an object with radiance and vjp, or a colour of three finite numbers";
+    let rgb = read_numbers(shader, "shader", 3).map(|rgb| DVec3::from_slice(&rgb));
+    match rgb.ok().filter(|rgb| rgb.is_finite()) {
+        Some(rgb) => Ok(Appearance::Constant(rgb)),
+        None => Err(wrong(ARGUMENTS, "shader", shader, expected)),
+    }
 }
 
 /// A colour, or one for each camera; black by default.

@@ -145,7 +145,13 @@ def test_wrong_arguments_are_named():
     wrong("cameras[0]: /focal", ball, (1, 1, 1), [{"width": 1, "height": 1}], pixels)
     wrong("cameras", ball, (1, 1, 1), [], pixels)
     nan = {"width": 1, "height": 1, "focal": float("nan"), "principal": [0, 0]}
-    wrong("cameras[0]: keywords", ball, (1, 1, 1), [nan], pixels)
+    wrong("cameras[0]: /focal: found nan", ball, (1, 1, 1), [nan], pixels)
+    wrong("spp: found -1", ball, (1, 1, 1), views, pixels, spp=-1)
+    wrong("seed: found -1", ball, (1, 1, 1), views, pixels, seed=-1)
+    wrong("shader: found", ball, (1, float("nan"), 1), views, pixels)
+    wrong("pixels: array", ball, (1, 1, 1), views, [[0, 1, 2], [0, 1]])
+    masked = np.ma.masked_array([[0, 1, 2]], mask=[[0, 1, 0]])
+    wrong("pixels: array: found a masked", ball, (1, 1, 1), views, masked)
     wrong("cameras[0]: found str", ball, (1, 1, 1), ["camera"], pixels)
     record = dsdf.record(ball, (1, 1, 1), views, pixels, bounds=BOUNDS)
     for delta in ([[1, 2, 3], [1, 2, 3]], [[1, np.nan, 3]], [["a", "b", "c"]]):
@@ -170,11 +176,36 @@ def test_wrong_results_of_callbacks_are_named():
         def radiance(self, x, n, d):
             return np.full_like(x, np.inf)
 
+    class Inside(Ball):
+        def value(self, x):
+            return super().value(x) < 0
+
+    class Lists(Ball):
+        def value_gradient(self, x):
+            return list(super().value_gradient(x))
+
     views, pixels = [camera()], dsdf.pixels([camera()])
+    wrong("field.value: dtype: found bool", Inside(), (1, 1, 1), views, pixels)
+    dsdf.record(Lists(), Lit(), views, pixels, bounds=BOUNDS, spp=1)
     wrong("field.value: shape", Column(), (1, 1, 1), views, pixels)
     wrong("field.value_gradient: result", Single(), (1, 1, 1), views, pixels)
     wrong("not finite along the ray", Hole(), (1, 1, 1), views, pixels)
     wrong("shader.radiance", Ball(), Dark(), views, pixels)
+
+
+def test_rays_that_start_inside_the_solid_are_told():
+    class Inverted(Ball):
+        def value(self, x):
+            return -super().value(x)
+
+    views, pixels = [camera()], dsdf.pixels([camera()])
+    wrong("field: value: found -", Inverted(), (1, 1, 1), views, pixels)
+    # A ball that reaches out of the bounds.
+    wrong("bounds that hold", Ball(radius=2.0), (1, 1, 1), views, pixels)
+    # A ball of which a part does.
+    out = Ball(center=(0.8, 0.0, 0.0), radius=0.5)
+    with pytest.warns(RuntimeWarning, match="they see nothing"):
+        dsdf.record(out, (1, 1, 1), views, pixels, bounds=(0, 0, 0, 1), spp=1)
 
 
 def test_unknown_terms_are_listed():

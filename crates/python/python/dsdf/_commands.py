@@ -67,8 +67,7 @@ class Scene:
         if not isinstance(self.content, dict):
             yield os.fspath(self.content)
             return
-        with tempfile.TemporaryDirectory(prefix="dsdf-") as folder:
-            path = os.path.join(folder, "scene.json")
+        with _temporary("scene.json") as path:
             with open(path, "w", encoding="utf-8") as file:
                 json.dump(self._absolute(self.content), file, default=_plain)
             yield path
@@ -141,6 +140,8 @@ def command(
     Warnings and notes go to ``sys.stderr``, without ``quiet=True``.
     Raises ``InputError`` for wrong arguments and wrong input, ``RuntimeError`` for other errors.
     """
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: found {progress!r}, expected a function or None")
     arguments = [name, *_flags(options), "--", *map(os.fspath, paths)]
     result = _native.run(arguments, progress, lambda line: print(line, file=sys.stderr))
     return None if result is None else json.loads(result)
@@ -210,7 +211,8 @@ def fit(
 ) -> Run:
     """``dsdf fit``: reconstructs the shape of posed photographs, in the run folder ``output``.
 
-    Ctrl-C writes a checkpoint and raises KeyboardInterrupt; ``resume=True`` continues.
+    Ctrl-C writes a checkpoint and raises KeyboardInterrupt; ``resume=True`` continues. With
+    ``check=True`` nothing is written, and the folder of the result does not exist.
     """
     paths = [] if dataset is None else [dataset]
     return Run(output, command("fit", *paths, progress=progress, output=output, **options))
@@ -339,9 +341,17 @@ def _scene(scene: Any) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _temporary(name: str) -> Iterator[str]:
-    """The path of a file in a folder that is removed at the end."""
+    """The path of a file in a folder that is removed at the end.
+
+    A message about the file has its name without the ending: that of an argument.
+    """
     with tempfile.TemporaryDirectory(prefix="dsdf-") as folder:
-        yield os.path.join(folder, name)
+        path = os.path.join(folder, name)
+        try:
+            yield path
+        except _native.InputError as error:
+            text = str(error).replace(path, os.path.splitext(name)[0])
+            raise _native.InputError(text) from None
 
 
 def _tensors(path: Path) -> dict[str, NDArray]:

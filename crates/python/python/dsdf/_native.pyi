@@ -1,7 +1,7 @@
 """The native part of dsdf."""
 
 import os
-from typing import Any, Callable, Optional, Sequence, Union
+from typing import Any, Callable, Optional, Sequence, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ class InputError(ValueError):
 class Camera:
     """A pinhole camera; the keywords are the keys of ``camera`` in a scene file."""
 
+    @overload
     def __init__(
         self,
         *,
@@ -23,10 +24,19 @@ class Camera:
         height: int,
         focal: ArrayLike,
         principal: ArrayLike,
-        eye: ArrayLike = ...,
-        target: ArrayLike = ...,
-        up: ArrayLike = ...,
-        pose: ArrayLike = ...,
+        eye: ArrayLike,
+        target: ArrayLike,
+        up: ArrayLike,
+    ) -> None: ...
+    @overload
+    def __init__(
+        self,
+        *,
+        width: int,
+        height: int,
+        focal: ArrayLike,
+        principal: ArrayLike,
+        pose: ArrayLike,
     ) -> None: ...
     @property
     def width(self) -> int: ...
@@ -79,8 +89,8 @@ def record(
     *,
     bounds: ArrayLike,
     estimator: str = ...,
-    seed: int = ...,
-    spp: int = ...,
+    seed: int,
+    spp: int,
     edge_samples: Optional[int] = ...,
     background: Optional[ArrayLike] = ...,
     relaxation: float = ...,

@@ -7,7 +7,7 @@ not changed.
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Optional, Union
 
 import numpy as np
 import torch
@@ -41,6 +41,13 @@ class _Module:
     def _tensor(self, array: np.ndarray, grad: bool = False) -> torch.Tensor:
         tensor = torch.tensor(array, dtype=self.dtype, device=self.device)
         return tensor.requires_grad_(grad)
+
+
+def _backward(loss: torch.Tensor, module: torch.nn.Module) -> None:
+    """Adds gradients to ``grad`` of the parameters that take one, if there are any."""
+    parameters = [p for p in module.parameters() if p.requires_grad]
+    if parameters and loss.requires_grad:
+        loss.backward(inputs=parameters)
 
 
 def _array(tensor: torch.Tensor) -> np.ndarray:
@@ -91,7 +98,7 @@ class Field(_Module):
             if turns:
                 (gradient,) = torch.autograd.grad(f.sum(), points, create_graph=True)
                 loss = loss + (self._tensor(c) * gradient).sum()
-            loss.backward(inputs=[p for p in self.module.parameters() if p.requires_grad])
+            _backward(loss, self.module)
 
 
 class Shader(_Module):
@@ -120,13 +127,21 @@ class Shader(_Module):
             return
         with torch.enable_grad():
             loss = (self(*map(self._tensor, (x, n, d))) * self._tensor(adjoint)).sum()
-            loss.backward(inputs=[p for p in self.module.parameters() if p.requires_grad])
+            _backward(loss, self.module)
 
 
 def backward(
-    record: Record, delta: np.ndarray, field: Field, shader: Optional[Shader] = None
+    record: Record,
+    delta: Union[np.ndarray, torch.Tensor],
+    field: Field,
+    shader: Optional[Shader] = None,
 ) -> None:
-    """Adds the gradient of sum(delta . pixel values) to ``grad`` of the parameters."""
+    """Adds the gradient of sum(delta . pixel values) to ``grad`` of the parameters.
+
+    Frozen parameters get none.
+    """
+    if isinstance(delta, torch.Tensor):
+        delta = _array(delta)
     field.backward(*record.backward(delta))
     if shader is not None:
         shader.backward(*record.shading(delta))
