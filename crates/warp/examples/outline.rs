@@ -7,13 +7,13 @@ fn main() {
     let (eye, ball) = (DVec3::new(0.0, 0.0, 4.0), Shape::<f64>::sphere([0.0; 3], 1.0));
     let chart = Pinhole::looking_at(eye, DVec3::ZERO, DVec3::Y, 100.0);
     println!("distance from the ball, V in pixels per unit of the radius:");
-    for gap in [0.3, 0.1, 0.03, 0.01, 1e-3, 1e-6] {
-        // A ray that passes the ball at this distance.
-        let sine: f64 = (1.0 + gap) / 4.0;
+    for gap in [0.3, 0.1, 0.03, 0.01, 1e-3] {
+        let sine: f64 = (1.0 + gap) / 4.0; // It passes the ball at this distance.
         let direction = DVec3::new(sine, 0.0, -(1.0 - sine * sine).sqrt());
         let ray =
             trace::Ray { origin: eye, direction, near: 2.0, far: 6.0, scale: 1.0, spread: 0.0 };
-        let visits = trace::visit(&ball, &[ray], 22, 1.0);
+        // With 22 steps, as in renders, the last ray ends before its closest point.
+        let visits = trace::visit(&ball, &[ray], 200, 1.0);
         let trace::Visited { t, f, gradient, step, clamped, valid } = visits.ray(0);
         let ray = WarpedRay {
             origin: eye,
