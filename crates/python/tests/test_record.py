@@ -14,7 +14,7 @@ def delta_of(pixels, size):
 
 
 def loss(field, shader, view, delta, **options):
-    image = dsdf.picture(field, shader, view, bounds=BOUNDS, spp=1024, seed=7, **options)
+    image = dsdf.picture(field, shader, view, bounds=BOUNDS, spp=400, seed=7, **options)
     return float((delta * image.reshape(-1, 3)).sum())
 
 
