@@ -209,12 +209,19 @@ fn read_pixels(value: &Bound<'_, PyAny>, cameras: &[render::Camera]) -> PyResult
     let pixel = |(i, row): (usize, &[f64])| {
         let [camera, x, y] = [row[0], row[1], row[2]];
         let whole = row.iter().all(|v| v.fract() == 0.0 && *v >= 0.0);
-        let own = cameras.get(camera as usize).filter(|_| whole);
-        match own.filter(|c| x < f64::from(c.width) && y < f64::from(c.height)) {
+        let own_camera = cameras.get(camera as usize).filter(|_| camera >= 0.0);
+        match own_camera.filter(|c| whole && x < f64::from(c.width) && y < f64::from(c.height)) {
             Some(_) => Ok(Pixel { camera: camera as usize, x: x as u32, y: y as u32 }),
             None => {
                 let (place, found) = (format!("pixels[{i}]"), format!("{row:?}"));
-                Err(wrong(ARGUMENTS, &place, found, "camera, column and row of a pixel"))
+                let expected = match own_camera {
+                    Some(c) => format!(
+                        "whole numbers: a camera, a column below {}, a row below {}",
+                        c.width, c.height
+                    ),
+                    None => format!("the number of a camera, below {}", cameras.len()),
+                };
+                Err(wrong(ARGUMENTS, &place, found, &expected))
             }
         }
     };

@@ -186,6 +186,37 @@ def test_a_linear_torch_field_has_no_second_derivatives():
     field.backward(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
 
 
+def test_jax_functions_need_no_derivatives_at_zero():
+    pytest.importorskip("jax")
+    import jax.numpy as jnp
+
+    import dsdf.jax as helpers
+
+    def distance(parameters, x):
+        return jnp.linalg.norm(x - parameters["c"], axis=-1) - parameters["r"]
+
+    def radiance(parameters, x, n, d):
+        return parameters["a"] * (n / jnp.linalg.norm(n, axis=-1, keepdims=True)) + 0.5
+
+    field = helpers.Field(distance, {"c": jnp.zeros(3), "r": 0.7})
+    shader = helpers.Shader(radiance, {"a": 0.3})
+    view = camera(12)
+    pixels = dsdf.pixels([view])
+    record = dsdf.record(field, shader, [view], pixels, bounds=BOUNDS, spp=4)
+    delta = np.ones((len(pixels), 3))
+    of_field, of_shader = helpers.gradient(record, delta, field, shader)
+    # By hand: a moved centre has the gradient -n, and -(product of the Hessian with c).
+    x, alpha, c = record.backward(delta)
+    length = np.linalg.norm(x, axis=1, keepdims=True)
+    n = x / length
+    turned = (c - n * (n * c).sum(1, keepdims=True)) / length
+    expected = -(alpha[:, None] * n + turned).sum(0)
+    assert np.allclose(of_field["c"], expected, rtol=1e-4, atol=1e-4 * np.abs(alpha).sum())
+    assert of_field["r"] == pytest.approx(-alpha.sum(), rel=1e-4)
+    _, normals, _, adjoint = record.shading(delta)
+    assert of_shader["a"] == pytest.approx((normals * adjoint).sum(), rel=1e-4)
+
+
 def test_jax_batches_are_cut_and_padded_without_effect():
     network = Jax(is_lit=True)
     x = np.random.default_rng(0).normal(size=(70, 3))

@@ -53,9 +53,9 @@ class Scene:
         """As ``dsdf.render``."""
         return render(self, output, **options)
 
-    def gradient(self, **options: Any) -> Any:
+    def gradient(self, *arguments: Any, **options: Any) -> Any:
         """As ``dsdf.gradient``."""
-        return gradient(self, **options)
+        return gradient(self, *arguments, **options)
 
     def synth(self, output: Path, **options: Any) -> dict:
         """As ``dsdf.synth``."""
@@ -68,8 +68,13 @@ class Scene:
             yield os.fspath(self.content)
             return
         with _temporary("scene.json") as path:
-            with open(path, "w", encoding="utf-8") as file:
-                json.dump(self._absolute(self.content), file, default=_plain)
+            try:
+                content = self._absolute(self.content)
+                text = json.dumps(content, default=_plain, allow_nan=False)
+            except (TypeError, ValueError) as error:
+                expected = "numbers that are finite, texts, lists and dictionaries"
+                raise _native.InputError(f"scene: found {error}, expected {expected}") from None
+            pathlib.Path(path).write_text(text, encoding="utf-8")
             yield path
 
     def _absolute(self, value: Any) -> Any:

@@ -103,11 +103,12 @@ def record(
     )
 
 
-def pixels(cameras: Sequence[Camera]) -> NDArray[np.int64]:
+def pixels(cameras: Sequence[Union[Camera, dict]]) -> NDArray[np.int64]:
     """All pixels of the cameras, as rows of camera number, column and row.
 
     The rows of each camera are in the order of ``image.reshape(-1, 3)``.
     """
+    cameras = [Camera(**c) if isinstance(c, dict) else c for c in cameras]
     return np.concatenate(
         [
             np.stack(

@@ -43,15 +43,19 @@ class _Function:
         self.parameters = parameters
         self.lengths = sorted(lengths)
 
-    def _parts(self, rows: Sequence[np.ndarray]):
-        """Slices of the rows, and the rows padded by zeros to a length."""
+    def _parts(self, rows: Sequence[np.ndarray], weights: Sequence[np.ndarray] = ()):
+        """Slices of the rows and the weights, padded to a length: rows by copies of the last one,
+        at which a function is as good as there, weights by zeros."""
         count, most = len(rows[0]), self.lengths[-1]
         for start in range(0, count, most):
-            part = [row[start : start + most] for row in rows]
-            n = len(part[0])
+            n = min(most, count - start)
             length = next(length for length in self.lengths if length >= n)
-            pad = [np.pad(row, [(0, length - n)] + [(0, 0)] * (row.ndim - 1)) for row in part]
-            yield n, pad
+
+            def padded(array: np.ndarray, mode: str) -> np.ndarray:
+                width = [(0, length - n)] + [(0, 0)] * (array.ndim - 1)
+                return np.pad(array[start : start + n], width, mode=mode)
+
+            yield n, [padded(a, "edge") for a in rows] + [padded(a, "constant") for a in weights]
 
     def _map(self, function: Callable, *rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """The results for all rows."""
@@ -62,11 +66,13 @@ class _Function:
             ]
         return tuple(np.concatenate(results) for results in zip(*parts))
 
-    def _sum(self, function: Callable, *rows: np.ndarray) -> Any:
-        """The sum of the gradients by the parameters over all rows."""
+    def _sum(
+        self, function: Callable, rows: Sequence[np.ndarray], weights: Sequence[np.ndarray]
+    ) -> Any:
+        """The sum of the gradients by the parameters over all rows with their weights."""
         total = jax.tree_util.tree_map(lambda p: jnp.zeros_like(p), self.parameters)
         with _x64(True):
-            for _, padded in self._parts(rows):
+            for _, padded in self._parts(rows, weights):
                 part = function(self.parameters, *padded)
                 total = jax.tree_util.tree_map(jnp.add, total, part)
         return total
@@ -128,13 +134,13 @@ class Field(_Function):
     def gradient(self, x: np.ndarray, alpha: np.ndarray, c: np.ndarray) -> Any:
         """The gradient of sum(alpha f(x) + c . grad f(x)) by the parameters, as their tree."""
         if np.any(c):
-            return self._sum(self._weighted, x, alpha, c)
-        return self._sum(self._weighted_values, x, alpha)
+            return self._sum(self._weighted, [x], [alpha, c])
+        return self._sum(self._weighted_values, [x], [alpha])
 
 
 class Shader(_Function):
     """A function (parameters, points, unit normals, unit view directions, each k x 3) to radiance,
-    k x 3 linear RGB, as a shader. Its derivatives at zero vectors must be finite."""
+    k x 3 linear RGB, as a shader."""
 
     def __init__(
         self,
@@ -165,7 +171,7 @@ class Shader(_Function):
 
     def gradient(self, x: np.ndarray, n: np.ndarray, d: np.ndarray, adjoint: np.ndarray) -> Any:
         """The gradient of sum(adjoint . radiance) by the parameters, as their tree."""
-        return self._sum(self._weighted, x, n, d, adjoint)
+        return self._sum(self._weighted, [x, n, d], [adjoint])
 
 
 def gradient(record: Record, delta: np.ndarray, field: Field, shader: Any = None) -> Any:
