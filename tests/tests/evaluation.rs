@@ -103,8 +103,28 @@ fn a_run_keeps_its_held_out_views() {
     refused(&["inspect", &run, "-o", &folder.path("i.png")], 2, &words);
     refused(&["report", &run, "-o", &folder.path("r.html")], 2, &words);
     refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &words);
+    // As another data set, its views have the parts that they had in the run.
+    assert_eq!(dsdf_json(&["eval", &run, "--dataset", &data]), before);
     write(&whole);
-    dsdf_ok(&["fit", "--resume", "-o", &run, "--iterations", "4"]);
+    let moved = folder.path("moved");
+    fs::rename(&data, &moved).unwrap();
+    refused(&["eval", &run], 2, &["data set: found no such folder", "--resume"]);
+    dsdf_ok(&["fit", &moved, "--resume", "-o", &run, "--iterations", "4"]);
+    assert_eq!(dsdf_json(&["eval", &run])["views"], 2);
+    let toml = format!("{run}/fit.toml");
+    let text = fs::read_to_string(&toml).unwrap();
+    let without = |start: &str| {
+        let lines = text.lines().filter(|line| !line.starts_with(start)).collect::<Vec<_>>();
+        fs::write(&toml, lines.join("\n")).unwrap();
+    };
+    without("held_out = ");
+    refused(&["eval", &run], 2, &["fit.toml: held_out: found missing field"]);
+    fs::write(
+        &toml,
+        text.replace("[views]", "[views]\ntrain = []\n#").replace("\ntrain = [\"", "\n# [\""),
+    )
+    .unwrap();
+    refused(&["eval", &run], 2, &["fit.toml: train: found an empty list"]);
 }
 
 #[test]

@@ -133,6 +133,13 @@ fn a_failed_step_names_its_error_and_is_run_again() {
     // A result that is gone is made again, with all after it.
     fs::remove_dir_all(bench.path("data/sparse")).unwrap();
     assert_eq!(bench.json(&[], &[]).1, ["image_undistorter"]);
+    fs::remove_file(bench.path("data/images/view 1.png")).unwrap();
+    assert_eq!(bench.json(&[], &[]).1, ["image_undistorter"]);
+    let photo = bench.path("photos/view 2.png");
+    let mut bytes = fs::read(&photo).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(&photo, bytes).unwrap();
+    failed(&bench.run(&[], &[]), 2, &["view 2.png has another content"]);
 }
 
 #[test]
@@ -268,7 +275,7 @@ fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
     assert!(!Path::new(&bench.path("data")).exists() && bench.calls().is_empty());
     bench.json(&[], &[]);
     fs::copy(bench.path("photos/view 1.png"), bench.path("photos/view 9.png")).unwrap();
-    refused("photos", "data", &["poses.json: photographs: found 5", "view 9.png differs", "the 4"]);
+    refused("photos", "data", &["poses.json: photographs: found 5", "view 9.png is new", "the 4"]);
     fs::remove_file(bench.path("photos/view 9.png")).unwrap();
     fs::write(bench.path("data/poses.json"), "{\"colmap\": 3}").unwrap();
     refused("photos", "data", &["poses.json: state: found", "a state of `dsdf poses`"]);

@@ -9,7 +9,7 @@ use render::Camera;
 use readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
-use crate::split::{by_names, every_eighth};
+use crate::split::{by_names, every_eighth, like};
 use crate::{Dataset, View};
 
 /// Options of [`load`].
@@ -87,14 +87,31 @@ impl Unread {
         let all = names.map(<[_]>::len).iter().sum::<usize>();
         let ([train, test], later) =
             by_names([train, test], names, UnreadView::name).map_err(|name| {
-                let expected = format!("the {all} views that the run began with");
-                InputError::new(&path, "views", format!("none with the name {name}"), expected)
+                let wanted = names.into_iter().flatten().filter(|other| **other == name).count();
+                let found = match wanted {
+                    1 => format!("none with the name {name}"),
+                    n => format!("fewer than {n} with the name {name}"),
+                };
+                let expected = format!(
+                    "the {all} views that the run began with (bring the image back, or try `eval` \
+                     and `mesh` with --dataset, which take the views that are there)"
+                );
+                InputError::new(&path, "views", found, expected)
             })?;
         if later > 0 {
             let text = "views added since the run began, and left out";
             recognised.notes.push(format!("{text}: {later}"));
         }
         Ok(Unread { path, train, test, recognised })
+    }
+
+    /// The same views, of a data set other than that of a run: those with `names` of the run are to
+    /// fit or held out as there. The others stay as they are.
+    #[must_use]
+    pub fn split_like(self, names: [&[String]; 2]) -> Self {
+        let Unread { path, train, test, recognised } = self;
+        let [train, test] = like([train, test], names, UnreadView::name);
+        Unread { path, train, test, recognised }
     }
 
     /// The distortion of the lenses, which is removed when the images are read.

@@ -1,5 +1,7 @@
 //! The training/held-out split: that of data sets that have none of their own, and that of a run.
 
+use std::collections::HashSet;
+
 /// One view of this many is held out, the first of each group.
 pub const HELD_OUT: usize = 8;
 
@@ -47,6 +49,24 @@ pub(crate) fn by_names<T>(
     Ok((lists, pool.iter().filter(|(_, view)| view.is_some()).count()))
 }
 
+/// Views of another data set, with those of these names in the same lists as there. The others stay
+/// where they are.
+pub(crate) fn like<T>(
+    views: [Vec<T>; 2],
+    names: [&[String]; 2],
+    name_of: impl Fn(&T) -> &str,
+) -> [Vec<T>; 2] {
+    let names = names.map(|names| names.iter().map(String::as_str).collect::<HashSet<_>>());
+    let mut lists = [Vec::new(), Vec::new()];
+    for (own, views) in views.into_iter().enumerate() {
+        for view in views {
+            let list = names.iter().position(|names| names.contains(name_of(&view)));
+            lists[list.unwrap_or(own)].push(view);
+        }
+    }
+    lists
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,6 +91,16 @@ mod tests {
         let found = split([&["0", "1"], &["0"]], [&["0", "1"], &["0"]]);
         assert_eq!(found, Ok(([vec!["0", "1"], vec!["0"]], 0)));
         assert_eq!(split([&["0", "1"], &[]], [&["0", "1"], &["0"]]), Err("0".to_owned()));
+    }
+
+    #[test]
+    fn views_to_fit_are_not_held_out_in_another_data_set() {
+        let found = like(
+            [vec!["1", "new", "3"], vec!["2", "other"]],
+            [&names(&["1", "2"]), &names(&["3"])],
+            |view| view,
+        );
+        assert_eq!(found, [vec!["1", "new", "2"], vec!["3", "other"]]);
     }
 
     #[test]

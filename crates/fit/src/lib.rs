@@ -34,6 +34,6 @@ pub use photometry::{
 };
 pub use run::Fit;
 pub use run_cameras::{RunCamera, RunCameras};
-pub use run_file::RunFile;
+pub use run_file::{RunFile, Split};
 pub use solid::Solid;
 pub use stereo::StereoChoice;

@@ -39,15 +39,30 @@ pub struct RunFile {
     pub background_confidence: f32,
     /// The model for the exposures of the photographs.
     pub exposure_model: ExposureModel,
-    /// The names of the views to fit. A run of an earlier version has none: its views are those of
-    /// the data set as it is.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub views: Vec<String>,
-    /// The names of the views that are held out.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub held_out: Vec<String>,
+    /// The views. A run of an earlier version has none: its views are those of the data set as it
+    /// is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub views: Option<Split>,
     /// The options.
     pub options: FitOptions,
+}
+
+/// The views of a run, by their names in the data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    /// The views to fit.
+    pub train: Vec<String>,
+    /// The held-out views.
+    pub held_out: Vec<String>,
+}
+
+impl Split {
+    fn of(dataset: &Dataset) -> Self {
+        let [train, held_out] = [&dataset.train, &dataset.test]
+            .map(|views| views.iter().map(|view| view.name.clone()).collect());
+        Split { train, held_out }
+    }
 }
 
 impl RunFile {
@@ -95,8 +110,7 @@ impl RunFile {
                 _ => confidence,
             },
             exposure_model: ExposureModel::Even,
-            views: names(&dataset.train),
-            held_out: names(&dataset.test),
+            views: Some(Split::of(dataset)),
             options: options.clone(),
         };
         // The photographs as the fit sees them: without the background that masks remove.
@@ -138,16 +152,25 @@ impl RunFile {
     }
 
     /// Opens the data set of the run, with its views to fit and to hold out; or another data set,
-    /// with a split of its own.
+    /// of which no view to fit of the run is held out.
     ///
     /// # Errors
-    /// If it cannot be read, or if a view of the run is missing.
+    /// If it cannot be read, or if a view of the run is missing in the run's own data set.
     pub fn open(&self, other: Option<&Path>) -> anyhow::Result<Unread> {
-        let unread = dataset::open(other.unwrap_or(&self.dataset))?;
-        if other.is_some() || self.views.is_empty() {
-            return Ok(unread);
+        let path = other.unwrap_or(&self.dataset);
+        if !path.exists() {
+            let expected = "a data set; after a move, `dsdf fit FOLDER -o RUN --resume` tells the \
+                            run its new place";
+            return Err(InputError::new(path, "data set", "no such folder", expected).into());
         }
-        Ok(unread.split_by_names([&self.views, &self.held_out])?)
+        let unread = dataset::open(path)?;
+        match (&self.views, other) {
+            (None, _) => Ok(unread),
+            (Some(Split { train, held_out }), None) => {
+                Ok(unread.split_by_names([train, held_out])?)
+            }
+            (Some(Split { train, held_out }), Some(_)) => Ok(unread.split_like([train, held_out])),
+        }
     }
 
     /// Reads the photographs of [`open`](Self::open) at the run's size.
@@ -269,6 +292,12 @@ impl RunFile {
         Check::all(
             path,
             vec![
+                Check::new(
+                    "train",
+                    "an empty list",
+                    self.views.as_ref().is_none_or(|views| !views.train.is_empty()),
+                    "the names of the views to fit",
+                ),
                 // Another number would read other pixels than the run did.
                 Check::new("downscale", "nothing", downscale.is_some(), "an entry, for example 1"),
                 Check::new("time", budget, iterations.is_none() || time.is_none(), "one of both"),
@@ -326,15 +355,10 @@ impl RunFile {
             background_spread: 0.01,
             background_confidence: 1.0,
             exposure_model: ExposureModel::Even,
-            views: Vec::new(),
-            held_out: Vec::new(),
+            views: None,
             options,
         }
     }
-}
-
-fn names(views: &[View]) -> Vec<String> {
-    views.iter().map(|view| view.name.clone()).collect()
 }
 
 /// The key that a TOML error is about; "line N" if there is none.

@@ -16,7 +16,7 @@ const LEAST: usize = 3;
 /// The expected content of the folder, for messages.
 const EXPECTED: &str = "3 or more photographs as .jpg, .jpeg or .png files";
 
-/// A file of a photograph. Files of the same name and length count as the same.
+/// A file of a photograph. Files of the same name, length and checksum count as the same.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PhotoFile {
@@ -24,6 +24,8 @@ pub(crate) struct PhotoFile {
     pub(crate) name: String,
     /// Its length.
     pub(crate) bytes: u64,
+    /// The checksum of its content.
+    pub(crate) crc32: u32,
 }
 
 /// The photographs of a folder, in alphabetical order. Folders inside it are not searched.
@@ -66,7 +68,8 @@ impl Photographs {
                 other.push(shown);
                 continue;
             }
-            files.push(PhotoFile { bytes: length_of(&path)?, name: checked(folder, &name)? });
+            let (bytes, crc32) = length_and_checksum(&path)?;
+            files.push(PhotoFile { name: checked(folder, &name)?, bytes, crc32 });
         }
         if files.is_empty() {
             refuse_unconverted(folder)?;
@@ -153,10 +156,10 @@ fn found_in(folder: &Path, photographs: usize, other: &[String]) -> String {
     found
 }
 
-/// The length of a file in bytes.
-fn length_of(path: &Path) -> Result<u64, InputError> {
-    let metadata = path.metadata();
-    metadata.map(|m| m.len()).map_err(|e| InputError::new(path, "image", e, "a readable file"))
+/// The length of a file in bytes, and the checksum of its content.
+fn length_and_checksum(path: &Path) -> Result<(u64, u32), InputError> {
+    let bytes = io::read(path, "image", "a readable file")?;
+    Ok((bytes.len() as u64, crc32fast::hash(&bytes)))
 }
 
 /// A name that can be a line of a list. COLMAP removes spaces around a line.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use io::InputError;
+use readers::sparse_model;
 
 use crate::advice::remedies;
 use crate::commands::{DATABASE, Options, Places, arguments, list_name};
@@ -44,6 +45,9 @@ pub enum Event<'a> {
     Decoding(f64),
     /// These steps are done already.
     Kept(&'a [Step]),
+    /// A data set that was complete is made again from this step on: its options are others, its
+    /// results are gone, or COLMAP has another version.
+    Again(Step),
     /// A step starts.
     Started(Step),
     /// A part of a step is done.
@@ -67,7 +71,8 @@ pub enum Event<'a> {
 ///
 /// # Errors
 /// With an [`InputError`] if the folder has other files, or belongs to other photographs, if a
-/// photograph cannot be decoded, or if a path is not in UTF-8; if COLMAP is missing, a step fails, no pose is found, or a file cannot be written.
+/// photograph cannot be decoded, or if a path is not in UTF-8; if COLMAP is missing, a step fails,
+/// no pose is found, or a file cannot be written.
 pub fn run(
     job: &Job<'_>,
     stop: &dyn Fn() -> bool,
@@ -96,10 +101,14 @@ pub fn run(
     let lock = job.lock()?;
     let mut state = State::of(job.output, job.photographs)?;
     let done = done_of(&state);
+    let was_complete = state.result.is_some();
     state.colmap.clone_from(&version);
     state.done.truncate(done);
     state.result = None;
     show(Event::Kept(&Step::ALL[..done]));
+    if let Some(entry) = settings.get(done).filter(|_| was_complete) {
+        show(Event::Again(entry.step));
+    }
     let mut log = Log::open(job.output, done > 0)?;
     for entry in &settings[done..] {
         show(Event::Started(entry.step));
@@ -150,9 +159,19 @@ impl Job<'_> {
     /// The number of steps, from the first one on, that are done with these settings and have their
     /// results.
     fn done(&self, state: &State, settings: &[Entry]) -> usize {
-        let has_results = |entry: &&Entry| self.result_of(entry.step).is_dir();
+        let has_results = |entry: &&Entry| {
+            let is_there = self.result_of(entry.step).is_dir();
+            is_there && (entry.step != Step::Undistortion || self.has_images())
+        };
         let done = state.done_with(settings);
         settings[..done].iter().take_while(has_results).count()
+    }
+
+    /// Whether every photograph with a pose is there without distortion.
+    fn has_images(&self) -> bool {
+        let images = self.output.join(RESULTS[0]);
+        sparse_model(&self.output.join(RESULTS[1]))
+            .is_ok_and(|model| model.images.iter().all(|name| images.join(name).is_file()))
     }
 
     /// Locks the folder for this process, and removes the temporary files of others that ended.

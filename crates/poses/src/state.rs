@@ -65,15 +65,19 @@ impl State {
         if self.photographs == photographs.files {
             return Ok(());
         }
-        let is_new = |file: &&PhotoFile| !self.photographs.contains(file);
-        let differs = photographs
-            .files
-            .iter()
-            .find(is_new)
-            .or_else(|| self.photographs.iter().find(|file| !photographs.files.contains(file)));
-        let name = differs.map_or("", |file| file.name.as_str());
+        let (old, new) = (&self.photographs, &photographs.files);
+        let lacks = |files: &[PhotoFile], name: &str| files.iter().all(|file| file.name != name);
+        let added = new.iter().find(|file| lacks(old, &file.name));
+        let gone = old.iter().find(|file| lacks(new, &file.name));
+        let changed = new.iter().find(|file| !old.contains(file));
+        let difference = match (added, gone, changed) {
+            (Some(file), ..) => format!("{} is new", file.name),
+            (_, Some(file), _) => format!("{} is missing", file.name),
+            (.., Some(file)) => format!("{} has another content", file.name),
+            _ => "their order differs".to_owned(),
+        };
         let found = format!(
-            "{} photographs of {}, of which {name} differs",
+            "{} photographs of {}: {difference}",
             photographs.count(),
             photographs.folder.display()
         );

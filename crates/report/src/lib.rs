@@ -77,5 +77,22 @@ pub fn page(
     };
     let warnings: Vec<&str> =
         run.warnings.iter().map(String::as_str).chain(warning.as_deref()).collect();
-    page::html(run, &scene, &warnings, &format!("{iterations} iterations, {seconds:.0} s"))
+    page::html(run, &scene, &warnings, &spent(run, iterations, seconds))
+}
+
+/// The budget that a run has spent. A run that was stopped has spent a part of it.
+fn spent(run: &Run<'_>, iterations: u64, seconds: f64) -> String {
+    let options = &run.file.options;
+    match options.time.map(|time| time.as_secs_f64()) {
+        Some(time) if seconds < 0.99 * time => {
+            format!("{iterations} iterations, {seconds:.0} s of {time:.0} s: not finished")
+        }
+        Some(_) => format!("{iterations} iterations, {seconds:.0} s"),
+        None => match options.iterations.unwrap_or(fit::DEFAULT_ITERATIONS) {
+            all if iterations < all => {
+                format!("{iterations} of {all} iterations, {seconds:.0} s: not finished")
+            }
+            _ => format!("{iterations} iterations, {seconds:.0} s"),
+        },
+    }
 }

@@ -14,7 +14,8 @@ use messages::Progress;
 pub(crate) struct Poses {
     /// Folder of photographs: .jpg, .jpeg or .png
     photos: PathBuf,
-    /// Data set folder to write; if it is an unfinished one of the same photographs, it continues
+    /// Data set folder to write; one of the same photographs continues, or is made again from the
+    /// first step on whose options changed
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]
@@ -60,6 +61,10 @@ impl Poses {
             Event::Kept(steps) => {
                 let names: Vec<&str> = steps.iter().map(|step| step.name()).collect();
                 global.say(&format!("done already: {}", names.join(", ")));
+            }
+            Event::Again(step) => {
+                let text = "of a complete data set: options or COLMAP changed, or files are gone";
+                global.say(&format!("again from {step} on, {text}"));
             }
             Event::Started(step) => {
                 if let Some(bar) = bar.take() {

@@ -117,17 +117,21 @@ impl Live {
         Live { about, folder: folder.to_owned(), next: Cell::new(Instant::now() + FIRST) }
     }
 
-    /// Writes the page if it is due. Its cameras are those of the data set.
+    /// Writes the page if it is due.
     pub(super) fn refresh(&self, fitting: &Fitting) -> anyhow::Result<()> {
         let start = Instant::now();
-        if start < self.next.get() {
-            return Ok(());
+        if start >= self.next.get() {
+            self.write(fitting)?;
+            self.next.set(Instant::now() + start.elapsed() * PAUSE);
         }
+        Ok(())
+    }
+
+    /// Writes the page of a fit that is not at its end. Its cameras are those of the data set.
+    pub(super) fn write(&self, fitting: &Fitting) -> anyhow::Result<()> {
         let Fitting { model, file, dataset, .. } = fitting;
         let run = self.about.run(&self.folder, (model, file, dataset), None);
-        write(&self.folder.join(PAGE), &page(&run, Detail::LIVE, &|_| {})?)?;
-        self.next.set(Instant::now() + start.elapsed() * PAUSE);
-        Ok(())
+        write(&self.folder.join(PAGE), &page(&run, Detail::LIVE, &|_| {})?).map(drop)
     }
 
     /// Writes the last page. The data set has the cameras and the exposures as fitted.

@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use fit::{BackgroundKind, ExposureModel, FitOptions, MaskUse, Model, ModelBackground, RunFile};
+use fit::{
+    BackgroundKind, ExposureModel, FitOptions, MaskUse, Model, ModelBackground, RunFile, Split,
+};
 use grids::GridLevels;
 use proptest::prelude::*;
 use safetensors::Dtype;
@@ -49,8 +51,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background_spread: 0.05,
         background_confidence: 0.5,
         exposure_model: ExposureModel::Even,
-        views: Vec::new(),
-        held_out: Vec::new(),
+        views: Some(Split { train: vec!["a".to_owned()], held_out: vec!["b".to_owned()] }),
         options,
     }
 }

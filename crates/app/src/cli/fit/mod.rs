@@ -119,6 +119,9 @@ pub(super) fn fit(
         iterate(&mut fitting, run, segment.stop_after, live.as_ref(), global)
     })?;
     if console.stop_requested() {
+        if let Some(live) = &live {
+            live.write(&fitting)?;
+        }
         let stopped = fitting.iteration;
         console.line(&format!("stopped after {stopped} iterations; --resume continues"));
         return Err(Interrupted.into());

@@ -27,7 +27,7 @@ impl Fit {
         let toml = self.output.join("fit.toml");
         file.options.validate(&toml, &global.registry)?;
         self.refuse_other_options(&file, &toml)?;
-        self.refuse_other_dataset(&file, &toml)?;
+        self.take_place_of_dataset(&mut file, &toml)?;
         let dataset = file.read(None)?;
         check_masks(file.masks, &dataset, &toml)?;
         let dataset = file.prepare(dataset);
@@ -50,12 +50,20 @@ impl Fit {
         Ok(())
     }
 
-    /// Refuses a data set on the command line that is not the one of the run.
-    fn refuse_other_dataset(&self, file: &RunFile, source: &Path) -> Result<(), InputError> {
+    /// Takes the data set on the command line as the new place of that of the run: its views have
+    /// the same names, which are checked when it is opened.
+    ///
+    /// # Errors
+    /// If the run is of an earlier version and has no names: any other place is refused.
+    fn take_place_of_dataset(&self, file: &mut RunFile, source: &Path) -> Result<(), InputError> {
         match &self.dataset {
             Some(path) if absolute(path) != absolute(&file.dataset) => {
-                let expected = format!("{}, the data set of this run", file.dataset.display());
-                Err(InputError::new(source, "dataset", path.display(), expected))
+                if file.views.is_none() {
+                    let expected = format!("{}, the data set of this run", file.dataset.display());
+                    return Err(InputError::new(source, "dataset", path.display(), expected));
+                }
+                file.dataset = absolute(path);
+                Ok(())
             }
             _ => Ok(()),
         }
