@@ -1,6 +1,6 @@
 //! The training/held-out split: that of data sets that have none of their own, and that of a run.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 
 /// One view of this many is held out, the first of each group.
 pub const HELD_OUT: usize = 8;
@@ -49,22 +49,30 @@ pub(crate) fn by_names<T>(
     Ok((lists, pool.iter().filter(|(_, view)| view.is_some()).count()))
 }
 
-/// Views of another data set, with those of these names in the same lists as there. The others stay
-/// where they are.
+/// Views of another data set, with those of these names in the same lists and in the same order as
+/// there. The others stay where they are, behind them.
 pub(crate) fn like<T>(
     views: [Vec<T>; 2],
     names: [&[String]; 2],
     name_of: impl Fn(&T) -> &str,
 ) -> [Vec<T>; 2] {
-    let names = names.map(|names| names.iter().map(String::as_str).collect::<HashSet<_>>());
+    let mut places: HashMap<&str, (usize, usize)> = HashMap::new();
+    for (list, names) in names.into_iter().enumerate() {
+        for (number, name) in names.iter().enumerate() {
+            places.entry(name).or_insert((list, number));
+        }
+    }
     let mut lists = [Vec::new(), Vec::new()];
     for (own, views) in views.into_iter().enumerate() {
         for view in views {
-            let list = names.iter().position(|names| names.contains(name_of(&view)));
-            lists[list.unwrap_or(own)].push(view);
+            let &(list, number) = places.get(name_of(&view)).unwrap_or(&(own, usize::MAX));
+            lists[list].push((number, view));
         }
     }
-    lists
+    lists.map(|mut list| {
+        list.sort_by_key(|(number, _)| *number);
+        list.into_iter().map(|(_, view)| view).collect()
+    })
 }
 
 #[cfg(test)]
@@ -100,7 +108,7 @@ mod tests {
             [&names(&["1", "2"]), &names(&["3"])],
             |view| view,
         );
-        assert_eq!(found, [vec!["1", "new", "2"], vec!["3", "other"]]);
+        assert_eq!(found, [vec!["1", "2", "new"], vec!["3", "other"]]);
     }
 
     #[test]
