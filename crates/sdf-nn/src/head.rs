@@ -10,7 +10,8 @@ use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
 use crate::mlp::Mlp;
-use lanes::{Isa, LANES, Lane, Pass, Row, dispatch};
+use crate::passes::Passes;
+use lanes::{Isa, LANES, Lane, Pass, Row};
 
 /// A network from a surface point, its unit normal n and the view direction d to linear RGB.
 ///
@@ -136,10 +137,12 @@ impl<R: Lane> RadianceHead<R> {
         window.resize(self.mlp.features, R::one());
         self.mlp.set_window(window);
     }
+}
 
+impl<R: Passes> RadianceHead<R> {
     /// Writes the radiance, in linear RGB, from every point of a batch towards the camera.
     pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
-        dispatch(Radiance { head: self, points: *points, rgb });
+        R::radiance(self, *points, rgb);
     }
 
     /// VJP of (x, n, d; θ) ↦ RGB to all of its inputs.
@@ -158,9 +161,7 @@ impl<R: Lane> RadianceHead<R> {
         parameter_adjoint: &mut [R],
     ) {
         assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        let points = *points;
-        let (weights, tables) = parameter_adjoint.split_at_mut(self.mlp.parameters.len());
-        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables });
+        R::radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, parameter_adjoint);
     }
 
     /// The place of the features of details among the parameters.
@@ -181,14 +182,13 @@ impl<R: Lane> RadianceHead<R> {
         sum: &mut PartialSum<R>,
     ) {
         assert_eq!(sum.place(), self.table(), "place of the features of details");
-        if points.is_empty() {
-            return;
+        if !points.is_empty() {
+            R::add_radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, sum);
         }
-        let points = *points;
-        let (weights, tables) = (&mut sum.others[..], &mut sum.table);
-        dispatch(Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables });
     }
+}
 
+impl<R: Lane> RadianceHead<R> {
     /// Writes the inputs of at most `LANES` points. Lanes without a point repeat the last point.
     #[inline(always)]
     fn write_inputs<I: Isa>(&self, points: SurfaceBatch<'_, R>, features: &mut [Row<R>]) {
@@ -230,10 +230,10 @@ fn sigmoid_squared<R: Lane, I: Isa>(y: R) -> (R, R) {
 }
 
 /// The pass of [`RadianceHead::radiance`].
-struct Radiance<'a, R: Real> {
-    head: &'a RadianceHead<R>,
-    points: SurfaceBatch<'a, R>,
-    rgb: &'a mut [R::Vec3],
+pub(crate) struct Radiance<'a, R: Real> {
+    pub(crate) head: &'a RadianceHead<R>,
+    pub(crate) points: SurfaceBatch<'a, R>,
+    pub(crate) rgb: &'a mut [R::Vec3],
 }
 
 impl<R: Lane> Pass for Radiance<'_, R> {
@@ -255,14 +255,14 @@ impl<R: Lane> Pass for Radiance<'_, R> {
 }
 
 /// The pass of [`RadianceHead::vjp`].
-struct Vjp<'a, R: Real, T: ?Sized> {
-    head: &'a RadianceHead<R>,
-    points: SurfaceBatch<'a, R>,
-    rgb_adjoint: &'a [R::Vec3],
-    surface_adjoint: &'a mut SurfaceAdjoint<R>,
-    weights: &'a mut [R],
+pub(crate) struct Vjp<'a, R: Real, T: ?Sized> {
+    pub(crate) head: &'a RadianceHead<R>,
+    pub(crate) points: SurfaceBatch<'a, R>,
+    pub(crate) rgb_adjoint: &'a [R::Vec3],
+    pub(crate) surface_adjoint: &'a mut SurfaceAdjoint<R>,
+    pub(crate) weights: &'a mut [R],
     /// The sums of the features of details.
-    tables: &'a mut T,
+    pub(crate) tables: &'a mut T,
 }
 
 impl<R: Lane, T: AddAt<R> + ?Sized> Pass for Vjp<'_, R, T> {

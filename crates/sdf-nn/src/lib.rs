@@ -13,6 +13,7 @@ mod init;
 mod mlp;
 mod model_file;
 mod network;
+mod passes;
 
 pub use grids::{Degree, SplineSize};
 pub use lanes::Lane;
@@ -21,3 +22,4 @@ pub use architecture::{Activation, Architecture, Encoding, Transform};
 pub use head::RadianceHead;
 pub use model_file::ModelError;
 pub use network::Network;
+pub use passes::Passes;

@@ -11,7 +11,8 @@ use crate::encode::{Encoder, lane};
 use crate::few_points::{FewPoints, block_points};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, Row, dispatch};
+use crate::passes::Passes;
+use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -240,7 +241,7 @@ impl<R: Lane> Network<R> {
     }
 }
 
-impl<R: Lane> Field<R> for Network<R> {
+impl<R: Passes> Field<R> for Network<R> {
     fn parameter_count(&self) -> usize {
         self.parameters.len()
     }
@@ -251,11 +252,11 @@ impl<R: Lane> Field<R> for Network<R> {
     }
 
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
-        dispatch(Value { network: self, x, f });
+        R::value(self, x, f);
     }
 
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
-        dispatch(ValueGradient { network: self, x, f, gradient });
+        R::value_gradient(self, x, f, gradient);
     }
 
     fn hessian_vector(
@@ -265,13 +266,12 @@ impl<R: Lane> Field<R> for Network<R> {
         gradient: &mut [R::Vec3],
         product: &mut [R::Vec3],
     ) {
-        dispatch(HessianVector { network: self, x, p, gradient, product });
+        R::hessian_vector(self, x, p, gradient, product);
     }
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        let (weights, table) = adjoint.split_at_mut(self.weight_count());
-        dispatch(ParameterVjp { network: self, x, alpha, c, weights, table });
+        R::parameter_vjp(self, x, (alpha, c), adjoint);
     }
 
     fn table(&self) -> Range<usize> {
@@ -286,19 +286,17 @@ impl<R: Lane> Field<R> for Network<R> {
         sum: &mut PartialSum<R>,
     ) {
         assert_eq!(sum.place(), self.table(), "place of the grid's coefficients");
-        if x.is_empty() {
-            return;
+        if !x.is_empty() {
+            R::add_parameter_vjp(self, x, (alpha, c), sum);
         }
-        let (weights, table) = (&mut sum.others[..], &mut sum.table);
-        dispatch(ParameterVjp { network: self, x, alpha, c, weights, table });
     }
 }
 
 /// The pass of [`Field::value`].
-struct Value<'a, R: Real> {
-    network: &'a Network<R>,
-    x: &'a [R::Vec3],
-    f: &'a mut [R],
+pub(crate) struct Value<'a, R: Real> {
+    pub(crate) network: &'a Network<R>,
+    pub(crate) x: &'a [R::Vec3],
+    pub(crate) f: &'a mut [R],
 }
 
 impl<R: Lane> Pass for Value<'_, R> {
@@ -330,11 +328,11 @@ impl<R: Lane> Pass for Value<'_, R> {
 }
 
 /// The pass of [`Field::value_gradient`].
-struct ValueGradient<'a, R: Real> {
-    network: &'a Network<R>,
-    x: &'a [R::Vec3],
-    f: &'a mut [R],
-    gradient: &'a mut [R::Vec3],
+pub(crate) struct ValueGradient<'a, R: Real> {
+    pub(crate) network: &'a Network<R>,
+    pub(crate) x: &'a [R::Vec3],
+    pub(crate) f: &'a mut [R],
+    pub(crate) gradient: &'a mut [R::Vec3],
 }
 
 impl<R: Lane> Pass for ValueGradient<'_, R> {
@@ -367,12 +365,12 @@ impl<R: Lane> Pass for ValueGradient<'_, R> {
 }
 
 /// The pass of [`Field::hessian_vector`].
-struct HessianVector<'a, R: Real> {
-    network: &'a Network<R>,
-    x: &'a [R::Vec3],
-    p: &'a [R::Vec3],
-    gradient: &'a mut [R::Vec3],
-    product: &'a mut [R::Vec3],
+pub(crate) struct HessianVector<'a, R: Real> {
+    pub(crate) network: &'a Network<R>,
+    pub(crate) x: &'a [R::Vec3],
+    pub(crate) p: &'a [R::Vec3],
+    pub(crate) gradient: &'a mut [R::Vec3],
+    pub(crate) product: &'a mut [R::Vec3],
 }
 
 impl<R: Lane> Pass for HessianVector<'_, R> {
@@ -409,14 +407,14 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
 }
 
 /// The pass of [`Field::parameter_vjp`].
-struct ParameterVjp<'a, R: Real, T: ?Sized> {
-    network: &'a Network<R>,
-    x: &'a [R::Vec3],
-    alpha: &'a [R],
-    c: &'a [R::Vec3],
-    weights: &'a mut [R],
+pub(crate) struct ParameterVjp<'a, R: Real, T: ?Sized> {
+    pub(crate) network: &'a Network<R>,
+    pub(crate) x: &'a [R::Vec3],
+    pub(crate) alpha: &'a [R],
+    pub(crate) c: &'a [R::Vec3],
+    pub(crate) weights: &'a mut [R],
     /// The sums of the free coefficients of the grid.
-    table: &'a mut T,
+    pub(crate) table: &'a mut T,
 }
 
 impl<R: Lane, T: AddAt<R> + ?Sized> Pass for ParameterVjp<'_, R, T> {

@@ -51,7 +51,10 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background_spread: 0.05,
         background_confidence: 0.5,
         exposure_model: ExposureModel::Even,
-        views: Some(Split { train: vec!["a".to_owned()], held_out: vec!["b".to_owned()] }),
+        views: Some(Split {
+            train: vec!["images/001.png".to_owned(), "images/002.png".to_owned()],
+            held_out: vec!["images/000.png".to_owned()],
+        }),
         options,
     }
 }

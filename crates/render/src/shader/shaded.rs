@@ -6,8 +6,8 @@ use field::{PartialSum, Real, Scalar, SurfaceAdjoint, SurfaceBatch};
 use sdf_nn::RadianceHead;
 
 /// A precision of scenes and networks: `f32` or `f64`.
-pub trait Precision: Real + Scalar<Real = Self> + sdf_nn::Lane {}
-impl<R: Real + Scalar<Real = R> + sdf_nn::Lane> Precision for R {}
+pub trait Precision: Real + Scalar<Real = Self> + sdf_nn::Passes {}
+impl<R: Real + Scalar<Real = R> + sdf_nn::Passes> Precision for R {}
 
 /// The radiance at surface points, over batches.
 ///

@@ -65,6 +65,10 @@ pub(super) struct Segment {
 
 impl Fit {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        run_folder::check_output(&self.output, global)?;
+        if !self.resume {
+            refuse_occupied(&self.output)?;
+        }
         if self.check {
             self.validate(global)?;
             if self.dataset.is_some() && !self.resume {
@@ -72,10 +76,6 @@ impl Fit {
                 summary::print(&dataset, &file, &source, global);
             }
             return Ok(());
-        }
-        run_folder::check_output(&self.output, global)?;
-        if !self.resume {
-            refuse_occupied(&self.output)?;
         }
         if self.report && self.output.is_dir() {
             io::check_output(&self.output.join(PAGE))?;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::options::Fit;
-use super::run_folder::absolute;
+use super::run_folder::{absolute, refuse_without_checkpoint};
 use crate::cli::common::{FROM_RUN, Global};
 use dataset::Dataset;
 use fit::{RunFile, check_masks};
@@ -20,6 +20,7 @@ impl Fit {
         global: &Global,
     ) -> anyhow::Result<(Dataset, RunFile, String)> {
         let mut file = RunFile::load(&self.output)?;
+        refuse_without_checkpoint(&self.output)?;
         if self.options.time.is_some() || self.options.iterations.is_some() {
             (file.options.time, file.options.iterations) =
                 (self.options.time, self.options.iterations);

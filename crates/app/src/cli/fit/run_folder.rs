@@ -16,13 +16,25 @@ pub(super) fn check_output(run: &Path, global: &Global) -> anyhow::Result<()> {
     global.will_write_in(run, &SUBFOLDERS)
 }
 
+/// The checkpoint of a run, in its folder.
+const CHECKPOINT: &str = "checkpoint/state.safetensors";
+
+/// Refuses to resume a run that ended before its first checkpoint.
+pub(super) fn refuse_without_checkpoint(run: &Path) -> Result<(), InputError> {
+    if exists(&run.join(CHECKPOINT)) {
+        return Ok(());
+    }
+    let expected = "one to continue from: without --resume, the fit starts again";
+    Err(InputError::new(run, "checkpoint", "none", expected))
+}
+
 /// Refuses to start a new run in a folder with the results of another, or with files of no run that
 /// it would replace.
 ///
 /// A folder of a run that ended before its first checkpoint is accepted, and so are files with
 /// other names than those of a run.
 pub(in crate::cli) fn refuse_occupied(run: &Path) -> Result<(), InputError> {
-    if exists(&run.join("checkpoint/state.safetensors")) {
+    if exists(&run.join(CHECKPOINT)) {
         let expected = "a new folder, or --resume to continue this run";
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected));
     }
