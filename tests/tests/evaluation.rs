@@ -67,23 +67,26 @@ fn the_errors_of_each_view_follow_from_its_picture() {
     assert_eq!(dsdf_json(&["eval", &run]), report);
 }
 
-/// Views held out are those of the start of the fit, also when other photographs come or go.
-#[test]
-fn a_run_keeps_its_held_out_views() {
-    let folder = Folder::new();
-    let (data, run) = (ball(&folder, "9"), folder.path("run"));
-    // Without a split of its own, every eighth view is held out.
+/// A run of two iterations on nine photographs without a split of their own, so that every eighth
+/// is held out: the folder of the data set, its camera file with its content, and the run.
+fn run_of_nine(folder: &Folder) -> (String, String, Value, String) {
+    let (data, run) = (ball(folder, "9"), folder.path("run"));
     let file = format!("{data}/transforms.json");
     fs::rename(format!("{data}/transforms_train.json"), &file).unwrap();
     fs::remove_file(format!("{data}/transforms_test.json")).unwrap();
-    let options = ["--iterations", "2", "--batch", "64"];
-    dsdf_ok(&[&["fit", &data, "-o", &run], &options[..]].concat());
+    dsdf_ok(&["fit", &data, "-o", &run, "--iterations", "2", "--batch", "64"]);
+    let cameras = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    (data, file, cameras, run)
+}
+
+#[test]
+fn views_stay_held_out_when_photographs_come_or_go() {
+    let folder = Folder::new();
+    let (data, file, cameras, run) = run_of_nine(&folder);
     let before = dsdf_json(&["eval", &run]);
     assert_eq!(before["views"], 2);
-    let whole: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
-    let write = |value: &Value| fs::write(&file, value.to_string()).unwrap();
     // Another photograph in front: every eighth view would be another one.
-    let mut more = whole.clone();
+    let mut more = cameras.clone();
     let frames = more["frames"].as_array_mut().unwrap();
     let mut first = frames[4].clone();
     let image = first["file_path"].as_str().unwrap().to_owned();
@@ -92,12 +95,12 @@ fn a_run_keeps_its_held_out_views() {
     fs::copy(&image, format!("{data}/again.png")).unwrap();
     first["file_path"] = json!("again.png");
     frames.insert(0, first);
-    write(&more);
+    fs::write(&file, more.to_string()).unwrap();
     assert_eq!(dsdf_json(&["eval", &run]), before);
     // A photograph less is refused, by each command that reads it.
-    let mut less = whole.clone();
+    let mut less = cameras.clone();
     less["frames"].as_array_mut().unwrap().remove(4);
-    write(&less);
+    fs::write(&file, less.to_string()).unwrap();
     let words = ["views: found none with the name", "expected the 9 views that the run began with"];
     refused(&["eval", &run], 2, &words);
     refused(&["inspect", &run, "-o", &folder.path("i.png")], 2, &words);
@@ -105,25 +108,43 @@ fn a_run_keeps_its_held_out_views() {
     refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &words);
     // As another data set, its views have the parts that they had in the run.
     assert_eq!(dsdf_json(&["eval", &run, "--dataset", &data]), before);
-    write(&whole);
+}
+
+#[test]
+fn a_data_set_may_move_and_its_poses_may_not_change() {
+    let folder = Folder::new();
+    let (data, _, mut cameras, run) = run_of_nine(&folder);
     let moved = folder.path("moved");
     fs::rename(&data, &moved).unwrap();
     refused(&["eval", &run], 2, &["data set: found no such folder", "--resume"]);
     dsdf_ok(&["fit", &moved, "--resume", "-o", &run, "--iterations", "4"]);
     assert_eq!(dsdf_json(&["eval", &run])["views"], 2);
+    // The same photographs with poses of another scale, as a second reconstruction has them.
+    for frame in cameras["frames"].as_array_mut().unwrap() {
+        for row in 0..3 {
+            let number = &mut frame["transform_matrix"][row][3];
+            *number = json!(1.1 * number.as_f64().unwrap());
+        }
+    }
+    fs::write(format!("{moved}/transforms.json"), cameras.to_string()).unwrap();
+    let words = ["poses: found others", "the poses that the run was fitted to"];
+    refused(&["eval", &run], 2, &words);
+    refused(&["fit", "--resume", "-o", &run, "--iterations", "6"], 2, &words);
+    dsdf_ok(&["eval", &run, "--dataset", &moved]);
+}
+
+#[test]
+fn lists_of_views_in_the_run_file_are_checked() {
+    let folder = Folder::new();
+    let (_, _, _, run) = run_of_nine(&folder);
     let toml = format!("{run}/fit.toml");
     let text = fs::read_to_string(&toml).unwrap();
-    let without = |start: &str| {
-        let lines = text.lines().filter(|line| !line.starts_with(start)).collect::<Vec<_>>();
-        fs::write(&toml, lines.join("\n")).unwrap();
-    };
-    without("held_out = ");
+    let lines = text.lines().filter(|line| !line.starts_with("held_out = ")).collect::<Vec<_>>();
+    fs::write(&toml, lines.join("\n")).unwrap();
     refused(&["eval", &run], 2, &["fit.toml: held_out: found missing field"]);
-    fs::write(
-        &toml,
-        text.replace("[views]", "[views]\ntrain = []\n#").replace("\ntrain = [\"", "\n# [\""),
-    )
-    .unwrap();
+    let empty =
+        text.replace("[views]", "[views]\ntrain = []\n#").replace("\ntrain = [\"", "\n# [\"");
+    fs::write(&toml, empty).unwrap();
     refused(&["eval", &run], 2, &["fit.toml: train: found an empty list"]);
 }
 

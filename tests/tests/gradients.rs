@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use serde::Deserialize;
 use tests::{npy, program, program_json, root};
@@ -38,6 +39,8 @@ struct Case {
     error: f64,
     #[serde(default = "reference")]
     reference: u32,
+    #[serde(default = "runs")]
+    runs: u32,
 }
 
 fn bias() -> f64 {
@@ -52,8 +55,10 @@ fn reference() -> u32 {
     1024
 }
 
-/// Runs of every case, each with its own seed.
-const SEEDS: u32 = 6;
+/// Runs of a case, each with its own seed.
+fn runs() -> u32 {
+    4
+}
 
 /// Samples per pixel of a run.
 const SPP: u32 = 256;
@@ -172,8 +177,8 @@ fn check(estimator: &SuiteEstimator, case: &Case) -> Result<(), String> {
     let (program, name) = (estimator.program(), &estimator.name);
     let allowed = estimator.error.unwrap_or(case.error);
     let (references, _) = images(&program, case, "contour", case.reference, 0);
-    let runs: Vec<_> = (0..SEEDS).map(|seed| images(&program, case, name, SPP, seed)).collect();
-    let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(SEEDS);
+    let runs: Vec<_> = (0..case.runs).map(|seed| images(&program, case, name, SPP, seed)).collect();
+    let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(case.runs);
     let mut failures = Vec::new();
     for (i, (wrt, reference)) in case.wrt.iter().zip(&references).enumerate() {
         let own: Vec<&[f32]> = runs.iter().map(|(images, _)| &images[i][..]).collect();
@@ -216,13 +221,16 @@ fn check_estimators(wanted: impl Fn(&SuiteEstimator) -> bool) {
     }
     assert!(!work.is_empty(), "no estimator and no case");
     // A small film does not occupy two threads: two cases run at a time, with one thread each.
-    let failures_of = |start: usize| -> Vec<String> {
-        let own = work.iter().skip(start).step_by(2);
-        own.filter_map(|(estimator, case)| check(estimator, case).err()).collect()
+    let left = Mutex::new(work.into_iter());
+    let failures_of = || -> Vec<String> {
+        let next = || left.lock().unwrap().next();
+        std::iter::from_fn(next)
+            .filter_map(|(estimator, case)| check(estimator, case).err())
+            .collect()
     };
     let failures = std::thread::scope(|scope| {
-        let others = scope.spawn(|| failures_of(1));
-        [failures_of(0), others.join().unwrap()].concat()
+        let others = scope.spawn(failures_of);
+        [failures_of(), others.join().unwrap()].concat()
     });
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }

@@ -52,7 +52,7 @@ fn disc(folder: &Path, side: u32) -> String {
 #[test]
 fn memory_does_not_grow_with_samples_or_points() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = disc(folder.path(), 8);
+    let scene = disc(folder.path(), 4);
     for estimator in ["refined", "paper"] {
         let at = |spp: &str, steps: &str| {
             let options = ["--estimator", estimator, "--spp", spp, "--steps", steps];

@@ -1,6 +1,6 @@
 //! Features on grids of several resolutions, interpolated between the corners of a cell.
 
-use field::{AddAt, Real, Vector3};
+use field::{Real, TableSum, Vector3};
 
 /// Cells along a side of the grid, for each level.
 ///
@@ -118,7 +118,7 @@ impl<R: Real> Cells<R> {
     }
 
     /// Adds the adjoint of the tables to `sum`.
-    pub(crate) fn table_vjp(&self, adjoint: &[R; INPUTS], sum: &mut (impl AddAt<R> + ?Sized)) {
+    pub(crate) fn table_vjp(&self, adjoint: &[R; INPUTS], sum: &mut TableSum<'_, R>) {
         for (cell, adjoint) in self.0.iter().zip(adjoint.chunks_exact(FEATURES)) {
             for corner in 0..CORNERS {
                 let weight = cell.weight(corner);

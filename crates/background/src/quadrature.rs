@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use field::{PartialSum, Real, Sphere, Vector3};
+use field::{PartialSum, Real, Sphere, TableSum, Vector3};
 use random::Stream;
 use render::{Background, BackgroundRay, RayAdjoint};
 
@@ -161,7 +161,7 @@ impl<R: Real> Background<R> for Quadrature<'_, R> {
         let (tables, decoder) = parameters.split_at_mut(table_length());
         self.backward(rays, adjoint, |_, _, point, bars| {
             point.decoded.parameter_vjp(&bars, decoder);
-            point.cells.table_vjp(&bars.features, tables);
+            point.cells.table_vjp(&bars.features, &mut TableSum::Vector(tables));
         });
     }
 
@@ -178,7 +178,8 @@ impl<R: Real> Background<R> for Quadrature<'_, R> {
         assert_eq!(sum.place(), self.table(), "place of the features");
         self.backward(rays, adjoint, |_, _, point, bars| {
             point.decoded.parameter_vjp(&bars, &mut sum.others);
-            point.cells.table_vjp(&bars.features, &mut sum.table);
+            let mut table = TableSum::Additions(&mut sum.table);
+            point.cells.table_vjp(&bars.features, &mut table);
         });
     }
 }

@@ -9,7 +9,7 @@ use render::Camera;
 use readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
-use crate::split::{by_names, every_eighth, like};
+use crate::split::{Placed, every_eighth, place};
 use crate::{Dataset, View};
 
 /// Options of [`load`].
@@ -85,19 +85,21 @@ impl Unread {
     pub fn split_by_names(self, names: [&[String]; 2]) -> Result<Self, InputError> {
         let Unread { path, train, test, mut recognised } = self;
         let all = names.map(<[_]>::len).iter().sum::<usize>();
-        let ([train, test], later) =
-            by_names([train, test], names, UnreadView::name).map_err(|name| {
-                let wanted = names.into_iter().flatten().filter(|other| **other == name).count();
-                let found = match wanted {
-                    1 => format!("none with the name {name}"),
-                    n => format!("fewer than {n} with the name {name}"),
-                };
-                let expected = format!(
-                    "the {all} views that the run began with (bring the image back, or try `eval` \
-                     and `mesh` with --dataset, which take the views that are there)"
-                );
-                InputError::new(&path, "views", found, expected)
-            })?;
+        let Placed { lists: [train, test], others, missing } =
+            place([train, test], names, UnreadView::name);
+        if let Some(name) = missing {
+            let wanted = names.into_iter().flatten().filter(|other| **other == name).count();
+            let found = match wanted {
+                1 => format!("none with the name {name}"),
+                n => format!("fewer than {n} with the name {name}"),
+            };
+            let expected = format!(
+                "the {all} views that the run began with (bring the image back, or try `eval` and \
+                 `mesh` with --dataset, which take the views that are there)"
+            );
+            return Err(InputError::new(&path, "views", found, expected));
+        }
+        let later = others.iter().map(Vec::len).sum::<usize>();
         if later > 0 {
             let text = "views added since the run began, and left out";
             recognised.notes.push(format!("{text}: {later}"));
@@ -110,13 +112,28 @@ impl Unread {
     #[must_use]
     pub fn split_like(self, names: [&[String]; 2]) -> Self {
         let Unread { path, train, test, recognised } = self;
-        let [train, test] = like([train, test], names, UnreadView::name);
+        let Placed { lists, others, .. } = place([train, test], names, UnreadView::name);
+        let [mut train, mut test] = lists;
+        let [other_train, other_test] = others;
+        train.extend(other_train);
+        test.extend(other_test);
         Unread { path, train, test, recognised }
     }
 
     /// The distortion of the lenses, which is removed when the images are read.
     pub fn distortion(&self) -> Distortion {
         Distortion::of(self.train.iter().chain(&self.test))
+    }
+
+    /// The folder or the file that it was opened by.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The cameras of the views to fit, and then of those held out, as the data set has them: with
+    /// the lens of the photograph, without its distortion.
+    pub fn cameras_as_read(&self) -> impl Iterator<Item = &Camera> {
+        self.train.iter().chain(&self.test).map(UnreadView::camera)
     }
 
     /// The pinhole cameras of the views to fit, without reading their images.

@@ -20,7 +20,7 @@ pub use csg::{Csg, Operation};
 pub use dual::{Dual, Scalar};
 pub use fibonacci::fibonacci_direction;
 pub use field::Field;
-pub use partial_sum::{AddAt, Additions, PartialSum};
+pub use partial_sum::{Additions, PartialSum, TableSum};
 pub use real::{Real, Vector3};
 pub use shape::{Kind, Shape};
 pub use slope::{SLOPE_POINTS, slope};

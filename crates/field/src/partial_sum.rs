@@ -7,26 +7,42 @@ use crate::real::Real;
 /// The number of parameters of a bin, as a power of two.
 const BIN: u32 = 11;
 
-/// Numbers to be added to a vector at given places.
-pub trait AddAt<R> {
-    /// Adds two numbers to the elements at the index, an even number, and after it.
-    fn add_pair(&mut self, index: usize, values: [R; 2]);
-
-    /// Adds a number to the element at the index.
-    fn add_at(&mut self, index: usize, value: R);
+/// The sums of the parameters of a table.
+///
+/// It is no type parameter of its users: they are large, and would be compiled for each kind.
+#[derive(Debug)]
+pub enum TableSum<'a, R> {
+    /// A vector, to which numbers are added at once.
+    Vector(&'a mut [R]),
+    /// Numbers to be added later.
+    Additions(&'a mut Additions<R>),
 }
 
-impl<R: Real> AddAt<R> for [R] {
+impl<R: Real> TableSum<'_, R> {
+    /// Adds two numbers to the elements at the index, an even number, and after it.
     #[inline(always)]
-    fn add_pair(&mut self, index: usize, [first, second]: [R; 2]) {
-        let pair = &mut self[index..index + 2];
-        pair[0] += first;
-        pair[1] += second;
+    pub fn add_pair(&mut self, index: usize, values: [R; 2]) {
+        match self {
+            TableSum::Vector(vector) => {
+                let pair = &mut vector[index..index + 2];
+                pair[0] += values[0];
+                pair[1] += values[1];
+            }
+            TableSum::Additions(additions) => additions.add_pair(index, values),
+        }
     }
 
+    /// Adds a number to the element at the index.
     #[inline(always)]
-    fn add_at(&mut self, index: usize, value: R) {
-        self[index] += value;
+    pub fn add_at(&mut self, index: usize, value: R) {
+        match self {
+            TableSum::Vector(vector) => vector[index] += value,
+            TableSum::Additions(additions) => {
+                let zero = R::zero();
+                let pair = if index.is_multiple_of(2) { [value, zero] } else { [zero, value] };
+                additions.add_pair(index & !1, pair);
+            }
+        }
     }
 }
 
@@ -43,26 +59,17 @@ pub struct Additions<R> {
 /// An even place, and the numbers for it and the next one.
 type Pair<R> = (u32, [R; 2]);
 
-impl<R: Real> AddAt<R> for Additions<R> {
-    #[inline(always)]
-    fn add_pair(&mut self, index: usize, values: [R; 2]) {
-        debug_assert!(index.is_multiple_of(2), "the place of a pair is {index}");
-        self.bins[index >> BIN].push((index as u32, values));
-    }
-
-    #[inline(always)]
-    fn add_at(&mut self, index: usize, value: R) {
-        let zero = R::zero();
-        let pair = if index.is_multiple_of(2) { [value, zero] } else { [zero, value] };
-        self.add_pair(index & !1, pair);
-    }
-}
-
 impl<R: Real> Additions<R> {
     /// No additions to a vector of this length.
     fn new(length: usize) -> Self {
         assert!(length <= u32::MAX as usize, "a table of {length} parameters");
         Additions { bins: vec![Vec::new(); length.div_ceil(1 << BIN)] }
+    }
+
+    #[inline(always)]
+    fn add_pair(&mut self, index: usize, values: [R; 2]) {
+        debug_assert!(index.is_multiple_of(2), "the place of a pair is {index}");
+        self.bins[index >> BIN].push((index as u32, values));
     }
 
     /// The places of a bin.
@@ -145,7 +152,7 @@ mod tests {
         let mut expected = vec![1.0; count];
         for i in 0..1000 {
             let at = (i * 7919) % place.len();
-            sum.table.add_at(at, i as f64);
+            TableSum::Additions(&mut sum.table).add_at(at, i as f64);
             expected[place.start + at] += i as f64;
             if (at | 1) < place.len() {
                 sum.table.add_pair(at & !1, [2.0, -3.0]);

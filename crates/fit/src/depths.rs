@@ -6,8 +6,9 @@ use calibrate::Calibration;
 use photometry::{Level, Photograph};
 use stereo::{DepthMap, Guide, Stereo, View};
 
+use crate::budget::Budget;
 use crate::cameras::corrected;
-use crate::options::{DEFAULT_ITERATIONS, FitOptions};
+use crate::options::FitOptions;
 use crate::run::Fit;
 use crate::run_file::RunFile;
 use schedule::{ends_depths, is_carving};
@@ -46,8 +47,10 @@ impl FitOptions {
     pub(crate) fn assumed_iterations(&self) -> u64 {
         let threads = rayon::current_num_threads().min(MOST_THREADS) as f64;
         let rate = ITERATIONS_PER_SECOND * threads;
-        let of_time = self.time.map(|time| (time.as_secs_f64() * rate) as u64);
-        of_time.or(self.iterations).unwrap_or(DEFAULT_ITERATIONS)
+        match self.budget() {
+            Budget::Time(time) => (time.as_secs_f64() * rate) as u64,
+            Budget::Iterations(all) => all,
+        }
     }
 }
 

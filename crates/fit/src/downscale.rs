@@ -2,7 +2,8 @@
 
 use photometry::{Limit, downscale};
 
-use crate::options::{DEFAULT_ITERATIONS, FitOptions};
+use crate::budget::Budget;
+use crate::options::FitOptions;
 use schedule::FINEST_SHARE;
 
 /// The assumed speed, in draws of pixels a second, for a budget of time. The speed of the machine
@@ -22,9 +23,9 @@ impl FitOptions {
 
     /// The number of pixels that the budget draws on the finest level of the pyramid, about.
     fn finest_draws(&self) -> u64 {
-        let draws = match self.time {
-            Some(time) => DRAWS_PER_SECOND * time.as_secs_f64(),
-            None => self.iterations.unwrap_or(DEFAULT_ITERATIONS) as f64 * self.batch as f64,
+        let draws = match self.budget() {
+            Budget::Time(time) => DRAWS_PER_SECOND * time.as_secs_f64(),
+            Budget::Iterations(all) => all as f64 * self.batch as f64,
         };
         (FINEST_SHARE * draws) as u64
     }

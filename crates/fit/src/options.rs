@@ -213,7 +213,7 @@ const GROUPS: [Group; 6] = [
 ];
 
 /// The number of iterations without `--iterations` and without `--time`.
-pub const DEFAULT_ITERATIONS: u64 = 6000;
+pub(crate) const DEFAULT_ITERATIONS: u64 = 6000;
 
 impl Default for FitOptions {
     fn default() -> Self {

@@ -25,7 +25,6 @@ use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
-use crate::options::DEFAULT_ITERATIONS;
 use crate::run_file::RunFile;
 use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
@@ -239,12 +238,7 @@ impl Fit {
 
     /// The spent fraction of the budget (time or iterations), from 0; it can exceed 1.
     pub fn progress(&self) -> f64 {
-        match (self.file.options.time, self.file.options.iterations) {
-            (Some(time), _) => self.seconds / time.as_secs_f64(),
-            (None, iterations) => {
-                self.iteration as f64 / iterations.unwrap_or(DEFAULT_ITERATIONS) as f64
-            }
-        }
+        self.file.options.budget().progress(self.iteration, self.seconds)
     }
 
     /// Runs iterations until the budget is spent or `stop` is true, and saves.

@@ -15,6 +15,7 @@ use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
 use crate::options::FitOptions;
+use crate::split::Split;
 use photometry::{
     BackgroundChoice, BackgroundKind, BackgroundModel, ExposureModel, MaskUse, put_over_black,
 };
@@ -45,24 +46,6 @@ pub struct RunFile {
     pub views: Option<Split>,
     /// The options.
     pub options: FitOptions,
-}
-
-/// The views of a run, by their names in the data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Split {
-    /// The views to fit.
-    pub train: Vec<String>,
-    /// The held-out views.
-    pub held_out: Vec<String>,
-}
-
-impl Split {
-    fn of(dataset: &Dataset) -> Self {
-        let [train, held_out] = [&dataset.train, &dataset.test]
-            .map(|views| views.iter().map(|view| view.name.clone()).collect());
-        Split { train, held_out }
-    }
 }
 
 impl RunFile {
@@ -110,7 +93,7 @@ impl RunFile {
                 _ => confidence,
             },
             exposure_model: ExposureModel::Even,
-            views: Some(Split::of(dataset)),
+            views: Some(Split::of(dataset, radius)),
             options: options.clone(),
         };
         // The photographs as the fit sees them: without the background that masks remove.
@@ -155,7 +138,8 @@ impl RunFile {
     /// of which no view to fit of the run is held out.
     ///
     /// # Errors
-    /// If it cannot be read, or if a view of the run is missing in the run's own data set.
+    /// If it cannot be read, or if the run's own data set lacks a view of the run or has another
+    /// pose for it.
     pub fn open(&self, other: Option<&Path>) -> anyhow::Result<Unread> {
         let path = other.unwrap_or(&self.dataset);
         if !path.exists() {
@@ -166,10 +150,10 @@ impl RunFile {
         let unread = dataset::open(path)?;
         match (&self.views, other) {
             (None, _) => Ok(unread),
-            (Some(Split { train, held_out }), None) => {
-                Ok(unread.split_by_names([train, held_out])?)
+            (Some(split), None) => Ok(split.choose(unread, self.bounds[3])?),
+            (Some(Split { train, held_out, .. }), Some(_)) => {
+                Ok(unread.split_like([train, held_out]))
             }
-            (Some(Split { train, held_out }), Some(_)) => Ok(unread.split_like([train, held_out])),
         }
     }
 

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use field::{AddAt, Real};
+use field::{Real, TableSum};
 
 /// Features of an entry.
 pub const FEATURES: usize = 2;
@@ -158,7 +158,7 @@ impl Grids {
         tables: &[R],
         y: [R; 3],
         adjoint: impl Fn(usize) -> R,
-        sums: &mut (impl AddAt<R> + ?Sized),
+        sums: &mut TableSum<'_, R>,
     ) -> [R; 3] {
         let mut out = [R::zero(); 3];
         for (l, level) in self.levels.iter().enumerate() {
@@ -206,7 +206,8 @@ mod tests {
         let tables = tables(&grids);
         let y = [0.31, -0.47, 0.83];
         let mut sums = vec![0.0; tables.len()];
-        let bars = grids.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut sums[..]);
+        let bars =
+            grids.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut TableSum::Vector(&mut sums));
         let h = 1e-6;
         for axis in 0..3 {
             let moved = |h: f64| {
@@ -233,7 +234,12 @@ mod tests {
         let tables = tables(&grids);
         let far = [7.0, -9.0, 0.3];
         assert_eq!(total(&grids, &tables, far), total(&grids, &tables, [1.0, -1.0, 0.3]));
-        let bars = grids.encode_vjp(&tables, far, |_| 1.0, &mut vec![0.0; tables.len()][..]);
+        let bars = grids.encode_vjp(
+            &tables,
+            far,
+            |_| 1.0,
+            &mut TableSum::Vector(&mut vec![0.0; tables.len()]),
+        );
         assert!(bars[0] == 0.0 && bars[1] == 0.0 && bars[2] != 0.0, "{bars:?}");
     }
 }

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use field::{AddAt, Real};
+use field::{Real, TableSum};
 use rayon::prelude::*;
 
 use crate::support::Support;
@@ -290,7 +290,7 @@ impl Splines {
         y: [R; 3],
         p: [R; 3],
         adjoint: impl Fn(usize) -> [R; 2],
-        sums: &mut (impl AddAt<R> + ?Sized),
+        sums: &mut TableSum<'_, R>,
     ) {
         match self.size.degree {
             Degree::Quadratic => self.vjp_taps::<R, 3>(y, p, adjoint, sums),
@@ -304,7 +304,7 @@ impl Splines {
         y: [R; 3],
         p: [R; 3],
         adjoint: impl Fn(usize) -> [R; 2],
-        sums: &mut (impl AddAt<R> + ?Sized),
+        sums: &mut TableSum<'_, R>,
     ) {
         let features = self.size.features;
         for (l, Level { side, first_free, support, .. }) in self.levels.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! Splines against the recursion of their basis and against differences.
 
 use approx::assert_relative_eq;
+use field::TableSum;
 
 use crate::splines::*;
 use crate::taps::Jet;
@@ -111,7 +112,7 @@ fn the_reverse_mode_matches_the_coefficients() {
         };
         for y in POINTS {
             let mut sums = vec![0.0; c.len()];
-            splines.encode_vjp(y, p, adjoint, &mut sums[..]);
+            splines.encode_vjp(y, p, adjoint, &mut TableSum::Vector(&mut sums));
             let product: f64 = sums.iter().zip(&c).map(|(s, c)| s * c).sum();
             let expected: f64 = total(&c, y);
             assert_relative_eq!(product, expected, max_relative = 1e-10);
@@ -165,8 +166,8 @@ fn nodes_that_are_not_free_have_no_part() {
             }
             let adjoint = |f: usize| [1.0 + f as f64, 0.5 - f as f64];
             let (mut of_free, mut of_all) = (vec![0.0; free.len()], vec![0.0; c.len()]);
-            some.encode_vjp(y, p, adjoint, &mut of_free[..]);
-            all.encode_vjp(y, p, adjoint, &mut of_all[..]);
+            some.encode_vjp(y, p, adjoint, &mut TableSum::Vector(&mut of_free));
+            all.encode_vjp(y, p, adjoint, &mut TableSum::Vector(&mut of_all));
             for (a, b) in of_free.iter().zip(some.gather(&of_all)) {
                 assert_relative_eq!(*a, b, epsilon = 1e-12);
             }

@@ -1,6 +1,6 @@
 //! The weights of the coefficients of a point, and sums over them.
 
-use field::{AddAt, Real};
+use field::{Real, TableSum};
 
 /// A feature at a point: its value, gradient, and the product of its Hessian and a vector. Those
 /// of a higher order than was asked for are zero.
@@ -188,7 +188,7 @@ impl Rows {
     #[inline(always)]
     pub(crate) fn add<R: Real, const T: usize, const G: usize>(
         &self,
-        sums: &mut (impl AddAt<R> + ?Sized),
+        sums: &mut TableSum<'_, R>,
         f: usize,
         axes: &[Axis<R, T>; 3],
         p: [R; 3],

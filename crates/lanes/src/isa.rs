@@ -10,6 +10,10 @@ pub trait Isa: Copy {
     /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
     const FMA: bool;
 
+    /// Runs a part of a pass with these instructions, as a function of its own. All passes that
+    /// have the part share its code; a call takes a few nanoseconds.
+    fn call<P: Pass>(part: P);
+
     /// The matrix product of [`crate::multiply_rows`].
     #[inline(always)]
     fn multiply<const N: usize>(

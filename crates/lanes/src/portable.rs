@@ -3,7 +3,7 @@
 use field::Real;
 
 use super::block::{LANES, Row, TILE, padded};
-use super::isa::{Isa, fma};
+use super::isa::{Isa, Pass, fma};
 
 /// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +11,11 @@ pub struct Portable;
 
 impl Isa for Portable {
     const FMA: bool = cfg!(target_arch = "aarch64");
+
+    #[inline(never)]
+    fn call<P: Pass>(part: P) {
+        part.run::<Self>();
+    }
 }
 
 /// Rows and lanes (or columns) whose sums stay in registers.

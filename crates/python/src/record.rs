@@ -320,7 +320,7 @@ impl Record {
         let bad =
             (0..x.len()).find(|&i| !(x[i].is_finite() && alpha[i].is_finite() && c[i].is_finite()));
         if let Some(i) = bad {
-            let expected = "finite second derivatives of the field";
+            let expected = "finite second derivatives of the field, and a smaller delta";
             return Err(wrong(
                 "field",
                 "hessian_vector",

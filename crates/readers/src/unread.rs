@@ -76,6 +76,11 @@ impl UnreadView {
         &self.name
     }
 
+    /// The pinhole part of the camera that took the photograph.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
     /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
     pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
         let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));

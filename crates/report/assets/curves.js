@@ -24,6 +24,8 @@ function decades(low, high) {
     for (const factor of [1, 2, 5]) all.push(Number((factor * 10 ** power).toPrecision(3)));
   }
   const inside = all.filter((value) => value >= low && value <= high);
+  // Within less than a factor of 2, there are none.
+  if (inside.length < 2) return ticks(low, high, 4);
   return inside.length > 7 ? inside.filter((value) => Number.isInteger(Math.log10(value))) : inside;
 }
 

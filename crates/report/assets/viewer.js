@@ -159,10 +159,20 @@ function orbitOf({ center, radius, up }, views, reach) {
   const u = unit(cross(side, up));
   const v = cross(up, u);
   const orbit = { through: null };
+  const outwards = (yaw, pitch) => {
+    const level = add(u.map((x) => x * Math.cos(yaw)), v, Math.sin(yaw));
+    return add(level.map((x) => x * Math.cos(pitch)), up, Math.sin(pitch));
+  };
+  const directions = views.map(({ camera }) => unit(add(camera.eye, center, -1)));
+  // Near the first camera, and as far as can be from all: a camera would cover the surface.
+  const first = directions.length ? directions[0] : u;
+  const pitch = Math.asin(Math.max(-0.9, Math.min(0.9, dot(first, up))));
+  const around = Math.atan2(dot(first, v), dot(first, u));
+  const nearest = (yaw) => Math.max(...directions.map((direction) => dot(direction, outwards(yaw, pitch))));
+  const yaws = [0.4, 0.3, 0.2, 0.5, 0.6, -0.2, -0.3, -0.4, -0.5, -0.6].map((turn) => around + turn);
+  const yaw = yaws.reduce((best, other) => (nearest(other) < nearest(best) ? other : best));
   orbit.reset = () => {
-    const first = views.length ? unit(add(views[0].camera.eye, center, -1)) : u;
-    orbit.yaw = Math.atan2(dot(first, v), dot(first, u)) + 0.4;
-    orbit.pitch = Math.asin(Math.max(-0.9, Math.min(0.9, dot(first, up))));
+    [orbit.yaw, orbit.pitch] = [yaw, pitch];
     orbit.distance = 3.2 * radius;
     orbit.target = center;
     orbit.through = null;
@@ -188,9 +198,7 @@ function orbitOf({ center, radius, up }, views, reach) {
   };
   orbit.frame = () => {
     if (orbit.through) return orbit.through;
-    const [c, s] = [Math.cos(orbit.pitch), Math.sin(orbit.pitch)];
-    const level = add(u.map((x) => x * Math.cos(orbit.yaw)), v, Math.sin(orbit.yaw));
-    const out = add(level.map((x) => x * c), up, s);
+    const out = outwards(orbit.yaw, orbit.pitch);
     const forward = out.map((x) => -x);
     const right = unit(cross(forward, up));
     const eye = add(orbit.target, out, orbit.distance);

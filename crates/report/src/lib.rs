@@ -10,7 +10,7 @@ use std::path::Path;
 
 use curves::Metrics;
 use dataset::Dataset;
-use fit::{Model, RunFile};
+use fit::{Budget, Model, RunFile};
 use inspect::Verdict;
 
 /// A run, with all that its page shows.
@@ -82,17 +82,16 @@ pub fn page(
 
 /// The budget that a run has spent. A run that was stopped has spent a part of it.
 fn spent(run: &Run<'_>, iterations: u64, seconds: f64) -> String {
-    let options = &run.file.options;
-    match options.time.map(|time| time.as_secs_f64()) {
-        Some(time) if seconds < 0.99 * time => {
-            format!("{iterations} iterations, {seconds:.0} s of {time:.0} s: not finished")
+    let budget = run.file.options.budget();
+    let progress = budget.progress(iterations, seconds);
+    match budget {
+        Budget::Time(time) if progress < 0.99 => {
+            let all = time.as_secs_f64();
+            format!("{iterations} iterations, {seconds:.0} s of {all:.0} s: not finished")
         }
-        Some(_) => format!("{iterations} iterations, {seconds:.0} s"),
-        None => match options.iterations.unwrap_or(fit::DEFAULT_ITERATIONS) {
-            all if iterations < all => {
-                format!("{iterations} of {all} iterations, {seconds:.0} s: not finished")
-            }
-            _ => format!("{iterations} iterations, {seconds:.0} s"),
-        },
+        Budget::Iterations(all) if progress < 1.0 => {
+            format!("{iterations} of {all} iterations, {seconds:.0} s: not finished")
+        }
+        _ => format!("{iterations} iterations, {seconds:.0} s"),
     }
 }

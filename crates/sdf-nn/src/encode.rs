@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 
 use crate::architecture::{Encoding, Transform};
-use lanes::{Isa, LANES, Lane, Row, fma};
+use lanes::{Isa, LANES, Lane, Pass, Row, fma};
 
 /// The map from points in world space to features: the transform, then the frequency encoding.
 #[derive(Clone, Copy, Debug)]
@@ -34,18 +34,7 @@ impl<R: Lane> Encoder<R> {
                 features[c].0[l] = y[c];
             }
         }
-        let (position, waves) = features.split_at_mut(3);
-        for band in 0..self.bands {
-            let frequency = R::of((1u64 << band) as f64);
-            for c in 0..3 {
-                let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
-                for l in 0..N {
-                    let (s, k) = R::sin_cos_moderate::<I>(frequency * position[c].0[l]);
-                    waves[sine].0[l] = s;
-                    waves[cosine].0[l] = k;
-                }
-            }
-        }
+        I::call(Waves::<R, N> { bands: self.bands, features });
     }
 
     /// JVP of [`encode`](Self::encode): writes the tangents of the features as the points move
@@ -82,17 +71,7 @@ impl<R: Lane> Encoder<R> {
         factor: R,
     ) -> [Row<R>; 3] {
         let mut out: [Row<R>; 3] = [adjoint[0], adjoint[1], adjoint[2]];
-        for band in 0..self.bands {
-            let frequency = R::of((1u64 << band) as f64);
-            for (c, out) in out.iter_mut().enumerate() {
-                let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
-                for l in 0..LANES {
-                    let slope = adjoint[sine].0[l] * features[cosine].0[l]
-                        - adjoint[cosine].0[l] * features[sine].0[l];
-                    out.0[l] = fma::<R, I>(frequency, slope, out.0[l]);
-                }
-            }
-        }
+        I::call(WavesVjp { bands: self.bands, features, adjoint, out: &mut out });
         let factor = factor * self.inverse_radius;
         for out in &mut out {
             out.0.iter_mut().for_each(|v| *v *= factor);
@@ -137,4 +116,54 @@ impl<R: Lane> Encoder<R> {
 #[inline(always)]
 pub(crate) fn lane<R: Real>(rows: &[Row<R>; 3], l: usize) -> R::Vec3 {
     R::Vec3::new(rows[0].0[l], rows[1].0[l], rows[2].0[l])
+}
+
+/// Sines and cosines of the coordinates in the first three rows, in the first `N` lanes.
+struct Waves<'a, R, const N: usize> {
+    bands: usize,
+    features: &'a mut [Row<R>],
+}
+
+impl<R: Lane, const N: usize> Pass for Waves<'_, R, N> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let (position, waves) = self.features.split_at_mut(3);
+        for band in 0..self.bands {
+            let frequency = R::of((1u64 << band) as f64);
+            for c in 0..3 {
+                let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
+                for l in 0..N {
+                    let (s, k) = R::sin_cos_moderate::<I>(frequency * position[c].0[l]);
+                    waves[sine].0[l] = s;
+                    waves[cosine].0[l] = k;
+                }
+            }
+        }
+    }
+}
+
+/// VJP of [`Waves`] to the coordinates: adds to `out`.
+struct WavesVjp<'a, R> {
+    bands: usize,
+    features: &'a [Row<R>],
+    adjoint: &'a [Row<R>],
+    out: &'a mut [Row<R>; 3],
+}
+
+impl<R: Lane> Pass for WavesVjp<'_, R> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let WavesVjp { bands, features, adjoint, out } = self;
+        for band in 0..bands {
+            let frequency = R::of((1u64 << band) as f64);
+            for (c, out) in out.iter_mut().enumerate() {
+                let (sine, cosine) = (3 + 6 * band + c, 6 + 6 * band + c);
+                for l in 0..LANES {
+                    let slope = adjoint[sine].0[l] * features[cosine].0[l]
+                        - adjoint[cosine].0[l] * features[sine].0[l];
+                    out.0[l] = fma::<R, I>(frequency, slope, out.0[l]);
+                }
+            }
+        }
+    }
 }

@@ -33,7 +33,7 @@ impl<R: Lane> FewPoints<R> {
     #[inline(always)]
     pub(crate) fn values<I: Isa>(&mut self, network: &Network<R>, x: &[R::Vec3], f: &mut [R]) {
         network.encoder.encode::<I, FEW>(x, &mut self.features);
-        network.write_grid(x.len(), &mut self.features);
+        I::call(network.grid_values(x.len(), &mut self.features));
         self.sweeps::<I, false>(network, f);
     }
 
@@ -48,8 +48,8 @@ impl<R: Lane> FewPoints<R> {
         gradient: &mut [R::Vec3],
     ) {
         network.encoder.encode::<I, FEW>(x, &mut self.features);
-        let (splines, table, start) = (&network.splines, &network.table, network.first_of_grid());
-        grid::write_slopes(splines, table, start, x.len(), &mut self.features, jets);
+        let values = network.grid_values(x.len(), &mut self.features);
+        I::call(grid::Slopes { values, jets: &mut *jets });
         self.sweeps::<I, true>(network, f);
         network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
     }

@@ -1,9 +1,9 @@
 //! The features of a grid of splines for a block of positions, and their derivatives.
 
-use field::{AddAt, Real};
+use field::{Real, TableSum};
 use grids::{Jet, Splines};
 
-use lanes::{Isa, LANES, Lane, Row, fma};
+use lanes::{Isa, LANES, Lane, Pass, Row, fma};
 
 /// The derivatives of the features of a grid by the position in the unit ball, for a block.
 pub(crate) struct Jets<R> {
@@ -60,70 +60,77 @@ fn add_products<R: Lane, I: Isa>(
 
 /// Writes the features of a grid after the first `first` rows of `features`, in the first
 /// `count` lanes.
-#[inline(always)]
-pub(crate) fn write_values<R: Lane>(
-    splines: &Splines,
-    coefficients: &[R],
-    first: usize,
-    count: usize,
-    features: &mut [Row<R>],
-) {
-    let (positions, features) = features.split_at_mut(first);
-    for l in 0..count {
-        let y = lane(positions, l);
-        let put = |i: usize, jet: Jet<R>| features[i].0[l] = jet.value;
-        splines.encode::<R, 0>(coefficients, y, [R::zero(); 3], put);
+pub(crate) struct Values<'a, R> {
+    pub(crate) splines: &'a Splines,
+    pub(crate) coefficients: &'a [R],
+    pub(crate) first: usize,
+    pub(crate) count: usize,
+    pub(crate) features: &'a mut [Row<R>],
+}
+
+impl<R: Lane> Pass for Values<'_, R> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let (positions, features) = self.features.split_at_mut(self.first);
+        for l in 0..self.count {
+            let y = lane(positions, l);
+            let put = |i: usize, jet: Jet<R>| features[i].0[l] = jet.value;
+            self.splines.encode::<R, 0>(self.coefficients, y, [R::zero(); 3], put);
+        }
     }
 }
 
-/// Writes the features and their gradients in the first `count` lanes.
-#[inline(always)]
-pub(crate) fn write_slopes<R: Lane>(
-    splines: &Splines,
-    coefficients: &[R],
-    first: usize,
-    count: usize,
-    features: &mut [Row<R>],
-    jets: &mut Jets<R>,
-) {
-    let (positions, features) = features.split_at_mut(first);
-    for l in 0..count {
-        let y = lane(positions, l);
-        let put = |i: usize, jet: Jet<R>| {
-            features[i].0[l] = jet.value;
-            (0..3).for_each(|a| jets.slope[i][a].0[l] = jet.slope[a]);
-        };
-        splines.encode::<R, 1>(coefficients, y, [R::zero(); 3], put);
+/// Writes the features as [`Values`], and their gradients.
+pub(crate) struct Slopes<'a, R> {
+    pub(crate) values: Values<'a, R>,
+    pub(crate) jets: &'a mut Jets<R>,
+}
+
+impl<R: Lane> Pass for Slopes<'_, R> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Values { splines, coefficients, first, count, features } = self.values;
+        let (positions, features) = features.split_at_mut(first);
+        for l in 0..count {
+            let y = lane(positions, l);
+            let put = |i: usize, jet: Jet<R>| {
+                features[i].0[l] = jet.value;
+                (0..3).for_each(|a| self.jets.slope[i][a].0[l] = jet.slope[a]);
+            };
+            splines.encode::<R, 1>(coefficients, y, [R::zero(); 3], put);
+        }
     }
 }
 
-/// Writes the features, their gradients and tangents, and with `BEND` the products of their
-/// Hessians with the tangents of the positions.
-#[inline(always)]
-pub(crate) fn write_tangents<R: Lane, const BEND: bool>(
-    splines: &Splines,
-    coefficients: &[R],
-    first: usize,
-    count: usize,
-    [features, tangent]: &mut [Vec<Row<R>>; 2],
-    jets: &mut Jets<R>,
-) {
-    let (positions, features) = features.split_at_mut(first);
-    let (motions, tangent) = tangent.split_at_mut(first);
-    for l in 0..count {
-        let (y, p) = (lane(positions, l), lane(motions, l));
-        let put = |i: usize, jet: Jet<R>| {
-            features[i].0[l] = jet.value;
-            tangent[i].0[l] = (0..3).fold(R::zero(), |sum, a| sum + jet.slope[a] * p[a]);
-            (0..3).for_each(|a| jets.slope[i][a].0[l] = jet.slope[a]);
+/// Writes the features as [`Values`], their gradients and tangents, and with `BEND` the products of
+/// their Hessians with the tangents of the positions.
+pub(crate) struct Tangents<'a, R, const BEND: bool> {
+    pub(crate) values: Values<'a, R>,
+    pub(crate) tangent: &'a mut [Row<R>],
+    pub(crate) jets: &'a mut Jets<R>,
+}
+
+impl<R: Lane, const BEND: bool> Pass for Tangents<'_, R, BEND> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Values { splines, coefficients, first, count, features } = self.values;
+        let (positions, features) = features.split_at_mut(first);
+        let (motions, tangent) = self.tangent.split_at_mut(first);
+        for l in 0..count {
+            let (y, p) = (lane(positions, l), lane(motions, l));
+            let put = |i: usize, jet: Jet<R>| {
+                features[i].0[l] = jet.value;
+                tangent[i].0[l] = (0..3).fold(R::zero(), |sum, a| sum + jet.slope[a] * p[a]);
+                (0..3).for_each(|a| self.jets.slope[i][a].0[l] = jet.slope[a]);
+                if BEND {
+                    (0..3).for_each(|a| self.jets.bend[i][a].0[l] = jet.bend[a]);
+                }
+            };
             if BEND {
-                (0..3).for_each(|a| jets.bend[i][a].0[l] = jet.bend[a]);
+                splines.encode::<R, 2>(coefficients, y, p, put);
+            } else {
+                splines.encode::<R, 1>(coefficients, y, p, put);
             }
-        };
-        if BEND {
-            splines.encode::<R, 2>(coefficients, y, p, put);
-        } else {
-            splines.encode::<R, 1>(coefficients, y, p, put);
         }
     }
 }
@@ -137,7 +144,7 @@ pub(crate) fn add_coefficients<R: Lane>(
     count: usize,
     [features, tangent]: &[Vec<Row<R>>; 2],
     [adjoint, of_tangent]: &[Vec<Row<R>>; 2],
-    sums: &mut (impl AddAt<R> + ?Sized),
+    sums: &mut TableSum<'_, R>,
 ) {
     for l in 0..count {
         let (y, p) = (lane(features, l), lane(tangent, l));

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use field::{AddAt, PartialSum, Real, SurfaceAdjoint, SurfaceBatch, Vector3};
+use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
 use grids::Grids;
 
@@ -255,19 +255,19 @@ impl<R: Lane> Pass for Radiance<'_, R> {
 }
 
 /// The pass of [`RadianceHead::vjp`].
-pub(crate) struct Vjp<'a, R: Real, T: ?Sized> {
+pub(crate) struct Vjp<'a, R: Real> {
     pub(crate) head: &'a RadianceHead<R>,
     pub(crate) points: SurfaceBatch<'a, R>,
     pub(crate) rgb_adjoint: &'a [R::Vec3],
     pub(crate) surface_adjoint: &'a mut SurfaceAdjoint<R>,
     pub(crate) weights: &'a mut [R],
     /// The sums of the features of details.
-    pub(crate) tables: &'a mut T,
+    pub(crate) tables: TableSum<'a, R>,
 }
 
-impl<R: Lane, T: AddAt<R> + ?Sized> Pass for Vjp<'_, R, T> {
+impl<R: Lane> Pass for Vjp<'_, R> {
     #[inline(always)]
-    fn run<I: Isa>(self) {
+    fn run<I: Isa>(mut self) {
         let (mlp, start) = (&self.head.mlp, self.head.encoding.features());
         let details = &self.head.details;
         let inverse_radius = R::of(self.head.transform.radius.recip());
@@ -295,7 +295,7 @@ impl<R: Lane, T: AddAt<R> + ?Sized> Pass for Vjp<'_, R, T> {
                 if details.features() > 0 {
                     let y = unit_position(&s.features[0], l);
                     let adjoint = |f: usize| s.adjoint[0][start + DIRECTIONS + f].0[l];
-                    let bar = details.encode_vjp(&self.head.tables, y, adjoint, self.tables);
+                    let bar = details.encode_vjp(&self.head.tables, y, adjoint, &mut self.tables);
                     x += R::Vec3::from_array(bar) * inverse_radius;
                 }
                 self.surface_adjoint.x[i] = x;

@@ -16,7 +16,7 @@ mod network;
 mod passes;
 
 pub use grids::{Degree, SplineSize};
-pub use lanes::Lane;
+pub use lanes::{Instructions, Lane};
 
 pub use architecture::{Activation, Architecture, Encoding, Transform};
 pub use head::RadianceHead;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use field::{AddAt, Field, PartialSum, Real, Sphere, Vector3};
+use field::{Field, PartialSum, Real, Sphere, TableSum, Vector3};
 use glam::DVec3;
 use grids::Splines;
 
@@ -12,7 +12,7 @@ use crate::few_points::{FewPoints, block_points};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
 use crate::passes::Passes;
-use lanes::{HALF, Isa, LANES, Lane, Pass, Portable, Row};
+use lanes::{HALF, Instructions, Isa, LANES, Lane, Pass, Portable, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -66,6 +66,14 @@ impl<R: Lane> Network<R> {
     pub fn about(mut self, origin: DVec3) -> Self {
         self.transform.center -= origin;
         self.encoder = Encoder::new(self.architecture.encoding, &self.transform);
+        self
+    }
+
+    /// The same network with passes of these instructions, in place of the widest of this machine.
+    /// Results differ by rounding.
+    #[must_use]
+    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
+        self.mlp.instructions = instructions;
         self
     }
 
@@ -148,21 +156,26 @@ impl<R: Lane> Network<R> {
     /// on the machine's vector instructions.
     pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<Portable, LANES>(x, &mut s.features[0]);
-        self.write_grid(x.len(), &mut s.features[0]);
+        Portable::call(self.grid_values(x.len(), &mut s.features[0]));
         self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
     /// Writes the features of the grid after those of the encoding, in the first `count` lanes.
     #[inline(always)]
-    pub(crate) fn write_grid(&self, count: usize, features: &mut [Row<R>]) {
-        grid::write_values(&self.splines, &self.table, self.first_of_grid(), count, features);
+    pub(crate) fn grid_values<'a>(
+        &'a self,
+        count: usize,
+        features: &'a mut [Row<R>],
+    ) -> grid::Values<'a, R> {
+        let (splines, coefficients) = (&self.splines, &self.table[..]);
+        grid::Values { splines, coefficients, first: self.first_of_grid(), count, features }
     }
 
     /// The output of one block: a forward sweep.
     #[inline(always)]
     fn block_values<I: Isa, const N: usize>(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<I, N>(x, &mut s.features[0]);
-        self.write_grid(x.len(), &mut s.features[0]);
+        I::call(self.grid_values(x.len(), &mut s.features[0]));
         self.mlp.forward::<I, N, false, false>(s);
     }
 
@@ -177,9 +190,8 @@ impl<R: Lane> Network<R> {
     ) {
         let factor = self.output_factor();
         self.encoder.encode::<I, N>(x, &mut s.features[0]);
-        let first = self.first_of_grid();
-        let features = &mut s.features[0];
-        grid::write_slopes(&self.splines, &self.table, first, x.len(), features, jets);
+        let values = self.grid_values(x.len(), &mut s.features[0]);
+        I::call(grid::Slopes { values, jets });
         self.mlp.forward::<I, N, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
@@ -223,12 +235,12 @@ impl<R: Lane> Network<R> {
         self.encoder.encode_jvp(p, features, tangent);
         // Lanes without a point keep the grid's features of the block before. These are finite, and
         // have the adjoint 0.
-        let (splines, table, first) = (&self.splines, &self.table, self.first_of_grid());
-        let features = &mut s.features;
+        let [features, tangent] = &mut s.features;
+        let values = self.grid_values(x.len(), features);
         if WEIGHTS {
-            grid::write_tangents::<R, false>(splines, table, first, x.len(), features, jets);
+            I::call(grid::Tangents::<R, false> { values, tangent, jets });
         } else {
-            grid::write_tangents::<R, true>(splines, table, first, x.len(), features, jets);
+            I::call(grid::Tangents::<R, true> { values, tangent, jets });
         }
         self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {
@@ -407,19 +419,19 @@ impl<R: Lane> Pass for HessianVector<'_, R> {
 }
 
 /// The pass of [`Field::parameter_vjp`].
-pub(crate) struct ParameterVjp<'a, R: Real, T: ?Sized> {
+pub(crate) struct ParameterVjp<'a, R: Real> {
     pub(crate) network: &'a Network<R>,
     pub(crate) x: &'a [R::Vec3],
     pub(crate) alpha: &'a [R],
     pub(crate) c: &'a [R::Vec3],
     pub(crate) weights: &'a mut [R],
     /// The sums of the free coefficients of the grid.
-    pub(crate) table: &'a mut T,
+    pub(crate) table: TableSum<'a, R>,
 }
 
-impl<R: Lane, T: AddAt<R> + ?Sized> Pass for ParameterVjp<'_, R, T> {
+impl<R: Lane> Pass for ParameterVjp<'_, R> {
     #[inline(always)]
-    fn run<I: Isa>(self) {
+    fn run<I: Isa>(mut self) {
         let network = self.network;
         let mut s = network.mlp.scratch(true, true, true);
         let mut jets = Jets::new(&network.splines, true, false);
@@ -432,13 +444,9 @@ impl<R: Lane, T: AddAt<R> + ?Sized> Pass for ParameterVjp<'_, R, T> {
                 x.len(),
                 &s.features,
                 &s.adjoint,
-                self.table,
+                &mut self.table,
             );
         }
         network.mlp.collect_gradient(&s, self.weights);
     }
 }
-
-#[cfg(test)]
-#[path = "network_tests.rs"]
-mod tests;

@@ -4,10 +4,11 @@
 //! version for each set of vector instructions. The functions of this trait are not generic where
 //! it is implemented, so they are compiled once.
 
-use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch};
-use lanes::{Lane, dispatch};
+use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, TableSum};
+use lanes::{Lane, Pass, dispatch};
 
 use crate::head::{Radiance, RadianceHead, Vjp};
+use crate::mlp::Mlp;
 use crate::network::{HessianVector, Network, ParameterVjp, Value, ValueGradient};
 
 /// A precision of networks, `f32` or `f64`, with their passes.
@@ -65,12 +66,17 @@ pub trait Passes: Lane {
     );
 }
 
+/// Runs a pass with the instructions of a perceptron.
+fn run<R: Lane>(mlp: &Mlp<R>, pass: impl Pass) {
+    dispatch(mlp.instructions, pass);
+}
+
 /// Implements [`Passes`] for precisions by their names.
 macro_rules! passes {
     ($($real:ident),*) => {$(
         impl Passes for $real {
             fn value(network: &Network<$real>, x: &[<$real as Real>::Vec3], f: &mut [$real]) {
-                dispatch(Value { network, x, f });
+                run(&network.mlp, Value { network, x, f });
             }
 
             fn value_gradient(
@@ -79,7 +85,7 @@ macro_rules! passes {
                 f: &mut [$real],
                 gradient: &mut [<$real as Real>::Vec3],
             ) {
-                dispatch(ValueGradient { network, x, f, gradient });
+                run(&network.mlp, ValueGradient { network, x, f, gradient });
             }
 
             fn hessian_vector(
@@ -89,7 +95,7 @@ macro_rules! passes {
                 gradient: &mut [<$real as Real>::Vec3],
                 product: &mut [<$real as Real>::Vec3],
             ) {
-                dispatch(HessianVector { network, x, p, gradient, product });
+                run(&network.mlp, HessianVector { network, x, p, gradient, product });
             }
 
             fn parameter_vjp(
@@ -99,7 +105,8 @@ macro_rules! passes {
                 adjoint: &mut [$real],
             ) {
                 let (weights, table) = adjoint.split_at_mut(network.weight_count());
-                dispatch(ParameterVjp { network, x, alpha, c, weights, table });
+                let table = TableSum::Vector(table);
+                run(&network.mlp, ParameterVjp { network, x, alpha, c, weights, table });
             }
 
             fn add_parameter_vjp(
@@ -108,8 +115,8 @@ macro_rules! passes {
                 (alpha, c): (&[$real], &[<$real as Real>::Vec3]),
                 sum: &mut PartialSum<$real>,
             ) {
-                let (weights, table) = (&mut sum.others[..], &mut sum.table);
-                dispatch(ParameterVjp { network, x, alpha, c, weights, table });
+                let (weights, table) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+                run(&network.mlp, ParameterVjp { network, x, alpha, c, weights, table });
             }
 
             fn radiance(
@@ -117,7 +124,7 @@ macro_rules! passes {
                 points: SurfaceBatch<'_, $real>,
                 rgb: &mut [<$real as Real>::Vec3],
             ) {
-                dispatch(Radiance { head, points, rgb });
+                run(&head.mlp, Radiance { head, points, rgb });
             }
 
             fn radiance_vjp(
@@ -128,7 +135,8 @@ macro_rules! passes {
                 parameter_adjoint: &mut [$real],
             ) {
                 let (weights, tables) = parameter_adjoint.split_at_mut(head.mlp.parameters.len());
-                dispatch(Vjp { head, points, rgb_adjoint, surface_adjoint, weights, tables });
+                let tables = TableSum::Vector(tables);
+                run(&head.mlp, Vjp { head, points, rgb_adjoint, surface_adjoint, weights, tables });
             }
 
             fn add_radiance_vjp(
@@ -138,8 +146,8 @@ macro_rules! passes {
                 surface_adjoint: &mut SurfaceAdjoint<$real>,
                 sum: &mut PartialSum<$real>,
             ) {
-                let (weights, tables) = (&mut sum.others[..], &mut sum.table);
-                dispatch(Vjp { head, points, rgb_adjoint, surface_adjoint, weights, tables });
+                let (weights, tables) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+                run(&head.mlp, Vjp { head, points, rgb_adjoint, surface_adjoint, weights, tables });
             }
         }
     )*};

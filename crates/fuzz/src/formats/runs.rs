@@ -54,6 +54,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         views: Some(Split {
             train: vec!["images/001.png".to_owned(), "images/002.png".to_owned()],
             held_out: vec!["images/000.png".to_owned()],
+            poses: None,
         }),
         options,
     }

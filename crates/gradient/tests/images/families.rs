@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use crate::truth::{Camera, dense, derivative, image, solid};
+use crate::truth::{Camera, Look, Solid, dense, derivative, image};
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::{Field, SLOPE_POINTS};
 use gradient::{Direction, Sampling, differentiate, random_unit};
@@ -62,14 +62,25 @@ fn white(random: &mut Random) -> Value {
 /// An estimator with its samples per pixel.
 type Method = (&'static str, u32);
 
+/// Scenes of a family.
+const SCENES: u64 = 3;
+
 /// Samples per pixel of most runs.
 const SPP: u32 = 128;
 
 /// Runs whose mean is compared with the truth, each with its own seed.
 const SEEDS: u64 = 4;
 
-/// The derivative images of an estimator: one a seed, or one alone if it does not depend on seeds.
-fn images(file: &SceneFile, (estimator, spp): Method, direction: Direction) -> Vec<Vec<[f32; 3]>> {
+/// The pixels of an image, linear RGB.
+type Pixels = Vec<[f32; 3]>;
+
+/// The derivative images of an estimator by each direction: one a seed, or one alone if it does not
+/// depend on seeds.
+fn images(
+    file: &SceneFile,
+    (estimator, spp): Method,
+    directions: &[Direction],
+) -> Vec<Vec<Pixels>> {
     let field = file.field::<f64>().unwrap();
     let shader = file.shader::<f64>(&*field).unwrap();
     let cameras = [file.camera];
@@ -78,13 +89,14 @@ fn images(file: &SceneFile, (estimator, spp): Method, direction: Direction) -> V
     let scene = scene.with_slope_of_field(SLOPE_POINTS);
     let registry = Registry::default();
     let estimator = registry.get(estimator).unwrap().estimator(&EstimatorOptions::default());
-    let run = |seed: u64| {
+    let mut runs = vec![Vec::new(); directions.len()];
+    for seed in 0..if estimator.depends_on_seed() { SEEDS } else { 1 } {
         let counts = SampleCounts { spp, edge_samples: spp / 2 };
         let sampling = Sampling { counts, seed };
-        let images = differentiate(&scene, &[direction], &*estimator, sampling, &|_| {}).unwrap();
-        images[0].film.pixels.clone()
-    };
-    (0..if estimator.depends_on_seed() { SEEDS } else { 1 }).map(run).collect()
+        let images = differentiate(&scene, directions, &*estimator, sampling, &|_| {}).unwrap();
+        runs.iter_mut().zip(images).for_each(|(runs, image)| runs.push(image.film.pixels));
+    }
+    runs
 }
 
 /// The squared L2 norm of the numbers of an image.
@@ -93,7 +105,7 @@ fn square(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The relative L2 bias of the mean of images, and its standard error.
-fn bias(runs: &[Vec<[f32; 3]>], truth: &[[f64; 3]]) -> (f64, f64) {
+fn bias(runs: &[Pixels], truth: &[[f64; 3]]) -> (f64, f64) {
     let n = runs.len() as f64;
     let places = || (0..truth.len()).flat_map(|p| (0..3).map(move |c| (p, c)));
     let mean = |(p, c): (usize, usize)| runs.iter().map(|r| f64::from(r[p][c])).sum::<f64>() / n;
@@ -107,16 +119,8 @@ fn bias(runs: &[Vec<[f32; 3]>], truth: &[[f64; 3]]) -> (f64, f64) {
 }
 
 /// A check of one derivative image: prints its row, and returns a line if it is out of tolerance.
-fn check(
-    name: &str,
-    file: &SceneFile,
-    method: Method,
-    direction: Direction,
-    truth: &[[f64; 3]],
-) -> Option<String> {
-    let runs = images(file, method, direction);
-    let estimator = method.0;
-    let (bias, error) = bias(&runs, truth);
+fn check(name: &str, estimator: &str, runs: &[Pixels], truth: &[[f64; 3]]) -> Option<String> {
+    let (bias, error) = bias(runs, truth);
     let row = format!("{name}, {estimator}: bias {bias:.4} ± {error:.4}");
     println!("{row}");
     // `contour` guesses the ends of curves inside its cells.
@@ -127,25 +131,29 @@ fn check(
 /// Checks estimators on a scene, by each of the parameters.
 fn check_solid(name: &str, value: &Value, wrt: &[&str], methods: &[Method]) -> Vec<String> {
     let file = SceneFile::from_value(Path::new("family.json"), value).unwrap();
-    let camera = Camera::of(value);
+    let (camera, look) = (Camera::of(value), Look::of(value));
     // An unbounded solid ends at a ball around the eye.
     let reach = file.clip.map_or(f64::INFINITY, |ball| ball.radius);
     let has_corners = value["sdf"].to_string().contains("\"box\"");
     let tolerance = if has_corners { 1e-3 } else { f64::INFINITY };
-    let mut failures = Vec::new();
-    for wrt in wrt {
-        let truth = derivative(&camera, 1e-5, tolerance, |offset| {
+    let truths = wrt.iter().map(|wrt| {
+        derivative(&camera, 1e-5, tolerance, |offset| {
             let mut value = value.clone();
             let number = value.pointer_mut(wrt).unwrap();
             *number = json!(number.as_f64().unwrap() + offset);
-            let eye = camera.eye;
-            move |d| solid::see(&value, reach, eye, d)
-        });
-        let pointers = file.sdf.pointers();
-        let index = pointers.iter().position(|p| p.as_deref() == Some(*wrt)).unwrap();
-        for method in methods {
-            let name = format!("{name} {wrt}");
-            failures.extend(check(&name, &file, *method, Direction::Field(index), &truth));
+            let (solid, eye, look) = (Solid::of(&value["sdf"]), camera.eye, &look);
+            move |d| solid.see(look, reach, eye, d)
+        })
+    });
+    let truths: Vec<_> = truths.collect();
+    let pointers = file.sdf.pointers();
+    let index = |wrt: &&str| pointers.iter().position(|p| p.as_deref() == Some(*wrt)).unwrap();
+    let directions: Vec<_> = wrt.iter().map(|wrt| Direction::Field(index(wrt))).collect();
+    let mut failures = Vec::new();
+    for method in methods {
+        let runs = images(&file, *method, &directions);
+        for ((wrt, runs), truth) in wrt.iter().zip(&runs).zip(&truths) {
+            failures.extend(check(&format!("{name} {wrt}"), method.0, runs, truth));
         }
     }
     failures
@@ -155,9 +163,9 @@ fn assert_none(failures: &[String]) {
     assert!(failures.is_empty(), "too large:\n{}", failures.join("\n"));
 }
 
-/// Checks `scenes` scenes of a family. `make` makes the solid of a scene from random numbers.
-fn check_family(name: &str, wrt: &[&str], scenes: u64, make: impl Fn(&mut Random) -> Value) {
-    let failures: Vec<String> = (1..=scenes)
+/// Checks the scenes of a family. `make` makes the solid of a scene from random numbers.
+fn check_family(name: &str, wrt: &[&str], make: impl Fn(&mut Random) -> Value) {
+    let failures: Vec<String> = (1..=SCENES)
         .flat_map(|seed| {
             let mut random = Random::new(seed);
             let sdf = make(&mut random);
@@ -183,7 +191,7 @@ fn cuboid(random: &mut Random, reach: f64, least: f64, most: f64) -> Value {
 #[test]
 fn boxes() {
     let wrt = ["/sdf/center/0", "/sdf/half_size/1"];
-    check_family("box", &wrt, 5, |random| cuboid(random, 0.2, 0.3, 0.7));
+    check_family("box", &wrt, |random| cuboid(random, 0.2, 0.3, 0.7));
 }
 
 /// One of a ball, a box and a capsule, at random.
@@ -212,7 +220,7 @@ fn tree(random: &mut Random, depth: u32) -> Value {
 
 #[test]
 fn trees() {
-    check_family("tree", &["/sdf/children/0/children/0/radius"], 5, |random| {
+    check_family("tree", &["/sdf/children/0/children/0/radius"], |random| {
         let ball = sphere(random.vector(0.2), random.between(0.5, 0.7));
         let depth = random.between(1.0, 3.0) as u32;
         let joined = json!({"type": "union", "children": [ball, tree(random, depth)]});
@@ -223,7 +231,7 @@ fn trees() {
 #[test]
 fn lenses() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/1/center/2"];
-    check_family("lens", &wrt, 5, |random| {
+    check_family("lens", &wrt, |random| {
         let near = sphere([0.3, random.between(-0.2, 0.2), 0.3], random.between(0.6, 0.8));
         let far = sphere([-0.3, 0.0, random.between(-0.3, 0.1)], random.between(0.6, 0.8));
         let balls = [near, far];
@@ -234,7 +242,7 @@ fn lenses() {
 #[test]
 fn shells() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/2/radius"];
-    check_family("shell", &wrt, 5, |random| {
+    check_family("shell", &wrt, |random| {
         let radius = random.between(0.6, 0.8);
         let inner = radius - random.between(0.02, 0.2);
         let cut = [random.between(-0.3, 0.3), random.between(-0.3, 0.3), 0.8];
@@ -248,7 +256,7 @@ fn shells() {
 #[test]
 fn cut_balls() {
     let wrt = ["/sdf/children/0/radius", "/sdf/children/1/offset", "/sdf/children/1/normal/0"];
-    check_family("cut ball", &wrt, 5, |random| {
+    check_family("cut ball", &wrt, |random| {
         let normal = [random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.7];
         json!({"type": "intersection", "children": [
             sphere(random.vector(0.2), random.between(0.6, 0.9)),
@@ -260,7 +268,7 @@ fn cut_balls() {
 #[test]
 fn capsule_pairs() {
     let wrt = ["/sdf/children/0/a/0", "/sdf/children/1/radius"];
-    check_family("capsules", &wrt, 5, |random| {
+    check_family("capsules", &wrt, |random| {
         let capsules = [0, 1].map(|_| {
             let (a, b) = (random.vector(0.7), random.vector(0.7));
             json!({"type": "capsule", "a": a, "b": b, "radius": random.between(0.15, 0.35)})
@@ -278,7 +286,7 @@ fn floors() {
         sphere(random.vector(0.4), random.between(0.4, 0.8))
     ]});
     // The horizon crosses the film.
-    let mut scene = lit(&mut random, &sdf, 8);
+    let mut scene = lit(&mut random, &sdf, 6);
     scene["camera"]["eye"] = json!([0.3, random.between(0.0, 0.4), 4.0]);
     let wrt = ["/sdf/children/0/normal/2", "/sdf/children/1/radius"];
     assert_none(&check_solid("floor", &scene, &wrt, &[("refined", SPP)]));
@@ -343,17 +351,19 @@ fn check_network(name: &str, scene: &mut Value, network: &Network<f64>, spp: u32
     let bytes = std::fs::read(folder.path().join("n.safetensors")).unwrap();
     let network = Network::<f64>::from_safetensors(&bytes).unwrap();
     let tangent = random_unit::<f64>(Field::<f64>::parameter_count(&network), 3);
-    let camera = Camera::of(scene);
+    let (camera, look) = (Camera::of(scene), Look::of(scene));
     let truth = derivative(&camera, 1e-3, f64::INFINITY, |offset| {
         let mut moved = network.clone();
         let parameters: Vec<f64> =
             network.parameters().iter().zip(&tangent).map(|(p, t)| p + offset * t).collect();
         moved.set_parameters(&parameters);
-        let (eye, scene) = (camera.eye, &*scene);
-        move |d| dense::see(scene, &moved, eye, d)
+        let (eye, look) = (camera.eye, &look);
+        move |d| dense::see(look, &moved, eye, d)
     });
-    let area = image(&camera, f64::INFINITY, |d| dense::see(scene, &network, camera.eye, d));
-    let derivative = check(name, &file, ("refined", spp), Direction::Along(3), &truth);
+    let see = |d| dense::see(&look, &network, camera.eye, d);
+    let area = image(&camera, f64::INFINITY, 1e-9, see);
+    let runs = images(&file, ("refined", spp), &[Direction::Along(3)]);
+    let derivative = check(name, "refined", &runs[0], &truth);
     check_area(name, &file, &area).into_iter().chain(derivative).collect()
 }
 
@@ -373,7 +383,7 @@ fn networks_of_all_slopes() {
 fn lit_networks() {
     let mut random = Random::new(23);
     let network = bumpy(&mut random, 0.6, 0.15, 10.0);
-    let mut scene = lit(&mut random, &json!(null), 6);
+    let mut scene = lit(&mut random, &json!(null), 5);
     assert_none(&check_network("lit network × 10", &mut scene, &network, 256));
 }
 

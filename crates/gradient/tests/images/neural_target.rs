@@ -8,7 +8,7 @@ use gradient::{Direction, Sampling, differentiate, random_unit, target_gradient}
 use render::{Scene, render};
 use scene::SceneFile;
 
-const DIRECTIONS: u64 = 8;
+const DIRECTIONS: u64 = 4;
 
 fn load(path: &Path) -> SceneFile {
     SceneFile::load(path).unwrap()

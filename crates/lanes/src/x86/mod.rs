@@ -31,6 +31,7 @@ pub(super) fn has_avx2() -> bool {
 /// # Safety
 /// The machine must have AVX2, FMA and AVX-512 F, DQ, BW and VL.
 #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512bw,avx512vl")]
+#[inline(never)]
 pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
     pass.run::<Avx512>();
 }
@@ -40,6 +41,7 @@ pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
 /// # Safety
 /// The machine must have AVX2 and FMA.
 #[target_feature(enable = "avx2,fma")]
+#[inline(never)]
 pub(super) unsafe fn with_avx2<P: Pass>(pass: P) {
     pass.run::<Avx2>();
 }
@@ -54,6 +56,12 @@ pub(super) struct Avx2;
 
 impl Isa for Avx512 {
     const FMA: bool = true;
+
+    #[inline(always)]
+    fn call<P: Pass>(part: P) {
+        // SAFETY: only `with_avx512` uses this type, so its caller detected the instructions.
+        unsafe { with_avx512(part) }
+    }
 
     // Sixteen sums in registers (eight for half a block): a fused multiply–add takes 4 cycles and 2
     // start in each cycle, so at least 8 independent sums keep both units busy.
@@ -92,6 +100,12 @@ impl Isa for Avx512 {
 
 impl Isa for Avx2 {
     const FMA: bool = true;
+
+    #[inline(always)]
+    fn call<P: Pass>(part: P) {
+        // SAFETY: only `with_avx2` uses this type, so its caller detected the instructions.
+        unsafe { with_avx2(part) }
+    }
 
     // Eight sums: AVX2 has 16 registers.
     #[inline(always)]

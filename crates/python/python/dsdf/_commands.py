@@ -307,6 +307,8 @@ def _flags(options: dict[str, Any]) -> list[str]:
     """The options of the command line."""
     flags = []
     for name, value in options.items():
+        if name in ("help", "version"):
+            raise _native.InputError(f"{name}: found an argument, expected an option of the command")
         flag = "--" + name.replace("_", "-")
         for item in value if isinstance(value, list) else [value]:
             if item is True:

@@ -1,7 +1,7 @@
 //! The activation functions on rows of lanes.
 
 use crate::architecture::Activation;
-use lanes::{Isa, Lane, Row, fma};
+use lanes::{Isa, Lane, Pass, Row, fma};
 
 /// Writes σ(z) to `value`; with `STORE` also σ′(z) to `slope`, and with `STORE` and `TANGENT` also
 /// σ″(z) to `curvature`. First `N` lanes only.
@@ -13,14 +13,32 @@ pub(super) fn activate<R: Lane, I: Isa, const N: usize, const STORE: bool, const
     slope: &mut Row<R>,
     curvature: &mut Row<R>,
 ) {
-    match activation {
-        Activation::Softplus { beta } => {
-            softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+    I::call(Activate::<R, N, STORE, TANGENT> { activation, z, value, slope, curvature });
+}
+
+struct Activate<'a, R, const N: usize, const STORE: bool, const TANGENT: bool> {
+    activation: Activation,
+    z: &'a Row<R>,
+    value: &'a mut Row<R>,
+    slope: &'a mut Row<R>,
+    curvature: &'a mut Row<R>,
+}
+
+impl<R: Lane, const N: usize, const STORE: bool, const TANGENT: bool> Pass
+    for Activate<'_, R, N, STORE, TANGENT>
+{
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Activate { activation, z, value, slope, curvature } = self;
+        match activation {
+            Activation::Softplus { beta } => {
+                softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+            }
+            Activation::Sine { omega } => {
+                sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
+            }
+            Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
         }
-        Activation::Sine { omega } => {
-            sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
-        }
-        Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
     }
 }
 

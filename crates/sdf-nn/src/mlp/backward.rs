@@ -7,7 +7,7 @@ use field::Real;
 
 use super::perceptron::Mlp;
 use super::scratch::Scratch;
-use lanes::{Isa, LANES, Lane, Row, TILE, fma, padded};
+use lanes::{Isa, LANES, Lane, Row, TILE, fma, multiply, outer, padded};
 
 impl<R: Lane> Mlp<R> {
     /// VJP of the forward sweep: from the adjoints in the scratch's outputs to those of its
@@ -55,7 +55,7 @@ impl<R: Lane> Mlp<R> {
         }
         let both = [0, usize::from(TANGENT)]
             .map(|side| (&s.z_adjoint[side][..rows], &s.transposed[side * size..]));
-        R::outer::<I>(&both[..sides], layer.outputs, layer.inputs, &mut s.weight_gradient[l]);
+        outer::<R, I>(&both[..sides], layer.outputs, layer.inputs, &mut s.weight_gradient[l]);
     }
 
     /// VJP of layer `l` to its input: Wᵀ times the adjoints of z, in the scratch's products.
@@ -70,7 +70,7 @@ impl<R: Lane> Mlp<R> {
         for side in 0..1 + usize::from(TANGENT) {
             let z_adjoint = &s.z_adjoint[side][..layer.outputs];
             let product = &mut s.product[side][..tiles];
-            R::multiply::<I, N>(weights, &[], layer.inputs, z_adjoint, product);
+            multiply::<R, I, N>(weights, &[], layer.inputs, z_adjoint, product);
         }
     }
 

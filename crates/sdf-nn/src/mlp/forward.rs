@@ -4,7 +4,7 @@ use super::activate::activate;
 use super::perceptron::Mlp;
 use super::scratch::LayerScratch;
 use super::scratch::Scratch;
-use lanes::{Isa, Lane, Row, TILE};
+use lanes::{Isa, Lane, Row, TILE, multiply};
 
 impl<R: Lane> Mlp<R> {
     /// Forward sweep from the scratch's features to its outputs, in the first `N` lanes.
@@ -64,10 +64,10 @@ impl<R: Lane> Mlp<R> {
         let (layer, weights) = (&self.layers[l], &self.packed[l].forward);
         let bias = &self.parameters[layer.bias()..layer.bias() + layer.outputs];
         let input = &current.input[0][..layer.inputs];
-        R::multiply::<I, N>(weights, bias, layer.outputs, input, z);
+        multiply::<R, I, N>(weights, bias, layer.outputs, input, z);
         if TANGENT {
             let input = &current.input[1][..layer.inputs];
-            R::multiply::<I, N>(weights, &[], layer.outputs, input, &mut current.z_tangent);
+            multiply::<R, I, N>(weights, &[], layer.outputs, input, &mut current.z_tangent);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
 use crate::architecture::Activation;
-use lanes::{Lane, Row, TILE, pack, pack_columns};
+use lanes::{Instructions, Lane, Row, TILE, pack, pack_columns};
 
 /// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +45,8 @@ pub(crate) struct Mlp<R> {
     pub(crate) features: usize,
     pub(crate) layers: Vec<LayerShape>,
     pub(crate) activation: Activation,
+    /// The instructions of all passes.
+    pub(crate) instructions: Instructions,
     /// θ: layer after layer the weights (row-major), then the bias.
     pub(crate) parameters: Vec<R>,
     /// A factor for every feature, folded into the packed weights of its columns.
@@ -77,7 +79,8 @@ impl<R: Lane> Mlp<R> {
         }
         let packed = layers.iter().map(|_| Packed::default()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
-        Mlp { features, layers, activation, parameters, window, has_few, packed }
+        let instructions = Instructions::widest();
+        Mlp { features, layers, activation, instructions, parameters, window, has_few, packed }
     }
 
     /// The most inputs or outputs of a layer.

@@ -75,7 +75,8 @@ impl Fit {
                 let (dataset, file, source) = self.started_run(global)?;
                 summary::print(&dataset, &file, &source, global);
             }
-            return Ok(());
+            let valid = serde_json::json!({ "valid": true });
+            return global.report(&valid, || "the options are valid".to_owned());
         }
         if self.report && self.output.is_dir() {
             io::check_output(&self.output.join(PAGE))?;

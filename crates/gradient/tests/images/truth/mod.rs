@@ -4,8 +4,11 @@
 
 mod camera;
 pub(crate) mod dense;
+mod look;
 mod rows;
-pub(crate) mod solid;
+mod solid;
 
 pub(crate) use camera::Camera;
+pub(crate) use look::Look;
 pub(crate) use rows::{derivative, image};
+pub(crate) use solid::Solid;

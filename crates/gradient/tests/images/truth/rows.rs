@@ -20,8 +20,8 @@ const ROWS: usize = 12;
 /// Rays per pixel of a row that look for jumps.
 const RAYS: usize = 12;
 
-/// Jumps of the radiance along a row are known to this length, in pixels.
-const EXACT: f64 = 1e-11;
+/// Jumps of the radiance along a row of a derivative are known to this length, in pixels and steps.
+const EXACT: f64 = 1e-6;
 
 /// Intervals of rows are halved this often at most: the part around a corner is 1e-6 pixels long.
 const MOST_HALVINGS: u32 = 20;
@@ -65,6 +65,8 @@ struct Film<'a> {
     /// The error of the integral over an interval of rows where it is not divided further; infinite
     /// for outlines without corners.
     tolerance: f64,
+    /// The length to which jumps along a row are known, in pixels.
+    exact: f64,
 }
 
 /// A row of the film with the places of its jumps and the faces behind them.
@@ -105,7 +107,7 @@ impl Film<'_> {
             return;
         }
         let middle = (a.0 + b.0) * 0.5;
-        if b.0 - a.0 < EXACT {
+        if b.0 - a.0 < self.exact {
             row.jumps.push((middle, b.1.face));
             return;
         }
@@ -223,9 +225,18 @@ impl Film<'_> {
 }
 
 /// The mean radiance of every pixel: rows of pixels, linear RGB. `tolerance` is the error of the
-/// integral over an interval of rows.
-pub(crate) fn image(camera: &Camera, tolerance: f64, see: impl Fn(DVec3) -> Seen) -> Vec<[f64; 3]> {
-    Film { camera, see: &see, tolerance }.image().iter().map(|pixel| pixel.to_array()).collect()
+/// integral over an interval of rows, `exact` that of jumps along a row, in pixels.
+pub(crate) fn image(
+    camera: &Camera,
+    tolerance: f64,
+    exact: f64,
+    see: impl Fn(DVec3) -> Seen,
+) -> Vec<[f64; 3]> {
+    Film { camera, see: &see, tolerance, exact }
+        .image()
+        .iter()
+        .map(|pixel| pixel.to_array())
+        .collect()
 }
 
 /// The central difference of the image of `see(parameter)` at ±`step`: rows of pixels, RGB.
@@ -236,7 +247,8 @@ pub(crate) fn derivative<S: Fn(DVec3) -> Seen>(
     tolerance: f64,
     see: impl Fn(f64) -> S,
 ) -> Vec<[f64; 3]> {
-    let [plus, minus] = [step, -step].map(|offset| image(camera, tolerance * step, see(offset)));
+    let [plus, minus] =
+        [step, -step].map(|offset| image(camera, tolerance * step, EXACT * step, see(offset)));
     let difference = |i: usize, c: usize| (plus[i][c] - minus[i][c]) / (2.0 * step);
     (0..plus.len()).map(|i| [0, 1, 2].map(|c| difference(i, c))).collect()
 }

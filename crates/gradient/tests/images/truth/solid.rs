@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::camera::vector;
+use super::look::Look;
 use super::rows::Seen;
 
 /// An end of an interval.
@@ -127,48 +128,69 @@ fn combined(children: &[Intervals], subtract: bool, inside: impl Fn(&[bool]) -> 
     out
 }
 
-/// The intervals of the ray o + t d in the solid of a scene file.
-fn intervals(sdf: &Value, o: DVec3, d: DVec3) -> Intervals {
-    let number = |key: &str| sdf[key].as_f64().unwrap();
-    let children = || -> Vec<Intervals> {
-        sdf["children"].as_array().unwrap().iter().map(|c| intervals(c, o, d)).collect()
-    };
-    match sdf["type"].as_str().unwrap() {
-        "sphere" => ball(vector(&sdf["center"]), number("radius"), o, d),
-        "box" => cuboid(vector(&sdf["center"]), vector(&sdf["half_size"]), o, d),
-        "plane" => half_space(vector(&sdf["normal"]), number("offset"), o, d),
-        "capsule" => capsule(vector(&sdf["a"]), vector(&sdf["b"]), number("radius"), o, d),
-        "union" => combined(&children(), false, |s| s.contains(&true)),
-        "intersection" => combined(&children(), false, |s| !s.contains(&false)),
-        "subtraction" => combined(&children(), true, |s| s[0] && !s[1..].contains(&true)),
-        other => panic!("{other}"),
-    }
+/// A solid.
+pub(crate) enum Solid {
+    Ball { center: DVec3, radius: f64 },
+    Cuboid { center: DVec3, half: DVec3 },
+    HalfSpace { normal: DVec3, offset: f64 },
+    Capsule { ends: [DVec3; 2], radius: f64 },
+    Union(Vec<Solid>),
+    Intersection(Vec<Solid>),
+    Subtraction(Vec<Solid>),
 }
 
-/// The part of a smooth surface that lies in the light of the same lamps, and its Lambertian or
-/// constant radiance. The lamps are directional. Derivatives of the radiance jump between parts.
-pub(crate) fn lit(appearance: &Value, normal: DVec3) -> (u32, DVec3) {
-    if appearance["type"] == "constant" {
-        return (0, vector(&appearance["radiance"]));
-    }
-    let (mut part, mut light) = (0, vector(&appearance["ambient"]));
-    for (number, lamp) in appearance["lights"].as_array().unwrap().iter().enumerate() {
-        let cosine = normal.dot(vector(&lamp["direction"]).normalize());
-        light += vector(&lamp["radiance"]) * cosine.max(0.0);
-        part |= u32::from(cosine > 0.0) << number;
-    }
-    (part, vector(&appearance["albedo"]) * light)
-}
-
-/// The surface that the ray from `o` along `d` hits first. The solid ends at the ball of radius
-/// `reach` around `o`.
-pub(crate) fn see(scene: &Value, reach: f64, o: DVec3, d: DVec3) -> Seen {
-    let first = intervals(&scene["sdf"], o, d).into_iter().map(|pair| pair[0]).find(|e| e.t > 0.0);
-    match first.filter(|end| end.t < reach) {
-        Some(End { t, normal, face }) => {
-            let (part, radiance) = lit(&scene["appearance"], normal);
-            Seen { face: 2 * face + part, t, radiance }
+impl Solid {
+    /// The solid of a scene file.
+    pub(crate) fn of(sdf: &Value) -> Self {
+        let number = |key: &str| sdf[key].as_f64().unwrap();
+        let children = || sdf["children"].as_array().unwrap().iter().map(Self::of).collect();
+        let (center, radius) = (|| vector(&sdf["center"]), || number("radius"));
+        match sdf["type"].as_str().unwrap() {
+            "sphere" => Solid::Ball { center: center(), radius: radius() },
+            "box" => Solid::Cuboid { center: center(), half: vector(&sdf["half_size"]) },
+            "plane" => {
+                Solid::HalfSpace { normal: vector(&sdf["normal"]), offset: number("offset") }
+            }
+            "capsule" => {
+                Solid::Capsule { ends: ["a", "b"].map(|end| vector(&sdf[end])), radius: radius() }
+            }
+            "union" => Solid::Union(children()),
+            "intersection" => Solid::Intersection(children()),
+            "subtraction" => Solid::Subtraction(children()),
+            other => panic!("{other}"),
         }
-        None => Seen { face: 0, t: f64::INFINITY, radiance: vector(&scene["background"]) },
+    }
+
+    /// The intervals of the ray o + t d.
+    fn intervals(&self, o: DVec3, d: DVec3) -> Intervals {
+        let all = |children: &[Solid]| -> Vec<Intervals> {
+            children.iter().map(|child| child.intervals(o, d)).collect()
+        };
+        match self {
+            Solid::Ball { center, radius } => ball(*center, *radius, o, d),
+            Solid::Cuboid { center, half } => cuboid(*center, *half, o, d),
+            Solid::HalfSpace { normal, offset } => half_space(*normal, *offset, o, d),
+            Solid::Capsule { ends: [a, b], radius } => capsule(*a, *b, *radius, o, d),
+            Solid::Union(children) => combined(&all(children), false, |s| s.contains(&true)),
+            Solid::Intersection(children) => {
+                combined(&all(children), false, |s| !s.contains(&false))
+            }
+            Solid::Subtraction(children) => {
+                combined(&all(children), true, |s| s[0] && !s[1..].contains(&true))
+            }
+        }
+    }
+
+    /// The surface that the ray from `o` along `d` hits first. The solid ends at the ball of radius
+    /// `reach` around `o`.
+    pub(crate) fn see(&self, look: &Look, reach: f64, o: DVec3, d: DVec3) -> Seen {
+        let first = self.intervals(o, d).into_iter().map(|pair| pair[0]).find(|e| e.t > 0.0);
+        match first.filter(|end| end.t < reach) {
+            Some(End { t, normal, face }) => {
+                let (part, radiance) = look.lit(normal);
+                Seen { face: 2 * face + part, t, radiance }
+            }
+            None => look.nothing(),
+        }
     }
 }

@@ -1,43 +1,30 @@
 //! The passes of a network with every instruction set, and with few points.
 
-use std::cell::RefCell;
-
+use field::Field;
 use glam::Vec3;
+use sdf_nn::{
+    Activation, Architecture, Degree, Encoding, Instructions, Network, SplineSize, Transform,
+};
 
-use super::*;
-use crate::architecture::{Activation, Encoding};
-use lanes::dispatch_all;
-
-/// All passes over the same points; their results in one vector.
-struct AllPasses<'a> {
-    network: &'a Network<f32>,
-    x: &'a [Vec3],
-    results: &'a RefCell<Vec<Vec<f32>>>,
-}
-
-impl Pass for AllPasses<'_> {
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let AllPasses { network, x, results } = self;
-        let (mut f, mut g, mut h) =
-            (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
-        let mut theta = vec![0.0; network.parameter_count()];
-        Value { network, x, f: &mut f }.run::<I>();
-        let alpha = f.clone();
-        ValueGradient { network, x, f: &mut f, gradient: &mut g }.run::<I>();
-        let (weights, table) = theta.split_at_mut(network.weight_count());
-        ParameterVjp { network, x, alpha: &alpha, c: &g, weights, table }.run::<I>();
-        let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
-        let mut all = [alpha, f, flat(&g)].concat();
-        HessianVector { network, x, p: x, gradient: &mut g, product: &mut h }.run::<I>();
-        all.extend([flat(&g), flat(&h), theta].concat());
-        results.borrow_mut().push(all);
-    }
+/// The results of all passes over the same points.
+fn all_passes(network: &Network<f32>, x: &[Vec3]) -> Vec<f32> {
+    let (mut f, mut g, mut h) =
+        (vec![0.0; x.len()], vec![Vec3::ZERO; x.len()], vec![Vec3::ZERO; x.len()]);
+    let mut theta = vec![0.0; network.parameter_count()];
+    network.value(x, &mut f);
+    let alpha = f.clone();
+    network.value_gradient(x, &mut f, &mut g);
+    network.parameter_vjp(x, &alpha, &g, &mut theta);
+    let flat = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
+    let mut all = [alpha, f, flat(&g)].concat();
+    network.hessian_vector(x, x, &mut g, &mut h);
+    all.extend([flat(&g), flat(&h), theta].concat());
+    all
 }
 
 /// A network with splines whose parameters are all unlike each other.
 fn wavy(encoding: Encoding, hidden: &[usize], skip: Vec<usize>) -> Network<f32> {
-    let grid = grids::SplineSize { features: 2, degree: grids::Degree::Quadratic, levels: vec![6] };
+    let grid = SplineSize { features: 2, degree: Degree::Quadratic, levels: vec![6] };
     let (hidden, activation) = (hidden.to_vec(), Activation::Softplus { beta: 100.0 });
     let architecture = Architecture { encoding, grid, hidden, skip, activation };
     let mut network = Network::geometric(architecture, Transform::default(), 0.5, 3);
@@ -83,28 +70,20 @@ fn instruction_sets_agree() {
         (8, vec![1], Encoding::None, 69),
     ] {
         let (network, x) = (wavy(encoding, &[width; 3], skip), points(count));
-        let results = RefCell::new(Vec::new());
-        let mut names = Vec::new();
-        dispatch_all(|name| {
-            names.push(name);
-            AllPasses { network: &network, x: &x, results: &results }
-        });
-        let results = results.into_inner();
-        let portable = results.last().unwrap_or_else(|| panic!("no instruction set ran"));
-        for (result, name) in results.iter().zip(&names) {
+        let sets = Instructions::ALL.into_iter().filter(|set| set.are_available());
+        let results: Vec<(Instructions, Vec<f32>)> = sets
+            .map(|set| (set, all_passes(&network.clone().with_instructions(set), &x)))
+            .collect();
+        let (_, portable) = results.last().unwrap();
+        for (set, result) in &results {
             for (a, b) in result.iter().zip(portable) {
                 let scale = b.abs().max(1.0);
-                assert!(
-                    (a - b).abs() < 1e-3 * scale,
-                    "{name} gives {a}, portable instructions {b}"
-                );
+                assert!((a - b).abs() < 1e-3 * scale, "{set:?} gives {a}, portable ones {b}");
             }
         }
-        if let ["AVX-512", "AVX2", ..] = names[..] {
-            assert!(
-                results[0].iter().zip(&results[1]).all(|(a, b)| a.to_bits() == b.to_bits()),
-                "AVX-512 and AVX2 give different bits"
-            );
+        if let [(Instructions::Avx512, wide), (Instructions::Avx2, narrow), _] = &results[..] {
+            let bits = |result: &[f32]| result.iter().map(|a| a.to_bits()).collect::<Vec<_>>();
+            assert!(bits(wide) == bits(narrow), "AVX-512 and AVX2 give different bits");
         }
     }
 }
