@@ -45,7 +45,7 @@ build() {
     "$out/venv/bin/maturin" build --quiet --locked --manifest-path $manifest --out "$out/wheels"
   pip install --force-reinstall --no-deps "$out"/wheels/*.whl
 }
-[ "$step" = test ] || build
-[ "$step" = build ] && exit
+if [ "$step" != test ]; then build; fi
+if [ "$step" = build ]; then exit; fi
 export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/debug/dsdf}"
 "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests
