@@ -160,7 +160,8 @@ impl<R: Lane> Network<R> {
         self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
-    /// Writes the features of the grid after those of the encoding, in the first `count` lanes.
+    /// The part of a pass that writes the features of the grid after those of the encoding, in the
+    /// first `count` lanes.
     #[inline(always)]
     pub(crate) fn grid_values<'a>(
         &'a self,
