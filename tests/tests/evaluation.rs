@@ -108,6 +108,10 @@ fn views_stay_held_out_when_photographs_come_or_go() {
     refused(&["fit", "--resume", "-o", &run, "--iterations", "4"], 2, &words);
     // As another data set, its views have the parts that they had in the run.
     assert_eq!(dsdf_json(&["eval", &run, "--dataset", &data]), before);
+    dsdf_ok(&["report", &run, "--dataset", &data, "-o", &folder.path("r.html")]);
+    let picture = folder.path("r.png");
+    let few = ["--views", "1", "--size", "16", "--spp", "1"];
+    dsdf_ok(&[&["render", &run, "--dataset", &data, "-o", &picture], &few[..]].concat());
 }
 
 #[test]

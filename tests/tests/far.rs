@@ -26,7 +26,7 @@ fn fit(center: [f64; 3]) -> (Value, String) {
     dsdf_ok(&["render", &run, "-o", &folder.path("views.png"), "--views", "2", "--size", "16"]);
     dsdf_ok(&["mesh", &run, "-o", &folder.path("mesh.ply"), "--resolution", "32"]);
     let truth = folder.path("data/truth.ply");
-    let report = dsdf_json(&["eval", &run, "--mesh", &truth]);
+    let report = dsdf_json(&["eval", &run, "--mesh", &truth, "--resolution", "64"]);
     let model = std::fs::read(folder.path("run/model.safetensors")).unwrap();
     (report, String::from_utf8_lossy(&model).into_owned())
 }

@@ -94,8 +94,8 @@ impl Unread {
                 n => format!("fewer than {n} with the name {name}"),
             };
             let expected = format!(
-                "the {all} views that the run began with (bring the image back, or try `eval` and \
-                 `mesh` with --dataset, which take the views that are there)"
+                "the {all} views that the run began with (bring the image back, or try `eval`, \
+                 `mesh`, `render` or `report` with --dataset, which take the views that are there)"
             );
             return Err(InputError::new(&path, "views", found, expected));
         }

@@ -30,7 +30,7 @@ impl<R: Real> Row<R> {
     }
 }
 
-/// Packs a matrix for [`multiply_rows`](crate::multiply_rows): tile by tile of `TILE` rows, column
+/// Packs a matrix for [`multiply`](crate::multiply): tile by tile of `TILE` rows, column
 /// by column in a tile. Rows after the last are zero.
 pub fn pack<R: Real>(
     rows: usize,

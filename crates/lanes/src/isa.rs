@@ -3,7 +3,7 @@
 use field::Real;
 
 use super::block::{Row, TILE};
-use super::portable::{multiply_few, multiply_rows, outer_rows, transpose_lanes};
+use super::portable;
 
 /// An instruction set that kernels are compiled for. The provided kernels have no explicit vectors.
 pub trait Isa: Copy {
@@ -14,7 +14,7 @@ pub trait Isa: Copy {
     /// have the part share its code; a call takes a few nanoseconds.
     fn call<P: Pass>(part: P);
 
-    /// The matrix product of [`crate::multiply_rows`].
+    /// The matrix product of [`crate::multiply`].
     #[inline(always)]
     fn multiply<const N: usize>(
         packed: &[[f32; TILE]],
@@ -23,7 +23,7 @@ pub trait Isa: Copy {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        multiply_rows::<f32, Self, N>(packed, start, rows, input, output);
+        portable::multiply::<f32, Self, N>(packed, start, rows, input, output);
     }
     /// The matrix product of [`crate::multiply_few`].
     #[inline(always)]
@@ -33,17 +33,17 @@ pub trait Isa: Copy {
         input: [&[Row<f32>]; P],
         output: &mut [Row<f32>],
     ) {
-        multiply_few::<f32, Self, P>(columns, start, input, output);
+        portable::multiply_few::<f32, Self, P>(columns, start, input, output);
     }
-    /// The sum of outer products of [`crate::outer_rows`].
+    /// The sum of outer products of [`crate::outer`].
     #[inline(always)]
     fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
-        outer_rows::<f32, Self>(sides, rows, columns, gradient);
+        portable::outer::<f32, Self>(sides, rows, columns, gradient);
     }
-    /// The transposition of [`crate::transpose_lanes`].
+    /// The transposition of [`Lane::transpose`](crate::Lane::transpose).
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
-        transpose_lanes(rows, out);
+        portable::transpose(rows, out);
     }
 }
 

@@ -22,5 +22,5 @@ pub use block::{FEW, HALF, LANES, Row, TILE, pack, pack_columns, padded};
 pub use instructions::{Instructions, dispatch};
 pub use isa::{Isa, Pass, fma};
 pub use math::Lane;
-pub use parts::{multiply, multiply_points, outer};
-pub use portable::{Portable, multiply_few, multiply_rows, outer_rows, transpose_lanes};
+pub use parts::{multiply, multiply_few, outer};
+pub use portable::Portable;

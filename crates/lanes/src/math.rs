@@ -7,7 +7,7 @@
 
 use field::Real;
 
-use crate::{Isa, Row, TILE, fma, multiply_few, multiply_rows, outer_rows, transpose_lanes};
+use crate::{Isa, Row, TILE, fma, portable};
 
 /// A precision of the kernels, `f32` or `f64`, with its elementary functions.
 pub trait Lane: Real {
@@ -33,7 +33,7 @@ pub trait Lane: Real {
         input: &[Row<Self>],
         output: &mut [Row<Self>],
     ) {
-        multiply_rows::<Self, I, N>(packed, start, rows, input, output);
+        portable::multiply::<Self, I, N>(packed, start, rows, input, output);
     }
     #[doc(hidden)]
     #[inline(always)]
@@ -43,7 +43,7 @@ pub trait Lane: Real {
         input: [&[Row<Self>]; P],
         output: &mut [Row<Self>],
     ) {
-        multiply_few::<Self, I, P>(columns, start, input, output);
+        portable::multiply_few::<Self, I, P>(columns, start, input, output);
     }
     #[doc(hidden)]
     #[inline(always)]
@@ -53,12 +53,13 @@ pub trait Lane: Real {
         columns: usize,
         gradient: &mut [Self],
     ) {
-        outer_rows::<Self, I>(sides, rows, columns, gradient);
+        portable::outer::<Self, I>(sides, rows, columns, gradient);
     }
-    #[doc(hidden)]
+    /// Transposes rows of lanes: `out[lane * padded(rows.len()) + row]`. The padding is
+    /// unspecified.
     #[inline(always)]
     fn transpose<I: Isa>(rows: &[Row<Self>], out: &mut [Self]) {
-        transpose_lanes(rows, out);
+        portable::transpose(rows, out);
     }
 }
 

@@ -60,9 +60,15 @@ pub fn multiply<R: Lane, I: Isa, const N: usize>(
     I::call(Multiply::<R, N> { packed, start, rows, input, output });
 }
 
-/// The products of [`multiply_few`](crate::multiply_few) for `P` points.
+/// Writes W x + `start` for each of `P` points x: lanes are rows of the matrix here, so no lane is
+/// left empty where points are few.
+///
+/// `columns` is the matrix from [`pack_columns`](crate::pack_columns), and `start` has a row for
+/// each of its groups. The numbers of a point of `input` lie side by side in rows. `output` has,
+/// for each group, the rows of the points. The sums have the order of [`multiply`], and so its
+/// bits.
 #[inline(always)]
-pub fn multiply_points<R: Lane, I: Isa, const P: usize>(
+pub fn multiply_few<R: Lane, I: Isa, const P: usize>(
     columns: &[Row<R>],
     start: &[Row<R>],
     input: [&[Row<R>]; P],
@@ -71,7 +77,10 @@ pub fn multiply_points<R: Lane, I: Isa, const P: usize>(
     I::call(MultiplyFew::<R, P> { columns, start, input, output });
 }
 
-/// The sum of outer products of [`outer_rows`](crate::outer_rows).
+/// Adds Σ_sides Σ_lanes adjoint inputᵀ to the first `rows` rows of `gradient`.
+///
+/// A side is the adjoint of a layer's z and the layer's input, transposed by [`Lane::transpose`].
+/// Rows of `gradient` have length `padded(columns)`.
 #[inline(always)]
 pub fn outer<R: Lane, I: Isa>(
     sides: &[(&[Row<R>], &[R])],

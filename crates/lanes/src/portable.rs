@@ -21,12 +21,9 @@ impl Isa for Portable {
 /// Rows and lanes (or columns) whose sums stay in registers.
 const PART: [usize; 2] = [4, 8];
 
-/// Writes the first `rows` rows of W `input` + `start`, for the first `N` lanes.
-///
-/// `packed` is the matrix W from [`pack`](super::pack). Rows after the end of `start` start at
-/// zero. `output` has whole tiles of rows.
+/// [`multiply`](crate::multiply) without explicit vectors.
 #[inline(always)]
-pub fn multiply_rows<R: Real, I: Isa, const N: usize>(
+pub(super) fn multiply<R: Real, I: Isa, const N: usize>(
     packed: &[[R; TILE]],
     start: &[R],
     rows: usize,
@@ -59,15 +56,9 @@ pub fn multiply_rows<R: Real, I: Isa, const N: usize>(
     }
 }
 
-/// Writes W x + `start` for each of `P` points x: lanes are rows of the matrix here, so no lane is
-/// left empty where points are few.
-///
-/// `columns` is the matrix from [`pack_columns`](super::pack_columns), and `start` has a row for
-/// each of its groups. The numbers of a point of `input` lie side by side in rows. `output` has,
-/// for each group, the rows of the points. The sums have the order of [`multiply_rows`], and so its
-/// bits.
+/// [`multiply_few`](crate::multiply_few) without explicit vectors.
 #[inline(always)]
-pub fn multiply_few<R: Real, I: Isa, const P: usize>(
+pub(super) fn multiply_few<R: Real, I: Isa, const P: usize>(
     columns: &[Row<R>],
     start: &[Row<R>],
     input: [&[Row<R>]; P],
@@ -89,10 +80,9 @@ pub fn multiply_few<R: Real, I: Isa, const P: usize>(
     }
 }
 
-/// Transposes rows of lanes: `out[lane * padded(rows.len()) + row]`. The padding
-/// is unspecified.
+/// [`Lane::transpose`](crate::Lane::transpose) without explicit vectors.
 #[inline(always)]
-pub fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
+pub(super) fn transpose<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     let stride = padded(rows.len());
     for (r, row) in rows.iter().enumerate() {
         for l in 0..LANES {
@@ -101,12 +91,9 @@ pub fn transpose_lanes<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     }
 }
 
-/// Adds Σ_sides Σ_lanes adjoint inputᵀ to the first `rows` rows of `gradient`.
-///
-/// A side is the adjoint of a layer's z and the layer's input, transposed by [`transpose_lanes`].
-/// Rows of `gradient` have length `padded(columns)`.
+/// [`outer`](crate::outer) without explicit vectors.
 #[inline(always)]
-pub fn outer_rows<R: Real, I: Isa>(
+pub(super) fn outer<R: Real, I: Isa>(
     sides: &[(&[Row<R>], &[R])],
     rows: usize,
     columns: usize,

@@ -35,6 +35,10 @@ pub(crate) struct Render {
     /// than a distance
     #[arg(long, default_value_t = 1.0)]
     relaxation: f64,
+    /// Data set folder whose cameras tell the upward direction, for runs [default: the data set of
+    /// the run]
+    #[arg(long)]
+    dataset: Option<PathBuf>,
     /// Number of views around the object, for runs
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=360))]
     views: u32,
@@ -90,9 +94,9 @@ impl Render {
         check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
         let file = RunFile::load(&self.scene)?;
         let model = Model::load(&self.scene, &file)?;
-        let dataset = file.read(None)?.about(file.origin());
-        let bounds = file.sphere();
-        let training: Vec<_> = dataset.train.iter().map(|v| v.camera).collect();
+        let (bounds, origin) = (file.sphere(), file.origin());
+        let cameras = file.open(self.dataset.as_deref())?.cameras()?;
+        let training: Vec<_> = cameras.iter().map(|camera| camera.about(origin)).collect();
         let up = upwards(&training, bounds.center);
         let cameras = around(&bounds, &training, up, self.views as usize, self.size);
         let solid = Solid::new(&model, &file);

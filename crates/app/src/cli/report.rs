@@ -19,6 +19,9 @@ use fit::{Fit as Fitting, FitOptions, Model, RunFile, examine, modelled};
 pub(crate) struct Report {
     /// Run folder
     run: PathBuf,
+    /// Data set folder [default: the data set of the run]
+    #[arg(long)]
+    dataset: Option<PathBuf>,
     /// Page to write: .html
     #[arg(short, long, default_value = "report.html")]
     output: PathBuf,
@@ -42,10 +45,10 @@ impl Report {
         let model = Model::load(&self.run, &file)?;
         let downscale = Some(file.downscale());
         let options = FitOptions { downscale, ..FitOptions::default() };
-        let (dataset, _) = read_for(file.open(None)?, &options, global)?;
+        let (dataset, _) = read_for(file.open(self.dataset.as_deref())?, &options, global)?;
         let mut dataset = file.prepare(dataset);
         let about = About::of(&dataset, &file);
-        as_fitted(&self.run, &model, &file, &mut dataset, false, global)?;
+        as_fitted(&self.run, &model, &file, &mut dataset, self.dataset.is_some(), global)?;
         let verdict = examine(&model, &file, &dataset)?;
         let run = about.run(&self.run, (&model, &file, &dataset), Some(&verdict));
         let bytes = write_whole(&run, &self.output, global)?;

@@ -30,14 +30,14 @@ fn the_target_gradient_of_a_network_agrees_with_contour() {
         let behind = other.background().unwrap();
         let seen = Scene::new(&*ball, &*shader, &cameras, &other.bounds, &*behind);
         let target = render(&seen, 0, 64, 9, &|_| {}).unwrap().film;
-        let image = render(&scene, 0, 2048, 6, &|_| {}).unwrap().film;
+        let image = render(&scene, 0, 1024, 6, &|_| {}).unwrap().film;
 
         let sampling =
             |spp| Sampling { counts: SampleCounts { spp, edge_samples: spp / 2 }, seed: 1 };
-        let gradient = target_gradient(&scene, &target, &Refined, sampling(512), &|_| {});
+        let gradient = target_gradient(&scene, &target, &Refined, sampling(256), &|_| {});
         let gradient = gradient.unwrap().parameters;
         let directions: Vec<Direction> = (0..DIRECTIONS).map(Direction::Along).collect();
-        let contours = differentiate(&scene, &directions, &Contour, sampling(1024), &|_| {});
+        let contours = differentiate(&scene, &directions, &Contour, sampling(512), &|_| {});
         let contours = contours.unwrap();
         for (number, derivative) in (0..DIRECTIONS).zip(&contours) {
             let tangent = random_unit::<f64>(gradient.len(), number);

@@ -7,7 +7,7 @@
 use super::vector::Vector;
 use crate::block::{LANES, Row, TILE, padded};
 
-/// [`multiply_rows`](crate::multiply_rows) with `ROWS` × `REGS` sums in registers.
+/// [`multiply`](crate::multiply) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
 pub(super) fn multiply<V: Vector, const N: usize, const ROWS: usize, const REGS: usize>(
     packed: &[[f32; TILE]],
@@ -136,7 +136,7 @@ fn multiply_groups<V: Vector, const P: usize, const REGS: usize, const G: usize>
     }
 }
 
-/// [`outer_rows`](crate::outer_rows) with `ROWS` × `REGS` sums in registers.
+/// [`outer`](crate::outer) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
 pub(super) fn outer<V: Vector, const ROWS: usize, const REGS: usize>(
     sides: &[(&[Row<f32>], &[f32])],
@@ -196,7 +196,7 @@ fn outer_part<V: Vector, const ROWS: usize, const REGS: usize>(
     }
 }
 
-/// [`transpose_lanes`](crate::transpose_lanes) in squares of `N` = `V::N` rows and lanes.
+/// [`Lane::transpose`](crate::Lane::transpose) in squares of `N` = `V::N` rows and lanes.
 #[inline(always)]
 pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut [f32]) {
     let stride = padded(rows.len());

@@ -3,7 +3,7 @@
 
 use super::activate::activate;
 use super::perceptron::Mlp;
-use lanes::{Isa, LANES, Lane, Row, multiply_points};
+use lanes::{Isa, LANES, Lane, Row, multiply_few};
 
 /// The working memory of the sweeps for at most [`MOST`] points at once.
 ///
@@ -71,7 +71,7 @@ impl<R: Lane> Mlp<R> {
                 (&self.packed[l], [layer.inputs, layer.outputs].map(groups));
             let (current, above) = s.input.split_at_mut(l + 1);
             let (input, z) = (of_points::<R, P>(&current[l], inputs), &mut s.product);
-            multiply_points::<R, I, P>(&packed.columns, &packed.bias, input, z);
+            multiply_few::<R, I, P>(&packed.columns, &packed.bias, input, z);
             let Some(next) = above.first_mut() else {
                 for p in 0..P {
                     output[p] = z[p].0[0];
@@ -129,7 +129,7 @@ impl<R: Lane> Mlp<R> {
         for (l, layer) in self.layers.iter().enumerate().rev() {
             let [inputs, outputs] = [layer.inputs, layer.outputs].map(groups);
             let (of_outputs, zero) = (of_points::<R, P>(&s.z_adjoint, outputs), &s.zero[..inputs]);
-            multiply_points::<R, I, P>(&self.packed[l].rows, zero, of_outputs, &mut s.product);
+            multiply_few::<R, I, P>(&self.packed[l].rows, zero, of_outputs, &mut s.product);
             let hidden = self.hidden_columns(l);
             for (row, column) in adjoint.iter_mut().zip(hidden..layer.inputs) {
                 for p in 0..P {
