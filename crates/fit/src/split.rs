@@ -40,8 +40,8 @@ impl Split {
         let unread = unread.split_by_names([&self.train, &self.held_out])?;
         if self.poses.is_some_and(|poses| poses != checksum(unread.cameras_as_read(), radius)) {
             let expected = "the poses that the run was fitted to (a new fit takes the new ones; \
-                            `eval`, `mesh`, `render` and `report` with --dataset take them for this \
-                            surface)";
+                            `eval`, `mesh`, `render` and `report` with --dataset take them for \
+                            this surface)";
             return Err(InputError::new(unread.path(), "poses", "others", expected));
         }
         Ok(unread)
