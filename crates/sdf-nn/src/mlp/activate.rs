@@ -3,25 +3,19 @@
 use crate::architecture::Activation;
 use lanes::{Isa, Lane, Pass, Row, fma};
 
-/// Writes σ(z) to `value`; with `STORE` also σ′(z) to `slope`, and with `STORE` and `TANGENT` also
-/// σ″(z) to `curvature`. First `N` lanes only.
-#[inline(always)]
-pub(super) fn activate<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
-    activation: Activation,
-    z: &Row<R>,
-    value: &mut Row<R>,
-    slope: &mut Row<R>,
-    curvature: &mut Row<R>,
-) {
-    I::call(Activate::<R, N, STORE, TANGENT> { activation, z, value, slope, curvature });
-}
-
-struct Activate<'a, R, const N: usize, const STORE: bool, const TANGENT: bool> {
-    activation: Activation,
-    z: &'a Row<R>,
-    value: &'a mut Row<R>,
-    slope: &'a mut Row<R>,
-    curvature: &'a mut Row<R>,
+/// The activation of all rows of a layer, first `N` lanes only.
+pub(super) struct Activate<'a, R, const N: usize, const STORE: bool, const TANGENT: bool> {
+    pub(super) activation: Activation,
+    /// Row g of point p is row g × `points` + p.
+    pub(super) z: &'a [Row<R>],
+    pub(super) points: usize,
+    /// σ(z): row g of point p is row p × `stride` + g.
+    pub(super) value: &'a mut [Row<R>],
+    pub(super) stride: usize,
+    /// With `STORE`, σ′(z) in the order of `z`.
+    pub(super) slope: &'a mut [Row<R>],
+    /// With `STORE` and `TANGENT`, σ″(z) in the order of `z`.
+    pub(super) curvature: &'a mut [Row<R>],
 }
 
 impl<R: Lane, const N: usize, const STORE: bool, const TANGENT: bool> Pass
@@ -29,15 +23,25 @@ impl<R: Lane, const N: usize, const STORE: bool, const TANGENT: bool> Pass
 {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Activate { activation, z, value, slope, curvature } = self;
-        match activation {
-            Activation::Softplus { beta } => {
-                softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+        // Rows for derivatives that the flags leave out.
+        let mut unused = [Row::zero(); 2];
+        for p in 0..self.points {
+            for g in 0..self.z.len() / self.points {
+                let row = g * self.points + p;
+                let (z, value) = (&self.z[row], &mut self.value[p * self.stride + g]);
+                let [slope, curvature] = &mut unused;
+                let slope = if STORE { &mut self.slope[row] } else { slope };
+                let curvature = if TANGENT { &mut self.curvature[row] } else { curvature };
+                match self.activation {
+                    Activation::Softplus { beta } => {
+                        softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+                    }
+                    Activation::Sine { omega } => {
+                        sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
+                    }
+                    Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
+                }
             }
-            Activation::Sine { omega } => {
-                sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
-            }
-            Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
         }
     }
 }

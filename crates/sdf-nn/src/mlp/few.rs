@@ -1,7 +1,7 @@
 //! The sweeps for a few points, at most four at once: lanes are the outputs of a layer, so few are
 //! left empty.
 
-use super::activate::activate;
+use super::activate::Activate;
 use super::perceptron::Mlp;
 use lanes::{Isa, LANES, Lane, Row, multiply_few};
 
@@ -65,7 +65,6 @@ impl<R: Lane> Mlp<R> {
         output: &mut [R],
     ) {
         self.put_features::<P>(0, features, first, &mut s.input[0]);
-        let mut unused = [Row::zero(); 2];
         for (l, layer) in self.layers.iter().enumerate() {
             let (packed, [inputs, outputs]) =
                 (&self.packed[l], [layer.inputs, layer.outputs].map(groups));
@@ -79,13 +78,15 @@ impl<R: Lane> Mlp<R> {
                 break;
             };
             let next_groups = groups(self.layers[l + 1].inputs);
-            for (i, z) in z[..outputs * P].iter().enumerate() {
-                let (group, p) = (i / P, i % P);
-                let value = &mut next[p * next_groups + group];
-                let [slope, curvature] = &mut unused;
-                let slope = if STORE { &mut s.slope[l][i] } else { slope };
-                activate::<R, I, LANES, STORE, false>(self.activation, z, value, slope, curvature);
-            }
+            I::call(Activate::<R, LANES, STORE, false> {
+                activation: self.activation,
+                z: &z[..outputs * P],
+                points: P,
+                value: next,
+                stride: next_groups,
+                slope: &mut s.slope[l],
+                curvature: &mut [],
+            });
             if let Some(next) = above.first_mut().filter(|_| self.layers[l + 1].skip) {
                 self.put_features::<P>(l + 1, features, first, next);
             }

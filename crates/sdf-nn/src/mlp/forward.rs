@@ -1,6 +1,6 @@
 //! The forward sweep: features to outputs, layer by layer.
 
-use super::activate::activate;
+use super::activate::Activate;
 use super::perceptron::Mlp;
 use super::scratch::LayerScratch;
 use super::scratch::Scratch;
@@ -81,20 +81,18 @@ impl<R: Lane> Mlp<R> {
         value: &mut [Row<R>],
         tangent: &mut [Row<R>],
     ) {
-        // Rows for derivatives that the flags leave out.
-        let mut unused = [Row::zero(); 2];
-        for row in 0..self.layers[l].outputs {
-            let [slope, curvature] = &mut unused;
-            let slope = if STORE { &mut current.slope[row] } else { slope };
-            let curvature = if TANGENT { &mut current.curvature[row] } else { curvature };
-            activate::<R, I, N, STORE, TANGENT>(
-                self.activation,
-                &z[row],
-                &mut value[row],
-                slope,
-                curvature,
-            );
-            if TANGENT {
+        let rows = self.layers[l].outputs;
+        I::call(Activate::<R, N, STORE, TANGENT> {
+            activation: self.activation,
+            z: &z[..rows],
+            points: 1,
+            value,
+            stride: 0,
+            slope: &mut current.slope,
+            curvature: &mut current.curvature,
+        });
+        if TANGENT {
+            for row in 0..rows {
                 for i in 0..N {
                     tangent[row].0[i] = current.slope[row].0[i] * current.z_tangent[row].0[i];
                 }
