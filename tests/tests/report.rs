@@ -145,9 +145,12 @@ fn a_run_is_one_page_that_a_browser_shows_without_an_error() {
 fn a_run_that_was_stopped_has_a_page_too() {
     let folder = Folder::new();
     let (data, run) = (ball(&folder, "3"), folder.path("run"));
-    let fit = ["fit", &data, "-o", &run, "--iterations", "4000", "--stop-after", "2"];
+    let fit = ["fit", &data, "-o", &run, "--iterations", "4000", "--stop-after", "2", "--report"];
     dsdf_ok(&fit);
+    let text = |page: &str| std::fs::read_to_string(page).unwrap();
+    assert!(text(&format!("{run}/report.html")).contains("The fit was stopped before its end"));
     let page = folder.path("report.html");
     let report = dsdf_json(&["report", &run, "-o", &page]);
     assert!(report["bytes"].as_u64().unwrap() > 10_000);
+    assert!(text(&page).contains("2 of 4000 iterations") && text(&page).contains("not finished"));
 }

@@ -34,6 +34,18 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    /// The PSNR of samples of training views and, if there are any, of held-out views, as text.
+    pub fn match_text(&self) -> String {
+        let sides = [(self.training_match, "training"), (self.held_out_match, "held-out")];
+        let known = sides.into_iter().filter_map(|(psnr, name)| Some((psnr?, name)));
+        let texts: Vec<_> =
+            known.map(|(psnr, name)| format!("{psnr:.1} dB on {name} views")).collect();
+        match texts.is_empty() {
+            true => "no sample inside the sphere".to_owned(),
+            false => texts.join(", ") + " (samples inside the sphere, not whole views)",
+        }
+    }
+
     /// Examines a fit. `scene` is its solid with the cameras of the training views and then those
     /// of the held-out views, and `sphere` is its bounding sphere. `uniform_background` tells
     /// whether its background is one colour, or one for each view, and `fits_exposures` whether it
@@ -222,8 +234,8 @@ impl Verdict {
 impl Display for Verdict {
     /// Three lines: a label of 13 columns, then a sentence.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let Evidence { surface, training_match, held_out_match, .. } = &self.evidence;
-        if let Some(SurfaceShares { on_sphere, seen_on_sphere, unseen, .. }) = surface {
+        let evidence = &self.evidence;
+        if let Some(SurfaceShares { on_sphere, seen_on_sphere, unseen, .. }) = &evidence.surface {
             let [on_sphere, seen_on_sphere, unseen] =
                 [on_sphere, seen_on_sphere, unseen].map(|share| 100.0 * share);
             writeln!(
@@ -232,13 +244,7 @@ impl Display for Verdict {
                  ({seen_on_sphere:.1} % in view), {unseen:.1} % seen by no photograph"
             )?;
         }
-        let text = |psnr: &Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
-        let (train, test) = (text(training_match), text(held_out_match));
-        writeln!(
-            f,
-            "match        {train} on training views, {test} on held-out views (samples inside the \
-             sphere, not whole views)"
-        )?;
+        writeln!(f, "match        {}", evidence.match_text())?;
         write!(f, "verdict      {}", self.text)
     }
 }

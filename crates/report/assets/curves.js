@@ -35,7 +35,8 @@ function drawCurve({ name, unit, logarithmic, points }) {
   const ys = points.map(([, y]) => y);
   const [x0, x1] = [Math.min(0, ...xs), Math.max(...xs) || 1];
   let [y0, y1] = [Math.min(...ys), Math.max(...ys)];
-  if (y0 === y1) [y0, y1] = logarithmic ? [y0 / 2, y1 * 2] : [y0 - 1, y1 + 1];
+  // Means of equal numbers differ by rounding.
+  if (y1 - y0 <= 1e-9 * Math.abs(y1)) [y0, y1] = logarithmic ? [y0 / 2, y1 * 2] : [y0 - 1, y1 + 1];
   const scale = logarithmic ? Math.log : (y) => y;
   const x = (value) => left + ((value - x0) / (x1 - x0)) * (width - left - 8);
   const y = (value) => {

@@ -23,12 +23,23 @@ pub struct Run<'a> {
     pub model: &'a Model,
     /// Its data set, relative to its origin, with the cameras and the exposures as fitted.
     pub dataset: &'a Dataset,
-    /// The verdict on it; `None` while it runs.
-    pub verdict: Option<&'a Verdict>,
+    /// Whether it runs, or its verdict.
+    pub state: State<'a>,
     /// The models for the background and the masks, one sentence each.
     pub modelled: &'a [String],
     /// The warnings about its photographs, one sentence each.
     pub warnings: &'a [String],
+}
+
+/// The state of a run.
+#[derive(Clone, Copy, Debug)]
+pub enum State<'a> {
+    /// A fit that goes on.
+    Running,
+    /// A fit that was stopped before its end.
+    Stopped,
+    /// A fit that does not run, with the verdict on it.
+    Ended(&'a Verdict),
 }
 
 /// The amount of work for a page, and its size.
@@ -80,16 +91,19 @@ pub fn page(
     page::html(run, &scene, &warnings, &spent(run, iterations, seconds))
 }
 
+/// The last line of the metrics is older than the end of the fit by the time of its last files. So
+/// this share of the budget and a second may lack.
+const UNRECORDED: f64 = 0.01;
+
 /// The budget that a run has spent. A run that was stopped has spent a part of it.
 fn spent(run: &Run<'_>, iterations: u64, seconds: f64) -> String {
     let budget = run.file.options.budget();
-    let progress = budget.progress(iterations, seconds);
     match budget {
-        Budget::Time(time) if progress < 0.99 => {
+        Budget::Time(time) if seconds + 1.0 < (1.0 - UNRECORDED) * time.as_secs_f64() => {
             let all = time.as_secs_f64();
             format!("{iterations} iterations, {seconds:.0} s of {all:.0} s: not finished")
         }
-        Budget::Iterations(all) if progress < 1.0 => {
+        Budget::Iterations(all) if iterations < all => {
             format!("{iterations} of {all} iterations, {seconds:.0} s: not finished")
         }
         _ => format!("{iterations} iterations, {seconds:.0} s"),

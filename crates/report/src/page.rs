@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use crate::Run;
 use crate::curves::Curve;
 use crate::solid::{Buffers, Frame};
 use crate::tables;
 use crate::views::Picture;
+use crate::{Run, State};
 
 const TEMPLATE: &str = include_str!("../assets/report.html");
 const STYLE: &str = include_str!("../assets/report.css");
@@ -34,10 +34,11 @@ pub(crate) fn html(
     spent: &str,
 ) -> anyhow::Result<String> {
     let name = run.folder.file_name().unwrap_or(run.folder.as_os_str()).to_string_lossy();
-    let (class, verdict) = match run.verdict {
-        None => ("live", "The fit goes on."),
-        Some(verdict) if verdict.fault.is_some() => ("fault", verdict.text),
-        Some(verdict) => ("good", verdict.text),
+    let (class, verdict) = match run.state {
+        State::Running => ("live", "The fit goes on."),
+        State::Stopped => ("live", "The fit was stopped before its end; --resume continues it."),
+        State::Ended(verdict) if verdict.fault.is_some() => ("fault", verdict.text),
+        State::Ended(verdict) => ("good", verdict.text),
     };
     // A "<" in a string of JSON could end the script element.
     let data = serde_json::to_string(scene)?.replace('<', "\\u003c");

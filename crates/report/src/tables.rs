@@ -3,8 +3,8 @@
 use fit::{RunCameras, RunExposures};
 use inspect::SurfaceShares;
 
-use crate::Run;
 use crate::page::escaped;
+use crate::{Run, State};
 
 /// A table with a header. Cells are escaped.
 fn table(caption: &str, header: &[&str], rows: &[Vec<String>]) -> String {
@@ -34,7 +34,7 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
     let [x, y, z, radius] = run.file.bounds;
     let (train, test) = (run.dataset.train.len(), run.dataset.test.len());
     let mut rows = vec![
-        ("data set", run.file.dataset.display().to_string()),
+        ("data set", run.dataset.path.display().to_string()),
         ("views", format!("{train} to fit, {test} held out")),
         ("sphere", format!("centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, data set units")),
         ("fit", spent.to_owned()),
@@ -43,17 +43,9 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
         let (term, value) = line.split_once(": ")?;
         Some((term, value.to_owned()))
     }));
-    if let Some(verdict) = run.verdict {
+    if let State::Ended(verdict) = run.state {
         let evidence = &verdict.evidence;
-        let db = |psnr: Option<f64>| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.1} dB"));
-        let (train, test) = (db(evidence.training_match), db(evidence.held_out_match));
-        rows.push((
-            "match",
-            format!(
-                "{train} on training views, {test} on held-out views (samples inside the sphere, \
-                 not whole views)"
-            ),
-        ));
+        rows.push(("match", evidence.match_text()));
         if let Some(SurfaceShares { on_sphere, unseen, .. }) = &evidence.surface {
             let [on_sphere, unseen] = [on_sphere, unseen].map(|share| 100.0 * share);
             rows.push((

@@ -14,6 +14,7 @@ use super::mesh::mesh_of_run;
 use super::report::{About, write_whole};
 use ::fit::{FitOptions, Model, RefineCameras, RunFile, Solid};
 use ::mesh::{read_mesh, write_mesh};
+use ::report::State;
 use ::scene::SceneFile;
 use dataset::{Dataset, LoadOptions};
 use pictures::write_preview;
@@ -101,7 +102,8 @@ impl Demo {
         let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
         let of_fit = (&fitting.model, &fitting.file, &fitting.dataset);
         let about = About::of(&fitting.dataset, &fitting.file);
-        write_whole(&about.run(&run, of_fit, fitted.verdict.as_ref()), &page, global)?;
+        let state = fitted.verdict.as_ref().map_or(State::Stopped, State::Ended);
+        write_whole(&about.run(&run, of_fit, state), &page, global)?;
         let iterations = fitted.iterations;
         let seconds = start.elapsed().as_secs_f64();
         let report = DemoReport { metrics, iterations, seconds, picture, mesh, page };

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::common::{Global, as_fitted};
 use super::fit::read_for;
 use ::inspect::{Verdict, inspect};
-use ::report::{Detail, Run, page};
+use ::report::{Detail, Run, State, page};
 use dataset::Dataset;
 use fit::{Fit as Fitting, FitOptions, Model, RunFile, examine, modelled};
 
@@ -50,7 +50,7 @@ impl Report {
         let about = About::of(&dataset, &file);
         as_fitted(&self.run, &model, &file, &mut dataset, self.dataset.is_some(), global)?;
         let verdict = examine(&model, &file, &dataset)?;
-        let run = about.run(&self.run, (&model, &file, &dataset), Some(&verdict));
+        let run = about.run(&self.run, (&model, &file, &dataset), State::Ended(&verdict));
         let bytes = write_whole(&run, &self.output, global)?;
         let written = Written { page: self.output.clone(), bytes, verdict };
         global.report(&written, || {
@@ -77,10 +77,10 @@ impl About {
         &'a self,
         folder: &'a Path,
         (model, file, dataset): (&'a Model, &'a RunFile, &'a Dataset),
-        verdict: Option<&'a Verdict>,
+        state: State<'a>,
     ) -> Run<'a> {
         let (modelled, warnings) = (&self.modelled, &self.warnings);
-        Run { folder, file, model, dataset, verdict, modelled, warnings }
+        Run { folder, file, model, dataset, state, modelled, warnings }
     }
 }
 
@@ -124,16 +124,16 @@ impl Live {
     pub(super) fn refresh(&self, fitting: &Fitting) -> anyhow::Result<()> {
         let start = Instant::now();
         if start >= self.next.get() {
-            self.write(fitting)?;
+            self.write(fitting, State::Running)?;
             self.next.set(Instant::now() + start.elapsed() * PAUSE);
         }
         Ok(())
     }
 
     /// Writes the page of a fit that is not at its end. Its cameras are those of the data set.
-    pub(super) fn write(&self, fitting: &Fitting) -> anyhow::Result<()> {
+    pub(super) fn write(&self, fitting: &Fitting, state: State<'_>) -> anyhow::Result<()> {
         let Fitting { model, file, dataset, .. } = fitting;
-        let run = self.about.run(&self.folder, (model, file, dataset), None);
+        let run = self.about.run(&self.folder, (model, file, dataset), state);
         write(&self.folder.join(PAGE), &page(&run, Detail::LIVE, &|_| {})?).map(drop)
     }
 
@@ -145,7 +145,7 @@ impl Live {
         global: &Global,
     ) -> anyhow::Result<()> {
         let Fitting { model, file, dataset, .. } = fitting;
-        let run = self.about.run(&self.folder, (model, file, dataset), Some(verdict));
+        let run = self.about.run(&self.folder, (model, file, dataset), State::Ended(verdict));
         let path = self.folder.join(PAGE);
         write_whole(&run, &path, global)?;
         global.say(&format!("report: {}", path.display()));

@@ -17,6 +17,7 @@ use super::eval::{SAMPLES, compare_views};
 use super::report::{Live, PAGE};
 use crate::error::Interrupted;
 use ::inspect::Verdict;
+use ::report::State;
 use dataset::Dataset;
 use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile, examine};
 
@@ -121,7 +122,7 @@ pub(super) fn fit(
     })?;
     if console.stop_requested() {
         if let Some(live) = &live {
-            live.write(&fitting)?;
+            live.write(&fitting, State::Stopped)?;
         }
         let stopped = fitting.iteration;
         console.line(&format!("stopped after {stopped} iterations; --resume continues"));
@@ -149,6 +150,8 @@ pub(super) fn fit(
             live.finish(&fitting, &verdict, global)?;
         }
         report.verdict = Some(verdict);
+    } else if let Some(live) = live {
+        live.write(&fitting, State::Stopped)?;
     }
     Ok((report, fitting))
 }
