@@ -39,8 +39,6 @@ struct Case {
     error: f64,
     #[serde(default = "reference")]
     reference: u32,
-    #[serde(default = "runs")]
-    runs: u32,
 }
 
 fn bias() -> f64 {
@@ -56,9 +54,7 @@ fn reference() -> u32 {
 }
 
 /// Runs of a case, each with its own seed.
-fn runs() -> u32 {
-    4
-}
+const RUNS: u32 = 4;
 
 /// Samples per pixel of a run.
 const SPP: u32 = 256;
@@ -177,8 +173,8 @@ fn check(estimator: &SuiteEstimator, case: &Case) -> Result<(), String> {
     let (program, name) = (estimator.program(), &estimator.name);
     let allowed = estimator.error.unwrap_or(case.error);
     let (references, _) = images(&program, case, "contour", case.reference, 0);
-    let runs: Vec<_> = (0..case.runs).map(|seed| images(&program, case, name, SPP, seed)).collect();
-    let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(case.runs);
+    let runs: Vec<_> = (0..RUNS).map(|seed| images(&program, case, name, SPP, seed)).collect();
+    let evaluations = runs.iter().map(|(_, e)| e).sum::<u64>() / u64::from(RUNS);
     let mut failures = Vec::new();
     for (i, (wrt, reference)) in case.wrt.iter().zip(&references).enumerate() {
         let own: Vec<&[f32]> = runs.iter().map(|(images, _)| &images[i][..]).collect();
