@@ -232,8 +232,16 @@ fn few_poses_have_advice_and_none_is_an_error_with_it() {
     }
     let output = bench.run(&["--seed", "1"], &[("FAKE_NONE", "1")]);
     failed(&output, 1, &["found no pose: it", "the 4 photographs", "newspaper", "data/colmap.log"]);
-    let images = fs::read_dir(bench.path("data")).unwrap().flatten();
-    assert!(images.into_iter().all(|entry| entry.file_name() != "sparse"), "an old model is left");
+    let seen = dsdf_json(&["inspect", &bench.path("data"), "-o", &bench.path("i.png")]);
+    let views = ["train_views", "test_views"].map(|views| seen[views].as_u64().unwrap());
+    assert_eq!(views[0] + views[1], 3, "a data set is lost before the new one exists");
+    // It counts as unfinished, and the new one takes its place.
+    bench.calls();
+    let (poses, calls) = bench.json(&["--seed", "1"], &[]);
+    assert_eq!((calls.as_slice(), &poses["registered"]), (&ALL.map(str::to_owned)[2..], &4.into()));
+    let models = fs::read_dir(bench.path("data")).unwrap().flatten();
+    let models = models.filter(|entry| entry.file_name().to_string_lossy().starts_with("sparse"));
+    assert_eq!(models.count(), 1);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The optimisation loop.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
@@ -65,13 +65,21 @@ fn checkpoint_path(folder: &Path) -> PathBuf {
 fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State> {
     let count = |free_nodes| Model::parameter_count(file, free_nodes);
     let state = State::load(&checkpoint_path(folder), count)?;
-    match file.options.iterations.filter(|n| *n < state.iteration) {
-        Some(budget) => {
-            let expected = format!("at least the {} finished iterations", state.iteration);
-            Err(InputError::new(folder.join("fit.toml"), "iterations", budget, expected).into())
-        }
-        None => Ok(state),
+    let refused = |field, found: String, expected| {
+        Err(InputError::new(folder.join("fit.toml"), field, found, expected).into())
+    };
+    if let Some(budget) = file.options.iterations.filter(|n| *n < state.iteration) {
+        let expected = format!("at least the {} finished iterations", state.iteration);
+        return refused("iterations", budget.to_string(), expected);
     }
+    // The last iteration of a fit ends after its time: that of the run itself is no error.
+    let kept = RunFile::load(folder)?.options.time;
+    let is_spent = |time: &Duration| kept != Some(*time) && time.as_secs_f64() < state.seconds;
+    if let Some(budget) = file.options.time.filter(is_spent) {
+        let expected = format!("at least the {:.0} s that the run has taken", state.seconds.ceil());
+        return refused("time", format!("{} s", budget.as_secs_f64()), expected);
+    }
+    Ok(state)
 }
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.

@@ -10,9 +10,10 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
     let seconds = text.trim().parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
     let duration = match seconds {
         Some(duration) => duration,
-        None => humantime::parse_duration(text).map_err(|e| e.to_string())?,
+        None => humantime::parse_duration(text).unwrap_or_default(),
     };
-    if duration.is_zero() { Err("a time above 0".to_owned()) } else { Ok(duration) }
+    let expected = "expected a time above 0, such as 90s, 10m or 1h30m";
+    if duration.is_zero() { Err(expected.to_owned()) } else { Ok(duration) }
 }
 
 #[cfg(test)]

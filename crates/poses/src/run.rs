@@ -237,8 +237,9 @@ impl Job<'_> {
         Ok(true)
     }
 
-    /// Removes the results of a step and of all after it. `keeps_partial` is about those of the
-    /// step itself, from a run that was stopped.
+    /// Removes the intermediate results of a step and of all after it. The data set stays until a
+    /// new one takes its place. `keeps_partial` is about the results of the step itself, from a run
+    /// that was stopped.
     fn clear_from(&self, step: Step, keeps_partial: bool) -> anyhow::Result<()> {
         for later in Step::ALL.into_iter().filter(|later| *later >= step) {
             if later != step || !keeps_partial {
@@ -248,7 +249,7 @@ impl Job<'_> {
                 remove(&self.result_of(later))?;
             }
         }
-        RESULTS.iter().try_for_each(|name| remove(&self.output.join(name)))
+        Ok(())
     }
 
     /// Makes the folder in which a step writes, with the files that COLMAP expects there.
@@ -315,6 +316,7 @@ impl Job<'_> {
             return rename(partial, &self.result_of(step));
         }
         for name in RESULTS {
+            remove(&self.output.join(name))?;
             rename(&partial.join(name), &self.output.join(name))?;
         }
         // The rest is for COLMAP's own surfaces.

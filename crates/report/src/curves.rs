@@ -63,7 +63,10 @@ pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     let curve = |name, unit, logarithmic: bool, of: fn(&Line) -> Option<f64>| {
         let known = lines.iter().filter_map(|line| Some((line.seconds, of(line)?)));
         let known = known.filter(|(s, v)| s.is_finite() && v.is_finite());
-        let points = thinned(known.filter(|(_, v)| !logarithmic || *v > 0.0).collect());
+        let mut points: Vec<_> = known.filter(|(_, v)| !logarithmic || *v > 0.0).collect();
+        // A line repeats the last measurement until there is another one.
+        points.dedup_by_key(|(_, value)| value.to_bits());
+        let points = thinned(points);
         Curve { name, unit, logarithmic, points }
     };
     let all = [

@@ -134,7 +134,7 @@ impl Eval {
             let run = self.run.display();
             anyhow::bail!("{run}: the run has no surface in a held-out view");
         }
-        global.report(&report, || match self.views {
+        global.report(&report, || match self.views && report.views > 0 {
             true => format!("{}\n{}", report.table(), views::table(&report.per_view)),
             false => report.table(),
         })

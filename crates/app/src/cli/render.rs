@@ -25,26 +25,26 @@ pub(crate) struct Render {
     /// Samples per pixel
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
-    /// Seed of the samples, for scene files
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Floating-point precision, for scene files
-    #[arg(long, value_enum, default_value = "f32")]
-    precision: PrecisionArg,
+    /// Seed of the samples, for scene files [default: 0]
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Floating-point precision, for scene files [default: f32]
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionArg>,
     /// ρ: length of a tracing step as a fraction of f, for scene files; below 1 for fields steeper
-    /// than a distance
-    #[arg(long, default_value_t = 1.0)]
-    relaxation: f64,
+    /// than a distance [default: 1]
+    #[arg(long)]
+    relaxation: Option<f64>,
     /// Data set folder whose cameras tell the upward direction, for runs [default: the data set of
     /// the run]
     #[arg(long)]
     dataset: Option<PathBuf>,
-    /// Number of views around the object, for runs
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=360))]
-    views: u32,
-    /// Width and height of each view in pixels, for runs
-    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=4096))]
-    size: u32,
+    /// Number of views around the object, for runs [default: 8]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=360))]
+    views: Option<u32>,
+    /// Width and height of each view in pixels, for runs [default: 256]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    size: Option<u32>,
 }
 
 /// The result of rendering a scene file.
@@ -78,27 +78,52 @@ struct TurntableReport {
 impl Render {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["png", "exr", "npy"])?;
-        if self.scene.is_dir() {
+        let is_run = self.scene.is_dir();
+        self.refuse_options_of_the_other(is_run)?;
+        if is_run {
             return self.render_run(global);
         }
         match self.precision {
-            PrecisionArg::F32 => self.render_scene::<f32>(global),
-            PrecisionArg::F64 => self.render_scene::<f64>(global),
+            None | Some(PrecisionArg::F32) => self.render_scene::<f32>(global),
+            Some(PrecisionArg::F64) => self.render_scene::<f64>(global),
+        }
+    }
+
+    /// Refuses the options of scene files for a run, and those of runs for a scene file.
+    fn refuse_options_of_the_other(&self, is_run: bool) -> Result<(), InputError> {
+        let of_scenes = [
+            ("seed", self.seed.is_some()),
+            ("precision", self.precision.is_some()),
+            ("relaxation", self.relaxation.is_some()),
+        ];
+        let of_runs = [
+            ("dataset", self.dataset.is_some()),
+            ("views", self.views.is_some()),
+            ("size", self.size.is_some()),
+        ];
+        let (others, found, expected) = match is_run {
+            true => (of_scenes, "a run folder to render", "a scene file: the option is for these"),
+            false => (of_runs, "a scene file to render", "a run folder: the option is for these"),
+        };
+        match others.into_iter().find(|(_, is_given)| *is_given) {
+            Some((name, _)) => Err(option_error(name, found.to_owned(), expected)),
+            None => Ok(()),
         }
     }
 
     /// Renders a run: views from around the object in the upper row, their normals below.
     fn render_run(&self, global: &Global) -> anyhow::Result<()> {
         // The sheet has a view and its normals for each image, beside the images themselves.
-        let (views, bytes) = (u64::from(self.views), 2 * RENDER_BYTES);
-        check_film(Path::new(ARGUMENTS), "--size", [self.size; 2], views, bytes)?;
+        let (views, size) = (self.views.unwrap_or(8), self.size.unwrap_or(256));
+        let (count, bytes) = (u64::from(views), 2 * RENDER_BYTES);
+        check_film(Path::new(ARGUMENTS), "--size", [size; 2], count, bytes)?;
         let file = RunFile::load(&self.scene)?;
         let model = Model::load(&self.scene, &file)?;
         let (bounds, origin) = (file.sphere(), file.origin());
         let cameras = file.open(self.dataset.as_deref())?.cameras()?;
         let training: Vec<_> = cameras.iter().map(|camera| camera.about(origin)).collect();
         let up = upwards(&training, bounds.center);
-        let cameras = around(&bounds, &training, up, self.views as usize, self.size);
+        let cameras = around(&bounds, &training, up, views as usize, size);
         let solid = Solid::new(&model, &file);
         let bar = global.progress("turntable");
         let sheet = turntable(&solid.scene(&cameras), self.spp, &bar.mover())?;
@@ -111,7 +136,8 @@ impl Render {
 
     /// Renders a scene file.
     fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
-        let tracing = trace::Options { relaxation: R::of(self.relaxation), ..Default::default() };
+        let relaxation = R::of(self.relaxation.unwrap_or(1.0));
+        let tracing = trace::Options { relaxation, ..Default::default() };
         tracing.validate().map_err(|e| option_error(e.name, e.found, e.expected))?;
         let file = SceneFile::load(&self.scene)?;
         let size = [file.camera.width, file.camera.height];
@@ -124,7 +150,7 @@ impl Render {
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("render");
         let start = Instant::now();
-        let image = render(&scene, 0, self.spp, self.seed, &bar.mover())
+        let image = render(&scene, 0, self.spp, self.seed.unwrap_or(0), &bar.mover())
             .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();

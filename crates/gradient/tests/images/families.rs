@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use crate::truth::{Camera, Look, Solid, dense, derivative, image};
+use crate::truth::{Camera, Look, Solid, dense, truth};
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::{Field, SLOPE_POINTS};
 use gradient::{Direction, Sampling, differentiate, random_unit};
@@ -137,13 +137,14 @@ fn check_solid(name: &str, value: &Value, wrt: &[&str], methods: &[Method]) -> V
     let has_corners = value["sdf"].to_string().contains("\"box\"");
     let tolerance = if has_corners { 1e-3 } else { f64::INFINITY };
     let truths = wrt.iter().map(|wrt| {
-        derivative(&camera, 1e-5, tolerance, |offset| {
+        let truth = truth(&camera, 1e-5, tolerance, |offset| {
             let mut value = value.clone();
             let number = value.pointer_mut(wrt).unwrap();
             *number = json!(number.as_f64().unwrap() + offset);
             let (solid, eye, look) = (Solid::of(&value["sdf"]), camera.eye, &look);
             move |d| solid.see(look, reach, eye, d)
-        })
+        });
+        truth.derivative
     });
     let truths: Vec<_> = truths.collect();
     let pointers = file.sdf.pointers();
@@ -169,9 +170,9 @@ fn check_family(name: &str, wrt: &[&str], make: impl Fn(&mut Random) -> Value) {
         .flat_map(|seed| {
             let mut random = Random::new(seed);
             let sdf = make(&mut random);
-            let scene = lit(&mut random, &sdf, 12);
+            let scene = lit(&mut random, &sdf, 9);
             // `contour` takes most of the time.
-            let methods = [("refined", SPP), ("contour", 640)];
+            let methods = [("refined", SPP), ("contour", 1024)];
             let methods = if seed == 1 { &methods[..] } else { &methods[..1] };
             check_solid(&format!("{name} {seed}"), &scene, wrt, methods)
         })
@@ -352,7 +353,7 @@ fn check_network(name: &str, scene: &mut Value, network: &Network<f64>, spp: u32
     let network = Network::<f64>::from_safetensors(&bytes).unwrap();
     let tangent = random_unit::<f64>(Field::<f64>::parameter_count(&network), 3);
     let (camera, look) = (Camera::of(scene), Look::of(scene));
-    let truth = derivative(&camera, 1e-3, f64::INFINITY, |offset| {
+    let truth = truth(&camera, 1e-3, f64::INFINITY, |offset| {
         let mut moved = network.clone();
         let parameters: Vec<f64> =
             network.parameters().iter().zip(&tangent).map(|(p, t)| p + offset * t).collect();
@@ -360,11 +361,9 @@ fn check_network(name: &str, scene: &mut Value, network: &Network<f64>, spp: u32
         let (eye, look) = (camera.eye, &look);
         move |d| dense::see(look, &moved, eye, d)
     });
-    let see = |d| dense::see(&look, &network, camera.eye, d);
-    let area = image(&camera, f64::INFINITY, 1e-9, see);
     let runs = images(&file, ("refined", spp), &[Direction::Along(3)]);
-    let derivative = check(name, "refined", &runs[0], &truth);
-    check_area(name, &file, &area).into_iter().chain(derivative).collect()
+    let derivative = check(name, "refined", &runs[0], &truth.derivative);
+    check_area(name, &file, &truth.image).into_iter().chain(derivative).collect()
 }
 
 #[test]

@@ -10,5 +10,5 @@ mod solid;
 
 pub(crate) use camera::Camera;
 pub(crate) use look::Look;
-pub(crate) use rows::{derivative, image};
+pub(crate) use rows::truth;
 pub(crate) use solid::Solid;

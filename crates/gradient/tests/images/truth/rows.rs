@@ -226,7 +226,7 @@ impl Film<'_> {
 
 /// The mean radiance of every pixel: rows of pixels, linear RGB. `tolerance` is the error of the
 /// integral over an interval of rows, `exact` that of jumps along a row, in pixels.
-pub(crate) fn image(
+fn image(
     camera: &Camera,
     tolerance: f64,
     exact: f64,
@@ -239,16 +239,28 @@ pub(crate) fn image(
         .collect()
 }
 
-/// The central difference of the image of `see(parameter)` at ±`step`: rows of pixels, RGB.
-/// `tolerance` is that of [`image`] in steps.
-pub(crate) fn derivative<S: Fn(DVec3) -> Seen>(
+/// An image and its derivative by a parameter: rows of pixels, RGB.
+pub(crate) struct Truth {
+    pub(crate) image: Vec<[f64; 3]>,
+    pub(crate) derivative: Vec<[f64; 3]>,
+}
+
+/// The mean and the central difference of the images of `see(parameter)` at ±`step`: both are exact
+/// to second order. `tolerance` is that of [`image`] in steps.
+pub(crate) fn truth<S: Fn(DVec3) -> Seen>(
     camera: &Camera,
     step: f64,
     tolerance: f64,
     see: impl Fn(f64) -> S,
-) -> Vec<[f64; 3]> {
+) -> Truth {
     let [plus, minus] =
         [step, -step].map(|offset| image(camera, tolerance * step, EXACT * step, see(offset)));
-    let difference = |i: usize, c: usize| (plus[i][c] - minus[i][c]) / (2.0 * step);
-    (0..plus.len()).map(|i| [0, 1, 2].map(|c| difference(i, c))).collect()
+    let pixels = |of: &dyn Fn(f64, f64) -> f64| {
+        let pairs = plus.iter().zip(&minus);
+        pairs.map(|(plus, minus)| [0, 1, 2].map(|c| of(plus[c], minus[c]))).collect()
+    };
+    Truth {
+        image: pixels(&|plus, minus| (plus + minus) / 2.0),
+        derivative: pixels(&|plus, minus| (plus - minus) / (2.0 * step)),
+    }
 }
