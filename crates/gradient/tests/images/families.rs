@@ -287,7 +287,7 @@ fn floors() {
         sphere(random.vector(0.4), random.between(0.4, 0.8))
     ]});
     // The horizon crosses the film.
-    let mut scene = lit(&mut random, &sdf, 6);
+    let mut scene = lit(&mut random, &sdf, 5);
     scene["camera"]["eye"] = json!([0.3, random.between(0.0, 0.4), 4.0]);
     let wrt = ["/sdf/children/0/normal/2", "/sdf/children/1/radius"];
     assert_none(&check_solid("floor", &scene, &wrt, &[("refined", SPP)]));

@@ -21,13 +21,14 @@ const ROWS: usize = 12;
 const RAYS: usize = 12;
 
 /// Jumps of the radiance along a row of a derivative are known to this length, in pixels and steps.
-const EXACT: f64 = 1e-6;
+const EXACT: f64 = 1e-4;
 
 /// Intervals of rows are halved this often at most: the part around a corner is 1e-6 pixels long.
 const MOST_HALVINGS: u32 = 20;
 
-/// Rows where the order of jumps changes are known to this length, in pixels.
-const EXACT_ROW: f64 = 1e-8;
+/// Rows of a derivative where the order of jumps changes are known to this length, in pixels and
+/// steps. Between these rows, a strip is integrated as if each half of it were like its end.
+const EXACT_ROW: f64 = 1e-2;
 
 /// On one face, a jump of 1/t by more than this between two rays is looked into. It is a jump by
 /// 0.02 at the distance 4. Along a plane 1/t is linear on the film; t grows towards the horizon.
@@ -67,6 +68,8 @@ struct Film<'a> {
     tolerance: f64,
     /// The length to which jumps along a row are known, in pixels.
     exact: f64,
+    /// The length to which rows where the order of jumps changes are known, in pixels.
+    exact_row: f64,
 }
 
 /// A row of the film with the places of its jumps and the faces behind them.
@@ -143,7 +146,7 @@ impl Film<'_> {
             }
             return b.clone();
         }
-        if b.y - a.y > EXACT_ROW {
+        if b.y - a.y > self.exact_row {
             let middle = self.row((a.y + b.y) * 0.5, &[a, b]);
             let middle = self.add_intervals(a, &middle, found);
             return self.add_intervals(&middle, b, found);
@@ -211,6 +214,13 @@ impl Film<'_> {
                 let next = self.row(y as f64 + part as f64 / ROWS as f64, &[&last]);
                 last = self.add_intervals(&last, &next, &mut intervals);
             }
+            let (mut top, bottom) = (y as f64, y as f64 + 1.0);
+            for (i, [from, to]) in intervals.iter().enumerate() {
+                self.add_row(from, from.y - top, pixels);
+                let next = intervals.get(i + 1).map_or(bottom, |next| (to.y + next[0].y) * 0.5);
+                self.add_row(to, next - to.y, pixels);
+                top = next;
+            }
             for interval in &intervals {
                 let whole = self.between(interval, width);
                 if self.tolerance.is_finite() {
@@ -225,14 +235,10 @@ impl Film<'_> {
 }
 
 /// The mean radiance of every pixel: rows of pixels, linear RGB. `tolerance` is the error of the
-/// integral over an interval of rows, `exact` that of jumps along a row, in pixels.
-fn image(
-    camera: &Camera,
-    tolerance: f64,
-    exact: f64,
-    see: impl Fn(DVec3) -> Seen,
-) -> Vec<[f64; 3]> {
-    Film { camera, see: &see, tolerance, exact }
+/// integral over an interval of rows, in steps of `step`, as are the places of jumps.
+fn image(camera: &Camera, tolerance: f64, step: f64, see: impl Fn(DVec3) -> Seen) -> Vec<[f64; 3]> {
+    let (tolerance, exact, exact_row) = (tolerance * step, EXACT * step, EXACT_ROW * step);
+    Film { camera, see: &see, tolerance, exact, exact_row }
         .image()
         .iter()
         .map(|pixel| pixel.to_array())
@@ -253,8 +259,7 @@ pub(crate) fn truth<S: Fn(DVec3) -> Seen>(
     tolerance: f64,
     see: impl Fn(f64) -> S,
 ) -> Truth {
-    let [plus, minus] =
-        [step, -step].map(|offset| image(camera, tolerance * step, EXACT * step, see(offset)));
+    let [plus, minus] = [step, -step].map(|offset| image(camera, tolerance, step, see(offset)));
     let pixels = |of: &dyn Fn(f64, f64) -> f64| {
         let pairs = plus.iter().zip(&minus);
         pairs.map(|(plus, minus)| [0, 1, 2].map(|c| of(plus[c], minus[c]))).collect()
