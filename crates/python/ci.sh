@@ -9,7 +9,8 @@
 # PYTHON       the interpreter [default: python3]
 # DSDF_TORCH   arguments of pip that install PyTorch; without it, the tests of PyTorch are skipped
 #              unless the package index has a build without CUDA for this machine
-# DSDF_PROGRAM the program whose bits the commands must repeat [default: target/debug/dsdf]
+# DSDF_PROGRAM the program whose bits the commands must repeat [default: target/debug/dsdf, which
+#              `cargo test --workspace --no-run` builds]; without it, these tests are skipped
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 out=$PWD/target/python

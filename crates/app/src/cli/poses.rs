@@ -14,8 +14,8 @@ use messages::Progress;
 pub(crate) struct Poses {
     /// Folder of photographs: .jpg, .jpeg or .png
     photos: PathBuf,
-    /// Data set folder to write; one of the same photographs continues, or is made again from the
-    /// first step on whose options changed
+    /// Data set folder to write; one of the same photographs continues, or is made again, starting
+    /// at the first step that has other options
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]

@@ -4,8 +4,9 @@ Two things are here:
 
 - ``record`` differentiates images of a field and a shader that are Python objects: a network of
   any framework. ``dsdf.torch`` and ``dsdf.jax`` make such objects.
-- ``render``, ``gradient``, ``fit``, ``mesh``, ``evaluate``, ``query``, ``inspect`` and ``synth``
-  run the commands of the program ``dsdf`` in this process, with its options, errors and bits.
+- ``render``, ``gradient``, ``fit``, ``mesh``, ``evaluate``, ``query``, ``inspect``, ``report`` and
+  ``synth`` run the commands of the program ``dsdf`` in this process, with its options, errors and
+  bits. ``command`` runs the others, such as ``poses``.
 
 Arrays are NumPy arrays. Radiance is linear RGB, lengths are in world units, f is negative inside.
 """

@@ -142,7 +142,7 @@ def command(
 ) -> Optional[dict]:
     """Runs any command of ``dsdf`` and returns its result, that of ``--json``.
 
-    Warnings and notes go to ``sys.stderr``, without ``quiet=True``.
+    Warnings and notes go to ``sys.stderr``, unless ``quiet=True``.
     Raises ``InputError`` for wrong arguments and wrong input, ``RuntimeError`` for other errors.
     """
     if progress is not None and not callable(progress):

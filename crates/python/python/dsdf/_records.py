@@ -78,7 +78,8 @@ def record(
     - ``bounds``: x, y, z and radius of the sphere that holds the solid, with room around it;
       nothing outside is seen
     - ``estimator``, ``seed``, ``spp``, ``edge_samples``, ``relaxation``, ``hit_tolerance``,
-      ``steps``, ``top_k``, ``gamma``, ``lambda_d``, ``epsilon``: as of ``dsdf gradient``
+      ``steps``, ``top_k``, ``gamma``, ``lambda_d``, ``epsilon``: as of ``dsdf gradient``, where
+      ``estimator="fd"`` is no estimator of samples, and is refused here
     - ``background``: a colour, or one colour for each camera; black by default
 
     The same arguments give the same bits. The methods of the objects are called by this thread
