@@ -128,6 +128,12 @@ pub(super) fn fit(
         console.line(&format!("stopped after {stopped} iterations; --resume continues"));
         return Err(Interrupted.into());
     }
+    if fitting.iteration == 0 && fitting.progress() >= 1.0 {
+        global.say(
+            "WARNING the time was spent before the first iteration, on the search for depths: give \
+             a longer --time, or --stereo none",
+        );
+    }
     fitting.preview()?;
     drop(lock);
     refuse_empty(&fitting, run)?;
