@@ -57,7 +57,8 @@ function drawCurve({ name, unit, logarithmic, points }) {
   svg.append(element("text", { x: width - 8, y: height - 4, "text-anchor": "end" }, "seconds"));
   svg.append(element("path", { class: "axis", d: `M${left} ${top}V${height - bottom}H${width - 8}` }));
   const path = points.map(([a, b], i) => `${i ? "L" : "M"}${x(a).toFixed(1)} ${y(b).toFixed(1)}`);
-  svg.append(element("path", { class: "line", d: path.join("") }));
+  // The last part has no length: a curve of one point is a dot.
+  svg.append(element("path", { class: "line", "stroke-linecap": "round", d: `${path.join("")}h0` }));
   return svg;
 }
 

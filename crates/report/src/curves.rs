@@ -52,7 +52,16 @@ pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     let all = || whole.split(|b| *b == b'\n').filter(|line| !line.trim_ascii().is_empty());
     let read = |line| serde_json::from_slice::<Line>(line).ok();
     let damaged = all().filter(|line| read(line).is_none()).count();
-    let lines: Vec<Line> = all().chain([last]).filter_map(read).collect();
+    let mut lines: Vec<Line> = all().chain([last]).filter_map(read).collect();
+    // A line repeats the last measurement of a held-out view until there is another one.
+    let mut measured = None;
+    for line in &mut lines {
+        if line.psnr == measured {
+            line.psnr = None;
+        } else {
+            measured = line.psnr;
+        }
+    }
     let warning = match (damaged, lines.len()) {
         (_, 0) => {
             Some("metrics.jsonl has no line that can be read: there are no curves".to_owned())
@@ -63,10 +72,7 @@ pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     let curve = |name, unit, logarithmic: bool, of: fn(&Line) -> Option<f64>| {
         let known = lines.iter().filter_map(|line| Some((line.seconds, of(line)?)));
         let known = known.filter(|(s, v)| s.is_finite() && v.is_finite());
-        let mut points: Vec<_> = known.filter(|(_, v)| !logarithmic || *v > 0.0).collect();
-        // A line repeats the last measurement until there is another one.
-        points.dedup_by_key(|(_, value)| value.to_bits());
-        let points = thinned(points);
+        let points = thinned(known.filter(|(_, v)| !logarithmic || *v > 0.0).collect());
         Curve { name, unit, logarithmic, points }
     };
     let all = [
@@ -123,6 +129,12 @@ mod tests {
         let Metrics { curves, iterations, warning, .. } = metrics(&path).unwrap();
         assert_eq!((curves[0].points.len(), iterations), (2, 2));
         assert_eq!(warning.unwrap(), "damaged lines of metrics.jsonl, left out: 1 of 3");
+        let measured = |i: u32, psnr: &str| line(i).replace("null", psnr);
+        let text = ["20", "20", "21", "21"].map(|psnr| measured(1, psnr)).concat();
+        std::fs::write(&path, text).unwrap();
+        let Metrics { curves, .. } = metrics(&path).unwrap();
+        assert_eq!((curves[1].points.len(), curves[2].points.len()), (4, 2), "repeated");
+
         std::fs::write(&path, "").unwrap();
         let Metrics { curves, warning, .. } = metrics(&path).unwrap();
         assert!(curves.is_empty() && warning.unwrap().contains("no line that can be read"));
