@@ -15,6 +15,8 @@ pub struct State {
     pub iteration: u64,
     /// Wall time of all sessions, in seconds.
     pub seconds: f64,
+    /// The part of it that searches for depths took.
+    pub searching: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
     pub usual_norm: f32,
     /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
@@ -147,6 +149,7 @@ impl State {
         let mut metadata = HashMap::from([
             ("iteration".to_owned(), self.iteration.to_string()),
             ("seconds".to_owned(), self.seconds.to_string()),
+            ("searching".to_owned(), self.searching.to_string()),
             ("usual_norm".to_owned(), self.usual_norm.to_string()),
             ("steps".to_owned(), self.steps.to_string()),
         ]);
@@ -231,6 +234,7 @@ impl State {
         Ok(State {
             iteration: count_of("iteration")?,
             seconds: number("seconds")?,
+            searching: number("searching")?,
             usual_norm: number("usual_norm")? as f32,
             held_out_psnr: read_held_out_psnr(path, &metadata)?,
             parameters: vector("parameters", f32::MIN, "finite numbers")?,

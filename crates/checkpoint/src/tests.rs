@@ -7,6 +7,7 @@ fn a_saved_state_loads_with_the_same_bits_and_a_cut_file_is_an_error() {
     let state = State {
         iteration: 17,
         seconds: 1.0 / 3.0,
+        searching: 0.1,
         usual_norm: 0.1,
         held_out_psnr: Some(31.4),
         parameters: vec![1.0, f32::MIN_POSITIVE, -0.0],
@@ -39,6 +40,7 @@ fn a_negative_mean_square_gradient_is_refused() {
     let state = State {
         iteration: 1,
         seconds: 1.0,
+        searching: 0.0,
         usual_norm: 1.0,
         held_out_psnr: None,
         parameters: vec![-1.0; 2],
@@ -64,6 +66,7 @@ fn numbers_out_of_range_are_refused_by_name() {
     let state = State {
         iteration: 7777,
         seconds: 5555.5,
+        searching: 4444.5,
         usual_norm: 0.3333,
         held_out_psnr: Some(22.22),
         parameters: vec![0.0],
@@ -81,6 +84,7 @@ fn numbers_out_of_range_are_refused_by_name() {
         ("iteration", "7777", ["NaN ", "-5  ", "inf ", "1.5 "]),
         ("steps", "8888", ["NaN ", "-5  ", "inf ", "    "]),
         ("seconds", "5555.5", ["NaN   ", "-1e9  ", "inf   ", "1e300 "]),
+        ("searching", "4444.5", ["NaN   ", "-1e9  ", "inf   ", "1e300 "]),
         ("usual_norm", "0.3333", ["NaN   ", "-1    ", "inf   ", "x     "]),
         ("held_out_psnr", "22.22", ["NaN  ", "inf  ", "-inf ", "1e300"]),
     ] {

@@ -4,21 +4,40 @@ use std::time::Duration;
 
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 
+/// The assumed number of iterations in a second on one thread, for a budget of time: the speed of
+/// the machine itself would give other depths on each machine.
+const ITERATIONS_PER_SECOND: f64 = 50.0;
+
+/// The most threads that this number is multiplied by.
+const MOST_THREADS: usize = 16;
+
+/// The share of the budget with a soft surface. docs/rooms.md has other shares.
+const SOFT: f64 = 0.5;
+
+/// In front of a uniform background, the surface is soft for about this many iterations, and for
+/// this share at least. docs/detail.md compares a long fit with another one that is soft for a
+/// half.
+const SOFT_ITERATIONS: f64 = 5000.0;
+const LEAST_SOFT: f64 = 0.2;
+
 /// The end of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Budget {
-    /// The wall time of all its iterations.
+    /// Its wall time: that of the searches for depths, and of all iterations.
     Time(Duration),
     /// Their number.
     Iterations(u64),
 }
 
 impl Budget {
-    /// The share of the budget that is spent after these iterations, which took `seconds`. At 1 and
-    /// above, the fit is finished.
-    pub fn progress(self, iterations: u64, seconds: f64) -> f64 {
+    /// The share of the budget that is spent after these iterations and `seconds`, of which
+    /// searches for depths took the seconds `searching`. At 1 and above, the fit is finished.
+    ///
+    /// Of a time, it is the share of what the searches left: the first iteration has the share 0.
+    pub fn progress(self, iterations: u64, seconds: f64, searching: f64) -> f64 {
         match self {
-            Budget::Time(time) => seconds / time.as_secs_f64(),
+            Budget::Time(time) if searching >= time.as_secs_f64() => 1.0,
+            Budget::Time(time) => (seconds - searching).max(0.0) / (time.as_secs_f64() - searching),
             Budget::Iterations(all) => iterations as f64 / all as f64,
         }
     }
@@ -29,5 +48,58 @@ impl FitOptions {
     pub fn budget(&self) -> Budget {
         let iterations = Budget::Iterations(self.iterations.unwrap_or(DEFAULT_ITERATIONS));
         self.time.map_or(iterations, Budget::Time)
+    }
+
+    /// The number of iterations of the budget. That of a budget of time is assumed, and depends on
+    /// the number of threads.
+    pub(crate) fn assumed_iterations(&self) -> u64 {
+        let threads = rayon::current_num_threads().min(MOST_THREADS) as f64;
+        let rate = ITERATIONS_PER_SECOND * threads;
+        match self.budget() {
+            Budget::Time(time) => (time.as_secs_f64() * rate) as u64,
+            Budget::Iterations(all) => all,
+        }
+    }
+
+    /// The share of the budget with a soft surface: that of the option, or [`SOFT`]. A run has the
+    /// option, by [`soft_for`](Self::soft_for).
+    pub fn soft(&self) -> f64 {
+        self.soft.unwrap_or(SOFT)
+    }
+
+    /// The share for a run whose background is trained or not, if the option is not given. Rooms
+    /// need more of it: what is in front of what is open for longer.
+    pub(crate) fn soft_for(&self, is_trained: bool) -> f64 {
+        let of_long_fit = SOFT_ITERATIONS / self.assumed_iterations().max(1) as f64;
+        let most = if is_trained { SOFT } else { of_long_fit.clamp(LEAST_SOFT, SOFT) };
+        self.soft.unwrap_or(most)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn searches_shorten_a_schedule_by_time_and_no_other() {
+        let minute = Budget::Time(Duration::from_secs(60));
+        let progress = |seconds, searching| minute.progress(9, seconds, searching);
+        assert_eq!([progress(0.0, 0.0), progress(30.0, 0.0), progress(60.0, 0.0)], [0.0, 0.5, 1.0]);
+        assert_eq!([progress(20.0, 20.0), progress(40.0, 20.0)], [0.0, 0.5]);
+        assert_eq!(
+            [progress(60.0, 20.0), progress(70.0, 70.0), progress(0.0, 20.0)],
+            [1.0, 1.0, 0.0]
+        );
+        assert_eq!(Budget::Iterations(18).progress(9, 70.0, 70.0), 0.5);
+    }
+
+    #[test]
+    fn long_fits_before_a_uniform_background_are_soft_for_less_of_the_budget() {
+        let of = |n| FitOptions { iterations: Some(n), ..FitOptions::default() };
+        let shares = [1, 10_000, 20_000, 100_000].map(|n| of(n).soft_for(false));
+        assert_eq!(shares, [0.5, 0.5, 0.25, 0.2]);
+        assert_eq!(of(100_000).soft_for(true), 0.5);
+        let given = FitOptions { soft: Some(0.0), ..of(100_000) };
+        assert_eq!([given.soft_for(false), given.soft_for(true), given.soft()], [0.0; 3]);
     }
 }

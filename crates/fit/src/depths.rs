@@ -1,6 +1,6 @@
 //! Depth maps of the photographs, which guide the soft surface.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use calibrate::Calibration;
 use photometry::{Level, Photograph};
@@ -18,6 +18,10 @@ use schedule::{ends_depths, is_carving};
 /// not at all.
 const PIXELS_PER_ITERATION: u64 = 240;
 
+/// The largest shares of a budget of time for the first search, and for all of them. A search that
+/// would take longer begins anew at half of the size.
+const LARGEST_SHARES: [f64; 2] = [0.15, 0.3];
+
 /// The most pixels of photographs, whatever the budget is: 32 bytes of memory for each.
 const MOST_PIXELS: u64 = 1 << 23;
 
@@ -29,35 +33,17 @@ const ROUNDS: usize = 2;
 /// surface from one whose colour is not learned yet, so nothing is carved.
 const LEAST_KNOWN: f64 = 0.02;
 
-/// The assumed number of iterations in a second on one thread, for a budget of time: the speed of
-/// the machine itself would give other depths on each machine.
-const ITERATIONS_PER_SECOND: f64 = 50.0;
-
-/// The most threads that this number is multiplied by.
-const MOST_THREADS: usize = 16;
-
 impl FitOptions {
     /// The largest number of pixels of photographs that are searched for depths.
     fn searched_pixels(&self) -> u64 {
         self.assumed_iterations().saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
-    }
-
-    /// The number of iterations of the budget. That of a budget of time is assumed, and depends on
-    /// the number of threads.
-    pub(crate) fn assumed_iterations(&self) -> u64 {
-        let threads = rayon::current_num_threads().min(MOST_THREADS) as f64;
-        let rate = ITERATIONS_PER_SECOND * threads;
-        match self.budget() {
-            Budget::Time(time) => (time.as_secs_f64() * rate) as u64,
-            Budget::Iterations(all) => all,
-        }
     }
 }
 
 impl RunFile {
     /// Whether depths guide the soft surface of the run.
     fn uses_depths(&self) -> bool {
-        self.options.stereo.is_used(self.background_kind.is_trained()) && self.options.soft > 0.0
+        self.options.stereo.is_used(self.background_kind.is_trained()) && self.options.soft() > 0.0
     }
 }
 
@@ -74,7 +60,7 @@ pub(crate) struct Depths {
 impl Fit {
     /// Whether this part of the run needs depths that it has not looked for.
     fn lacks_depths(&self) -> bool {
-        let is_over = ends_depths(self.progress(), self.file.options.soft);
+        let is_over = ends_depths(self.progress(), self.file.options.soft());
         self.file.uses_depths() && !is_over && self.depths.is_none()
     }
 
@@ -90,7 +76,9 @@ impl Fit {
         if self.lacks_depths() {
             let begin = Instant::now();
             self.depths = self.searched_depths(stop, report);
-            self.seconds += begin.elapsed().as_secs_f64();
+            let taken = begin.elapsed().as_secs_f64();
+            self.seconds += taken;
+            self.searching += taken;
         }
     }
 
@@ -103,12 +91,18 @@ impl Fit {
         let most = self.file.options.searched_pixels();
         let fits = |level: &Level| level.photograph_pixels() <= most;
         let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
-        let Some(level) = self.levels.iter().position(fits) else { return Some(nothing) };
+        let Some(mut level) = self.levels.iter().position(fits) else { return Some(nothing) };
+        let begin = Instant::now();
+        let [of_first, of_all] = LARGEST_SHARES.map(|share| match self.file.options.budget() {
+            Budget::Time(time) => time.mul_f64(share),
+            Budget::Iterations(_) => Duration::MAX,
+        });
         // A run that is resumed has decided before its first iteration.
         let is_open = self.corrections.is_undecided() && self.iteration == 0;
         let freedom = self.freedom_by_places().filter(|_| is_open);
         // Cameras that the loss refines moved after the search of a run without an interruption.
-        let mut search = self.search(level, self.corrections.adjusted(), stop, report)?;
+        let cameras = self.corrections.adjusted();
+        let mut search = self.search(&mut level, cameras, of_first, stop, report)?;
         let mut adjusted = None;
         for freedom in std::iter::repeat_n(freedom, ROUNDS).flatten() {
             let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {
@@ -116,7 +110,9 @@ impl Fit {
             };
             let is_kept = of_places.1.is_kept;
             if is_kept || adjusted.is_some() {
-                search = self.search(level, is_kept.then_some(&of_places.0), stop, report)?;
+                let (cameras, limit) =
+                    (is_kept.then_some(&of_places.0), of_all.saturating_sub(begin.elapsed()));
+                search = self.search(&mut level, cameras, limit, stop, report)?;
             }
             adjusted = Some(of_places);
             if !is_kept {
@@ -134,22 +130,17 @@ impl Fit {
         Some(if known < LEAST_KNOWN { nothing } else { Depths { maps, level, known } })
     }
 
-    /// The planes of all photographs of a level; `None` if `stop` was true.
+    /// The planes of all photographs of a level; `None` if `stop` was true. A search that would
+    /// take longer than `limit` begins anew on the next level, which `level` is then.
     fn search(
         &self,
-        level: usize,
+        level: &mut usize,
         calibration: Option<&Calibration>,
+        limit: Duration,
         stop: &dyn Fn() -> bool,
         report: &mut dyn FnMut(usize, usize),
     ) -> Option<Stereo> {
-        let Level { cameras, photographs, .. } = &self.levels[level];
-        let cameras = corrected(calibration, cameras);
-        let view = |(camera, photograph)| {
-            let photograph: &Photograph = photograph;
-            View { camera, image: &photograph.image }
-        };
-        let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
-        let mut search = Stereo::new(&views, &self.file.sphere(), self.file.options.seed);
+        let (mut search, mut begin) = (self.stereo(*level, calibration), Instant::now());
         loop {
             let (done, all) = search.progress();
             report(done, all);
@@ -159,8 +150,26 @@ impl Fit {
             if stop() {
                 return None;
             }
+            let seconds = begin.elapsed().as_secs_f64();
+            let is_slow = seconds * all as f64 > limit.as_secs_f64() * done as f64;
+            if is_slow && (1..=all / 2).contains(&done) && *level + 1 < self.levels.len() {
+                *level += 1;
+                (search, begin) = (self.stereo(*level, calibration), Instant::now());
+            }
             search.search(rayon::current_num_threads());
         }
+    }
+
+    /// A search in the photographs of a level.
+    fn stereo(&self, level: usize, calibration: Option<&Calibration>) -> Stereo {
+        let Level { cameras, photographs, .. } = &self.levels[level];
+        let cameras = corrected(calibration, cameras);
+        let view = |(camera, photograph)| {
+            let photograph: &Photograph = photograph;
+            View { camera, image: &photograph.image }
+        };
+        let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
+        Stereo::new(&views, &self.file.sphere(), self.file.options.seed)
     }
 
     /// The depths that guide an iteration on a level of the pyramid.
@@ -172,7 +181,7 @@ impl Fit {
 
     /// Whether this iteration carves.
     pub(crate) fn carves(&self) -> bool {
-        is_carving(self.progress(), self.file.options.soft)
+        is_carving(self.progress(), self.file.options.soft())
     }
 
     /// The share of the pixels with a known depth, if depths were looked for; 0 if too little is

@@ -116,8 +116,10 @@ pub struct FitOptions {
     #[arg(long, default_value_t = Self::default().bending)]
     pub bending: f64,
     /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish
-    #[arg(long, default_value_t = Self::default().soft)]
-    pub soft: f64,
+    /// [default: 0.5, or down to 0.2 in long fits in front of a uniform background]
+    #[arg(long)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub soft: Option<f64>,
     /// Depths of the photographs, by comparison with their neighbours: they guide the surface, and
     /// a surface that photographs contradict goes back where none is known
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
@@ -245,7 +247,7 @@ impl Default for FitOptions {
             warp: WarpOptions::FIT,
             eikonal: 0.1,
             bending: 0.1,
-            soft: 0.5,
+            soft: None,
             stereo: StereoChoice::Auto,
             checkpoint_every: 200,
             preview_every: 500,
@@ -325,7 +327,7 @@ impl FitOptions {
 
     /// The checks of all options but the estimator and those of the warp.
     fn checks(&self) -> Vec<Check> {
-        let radius = self.initial_radius;
+        let (radius, soft) = (self.initial_radius, self.soft());
         vec![
             Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
             Check::at_least_one("downscale", self.downscale.unwrap_or(1).into()),
@@ -364,7 +366,7 @@ impl FitOptions {
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
             Check::weight("eikonal", self.eikonal),
             Check::weight("bending", self.bending),
-            Check::new("soft", self.soft, (0.0..1.0).contains(&self.soft), "at least 0, below 1"),
+            Check::new("soft", soft, (0.0..1.0).contains(&soft), "at least 0, below 1"),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),
         ]

@@ -1,11 +1,11 @@
 //! The optimisation loop.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
-use checkpoint::{Average, State, Survey};
+use checkpoint::{Average, Survey};
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
@@ -26,11 +26,13 @@ use crate::depths::Depths;
 use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model};
 use crate::run_file::RunFile;
+use checkpoints::load_state;
 use schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
 mod averaging;
+mod checkpoints;
 mod matching;
 mod preview;
 mod refinement;
@@ -55,32 +57,6 @@ const SMOOTHNESS: f64 = 0.2;
 
 /// Iterations from one smoothing to the next, each of which goes through all features.
 const SMOOTH_EVERY: u64 = 4;
-
-/// The checkpoint of a run folder.
-fn checkpoint_path(folder: &Path) -> PathBuf {
-    folder.join("checkpoint").join("state.safetensors")
-}
-
-/// Reads the checkpoint of a run.
-fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State> {
-    let count = |free_nodes| Model::parameter_count(file, free_nodes);
-    let state = State::load(&checkpoint_path(folder), count)?;
-    let refused = |field, found: String, expected| {
-        Err(InputError::new(folder.join("fit.toml"), field, found, expected).into())
-    };
-    if let Some(budget) = file.options.iterations.filter(|n| *n < state.iteration) {
-        let expected = format!("at least the {} finished iterations", state.iteration);
-        return refused("iterations", budget.to_string(), expected);
-    }
-    // The last iteration of a fit ends after its time: that of the run itself is no error.
-    let kept = RunFile::load(folder)?.options.time;
-    let is_spent = |time: &Duration| kept != Some(*time) && time.as_secs_f64() < state.seconds;
-    if let Some(budget) = file.options.time.filter(is_spent) {
-        let expected = format!("at least the {:.0} s that the run has taken", state.seconds.ceil());
-        return refused("time", format!("{} s", budget.as_secs_f64()), expected);
-    }
-    Ok(state)
-}
 
 /// A fit: a model, its optimiser, and the photographs, with a run folder for its files.
 pub struct Fit {
@@ -111,6 +87,8 @@ pub struct Fit {
     average: Option<Average>,
     /// Wall time of all sessions, in seconds.
     pub(crate) seconds: f64,
+    /// The part of it that searches for depths took.
+    pub(crate) searching: f64,
     /// The running mean of the gradient's norm; 0 before the first step.
     usual_norm: f32,
     held_out_psnr: Option<f64>,
@@ -180,6 +158,7 @@ impl Fit {
             parameters,
             average: None,
             seconds: 0.0,
+            searching: 0.0,
             usual_norm: 0.0,
             held_out_psnr: None,
             depths: None,
@@ -192,48 +171,6 @@ impl Fit {
         Ok(fit)
     }
 
-    /// Restores the state of a checkpoint.
-    fn restore(&mut self, state: State) -> anyhow::Result<()> {
-        self.iteration = state.iteration;
-        self.seconds = state.seconds;
-        // It tells the number of parameters.
-        self.restore_survey(state.survey)?;
-        self.adam.restore(&state.first, &state.second, state.steps)?;
-        self.model.set_parameters(&state.parameters);
-        self.parameters = state.parameters;
-        self.average = state.average;
-        self.usual_norm = state.usual_norm;
-        self.held_out_psnr = state.held_out_psnr;
-        self.restore_exposures(state.exposures.as_ref())?;
-        self.restore_refinement(state.refinement)
-    }
-
-    /// Writes the checkpoint and the model files.
-    ///
-    /// # Errors
-    /// If a file cannot be written. The file that was there before then stays complete.
-    pub fn save(&self) -> anyhow::Result<()> {
-        let (first, second, steps) = self.adam.state();
-        let state = State {
-            iteration: self.iteration,
-            seconds: self.seconds,
-            usual_norm: self.usual_norm,
-            held_out_psnr: self.held_out_psnr,
-            parameters: self.parameters.clone(),
-            average: self.average.clone(),
-            first: first.to_vec(),
-            second: second.to_vec(),
-            steps,
-            refinement: self.corrections.state(),
-            exposures: self.exposures_state(),
-            survey: self.survey.clone(),
-        };
-        state.save(&checkpoint_path(&self.folder))?;
-        self.save_cameras()?;
-        self.save_exposures()?;
-        self.model.save(&self.folder, self.file.origin())
-    }
-
     /// Shows the tasks of iterations to an observer, and shares them as for this number of threads.
     pub fn observe(&mut self, workers: usize, observer: Observer) {
         self.work = Workspace::observed(workers, observer);
@@ -244,9 +181,10 @@ impl Fit {
         self.seconds
     }
 
-    /// The spent fraction of the budget (time or iterations), from 0; it can exceed 1.
+    /// The spent fraction of the budget (time or iterations), from 0; it can exceed 1. The time of
+    /// searches for depths shortens the schedule, and is no part of it.
     pub fn progress(&self) -> f64 {
-        self.file.options.budget().progress(self.iteration, self.seconds)
+        self.file.options.budget().progress(self.iteration, self.seconds, self.searching)
     }
 
     /// Runs iterations until the budget is spent or `stop` is true, and saves.
@@ -376,7 +314,7 @@ impl Fit {
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),
-            sharpness: sharpness(self.progress(), options.soft),
+            sharpness: sharpness(self.progress(), options.soft()),
             depths: self.guide(level),
             carves: self.carves(),
             seed,
@@ -411,14 +349,14 @@ impl Fit {
         let (progress, options) = (self.progress(), &self.file.options);
         let window = |bands| band_window(progress, bands);
         self.model.field.set_band_weights(&window(options.bands));
-        let direction = direction_weight(progress, options.soft);
+        let direction = direction_weight(progress, options.soft());
         self.model.head.set_input_weights(&window(HEAD_BANDS), direction);
     }
 
     /// The pixels of this iteration, and the expected number of pixels that they stand for.
     fn draw(&self, level: usize) -> (Vec<Pixel>, f32) {
         // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
-        let share = batch_share(self.progress(), self.file.options.soft);
+        let share = batch_share(self.progress(), self.file.options.soft());
         let batch = share * (self.file.options.batch >> level.min(2)) as f64;
         let batch = (batch as u64).max(1);
         let level_pixels = &self.levels[level];

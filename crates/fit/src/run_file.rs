@@ -94,7 +94,10 @@ impl RunFile {
             },
             exposure_model: ExposureModel::Even,
             views: Some(Split::of(dataset, radius)),
-            options: options.clone(),
+            options: FitOptions {
+                soft: Some(options.soft_for(background_kind.is_trained())),
+                ..options.clone()
+            },
         };
         // The photographs as the fit sees them: without the background that masks remove.
         let seen = file.composited(Cow::Borrowed(dataset));

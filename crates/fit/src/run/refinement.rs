@@ -43,7 +43,7 @@ impl Fit {
         }
         let options = &self.file.options;
         let Some(freedom) = options.refine_cameras.freedom() else { return Ok(None) };
-        let is_time = self.progress() >= options.soft + (1.0 - options.soft) * AFTER_SOFT;
+        let is_time = self.progress() >= options.soft() + (1.0 - options.soft()) * AFTER_SOFT;
         if !is_time || !self.corrections.is_undecided() || !self.estimator.differentiates_cameras()
         {
             return Ok(None);
@@ -89,7 +89,7 @@ impl Fit {
         freedom: Option<Freedom>,
         state: &Optimised,
     ) -> Result<Calibration, InputError> {
-        let path = super::checkpoint_path(&self.folder);
+        let path = super::checkpoints::checkpoint_path(&self.folder);
         let wrong = |found: &dyn std::fmt::Display, expected: &str| {
             InputError::new(&path, "cameras", found, expected)
         };
@@ -116,7 +116,7 @@ impl Fit {
 
     /// Restores the exposures of a checkpoint.
     pub(super) fn restore_exposures(&mut self, state: Option<&Optimised>) -> anyhow::Result<()> {
-        let path = super::checkpoint_path(&self.folder);
+        let path = super::checkpoints::checkpoint_path(&self.folder);
         let wrong = |found: &dyn std::fmt::Display, expected: &str| {
             InputError::new(&path, "exposures", found, expected)
         };

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use render::{InvalidField, Sample};
 use sdf_nn::Transform;
 
-use super::{Fit, TRACED_CHUNK, checkpoint_path, scene};
+use super::checkpoints::checkpoint_path;
+use super::{Fit, TRACED_CHUNK, scene};
 use crate::cameras::corrected;
 
 /// The finest level of the pyramid whose pixels are traced, if there is one: a quarter of the rays.
@@ -30,7 +31,7 @@ const NEAR: f64 = 1.5;
 impl Fit {
     /// Surveys the surface, if it is time. The bits do not depend on the number of threads.
     pub(super) fn survey_surface(&mut self) -> anyhow::Result<()> {
-        let number = schedule::surveys(self.progress(), self.file.options.soft);
+        let number = schedule::surveys(self.progress(), self.file.options.soft());
         let done = self.survey.as_ref().map_or(0, |survey| survey.number);
         if number <= done {
             return Ok(());
@@ -136,7 +137,7 @@ impl Fit {
         let pixels = self.levels[level].photograph_pixels() as usize;
         check("is_far", is_far.len(), if trained { pixels } else { 0 })?;
         check("is_free", is_free.len(), self.model.fine_nodes())?;
-        let due = schedule::surveys(self.progress(), self.file.options.soft);
+        let due = schedule::surveys(self.progress(), self.file.options.soft());
         self.free_nodes(&is_free)?;
         self.set_survey(Survey { number: number.min(due), is_far, is_free });
         Ok(())

@@ -136,6 +136,7 @@ fn state(parameters: &[f32]) -> Tensors {
         ("iteration", "3"),
         ("steps", "3"),
         ("seconds", "0.25"),
+        ("searching", "0.1"),
         ("usual_norm", "0.5"),
         ("cameras", "given"),
     ];
