@@ -47,6 +47,13 @@ impl RunFile {
     }
 }
 
+/// Whether a search would take longer than `limit`, if `done` of all its photographs took
+/// `elapsed`. Once half of them are done, it is not given up.
+fn is_late(elapsed: Duration, done: usize, all: usize, limit: Duration) -> bool {
+    let is_early = (1..=all / 2).contains(&done);
+    is_early && elapsed.as_secs_f64() * all as f64 > limit.as_secs_f64() * done as f64
+}
+
 /// The depth maps of the training views.
 pub(crate) struct Depths {
     /// The maps; none if too little is known.
@@ -150,9 +157,7 @@ impl Fit {
             if stop() {
                 return None;
             }
-            let seconds = begin.elapsed().as_secs_f64();
-            let is_slow = seconds * all as f64 > limit.as_secs_f64() * done as f64;
-            if is_slow && (1..=all / 2).contains(&done) && *level + 1 < self.levels.len() {
+            if *level + 1 < self.levels.len() && is_late(begin.elapsed(), done, all, limit) {
                 *level += 1;
                 (search, begin) = (self.stereo(*level, calibration), Instant::now());
             }
@@ -188,5 +193,20 @@ impl Fit {
     /// known to use it.
     pub fn known_depths(&self) -> Option<f64> {
         self.depths.as_ref().map(|depths| depths.known)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_is_late_by_what_it_took_so_far_until_half_of_it_is_done() {
+        let late = |seconds, done, limit| {
+            is_late(Duration::from_secs(seconds), done, 48, Duration::from_secs(limit))
+        };
+        assert!(late(2, 4, 20) && late(2, 2, 20) && late(1, 24, 0));
+        assert!(!late(2, 4, 24) && !late(9, 0, 1) && !late(9, 25, 1));
+        assert!(!is_late(Duration::from_secs(9), 1, 48, Duration::MAX));
     }
 }
