@@ -63,7 +63,7 @@ impl FitOptions {
 
     /// The share of the budget with a soft surface: that of the option, or [`SOFT`]. A run has the
     /// option, by [`soft_for`](Self::soft_for).
-    pub fn soft(&self) -> f64 {
+    pub(crate) fn soft(&self) -> f64 {
         self.soft.unwrap_or(SOFT)
     }
 
