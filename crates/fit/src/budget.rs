@@ -33,7 +33,8 @@ impl Budget {
     /// The share of the budget that is spent after these iterations and `seconds`, of which
     /// searches for depths took the seconds `searching`. At 1 and above, the fit is finished.
     ///
-    /// Of a time, it is the share of what the searches left: the first iteration has the share 0.
+    /// Of a time, it is the share of the rest after the searches: the first iteration has the share
+    /// 0.
     pub fn progress(self, iterations: u64, seconds: f64, searching: f64) -> f64 {
         match self {
             Budget::Time(time) if searching >= time.as_secs_f64() => 1.0,
@@ -68,7 +69,7 @@ impl FitOptions {
     }
 
     /// The share for a run whose background is trained or not, if the option is not given. Rooms
-    /// need more of it: what is in front of what is open for longer.
+    /// need more of it: the order of things in depth is open for longer.
     pub(crate) fn soft_for(&self, is_trained: bool) -> f64 {
         let of_long_fit = SOFT_ITERATIONS / self.assumed_iterations().max(1) as f64;
         let most = if is_trained { SOFT } else { of_long_fit.clamp(LEAST_SOFT, SOFT) };
