@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 
-/// The assumed number of iterations in a second on one thread, for a budget of time: the speed of
-/// the machine itself would give other depths on each machine.
+/// The assumed number of iterations in a second on one thread, for a budget of time: with the speed
+/// of the machine itself, the same options would mean another schedule on each machine. Only a
+/// search for depths that takes too long follows the clock.
 const ITERATIONS_PER_SECOND: f64 = 50.0;
 
 /// The most threads that this number is multiplied by.
@@ -62,18 +63,18 @@ impl FitOptions {
         }
     }
 
-    /// The share of the budget with a soft surface: that of the option, or [`SOFT`]. A run has the
-    /// option, by [`soft_for`](Self::soft_for).
+    /// The share of the budget with a soft surface. The file of a run has the option, by
+    /// [`soft_for`](Self::soft_for).
     pub(crate) fn soft(&self) -> f64 {
         self.soft.unwrap_or(SOFT)
     }
 
-    /// The share for a run whose background is trained or not, if the option is not given. Rooms
-    /// need more of it: the order of things in depth is open for longer.
+    /// The share of a new run: that of the option, or one for its budget and its background, which
+    /// is trained or not. Rooms need more of it: the order of things in depth is open for longer.
     pub(crate) fn soft_for(&self, is_trained: bool) -> f64 {
-        let of_long_fit = SOFT_ITERATIONS / self.assumed_iterations().max(1) as f64;
-        let most = if is_trained { SOFT } else { of_long_fit.clamp(LEAST_SOFT, SOFT) };
-        self.soft.unwrap_or(most)
+        let of_iterations = SOFT_ITERATIONS / self.assumed_iterations() as f64;
+        let least = if is_trained { SOFT } else { LEAST_SOFT };
+        self.soft.unwrap_or(of_iterations.clamp(least, SOFT))
     }
 }
 

@@ -115,19 +115,20 @@ impl Fit {
             let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {
                 break;
             };
-            let is_kept = of_places.1.is_kept;
+            let (is_kept, matched_level) = (of_places.1.is_kept, level);
             if is_kept || adjusted.is_some() {
                 let (cameras, limit) =
                     (is_kept.then_some(&of_places.0), of_all.saturating_sub(begin.elapsed()));
                 search = self.search(&mut level, cameras, limit, stop, report)?;
             }
-            adjusted = Some(of_places);
+            adjusted = Some((of_places, matched_level));
             if !is_kept {
                 break;
             }
         }
-        if let Some((calibration, matching)) = adjusted {
-            self.decide_cameras(calibration, matching, level);
+        // A later search may be on a coarser level.
+        if let Some(((calibration, matching), matched_level)) = adjusted {
+            self.decide_cameras(calibration, matching, matched_level);
         }
         let mut maps = search.depth_maps();
         for (map, photograph) in maps.iter_mut().zip(&self.levels[level].photographs) {

@@ -9,6 +9,7 @@ use photometry::{Gains, Pixel, photometric, without_gains};
 use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
+use super::checkpoints::checkpoint_path;
 use super::{Fit, scene};
 use crate::cameras::{Corrections, calibration, corrected};
 use crate::exposure::RunExposures;
@@ -89,7 +90,7 @@ impl Fit {
         freedom: Option<Freedom>,
         state: &Optimised,
     ) -> Result<Calibration, InputError> {
-        let path = super::checkpoints::checkpoint_path(&self.folder);
+        let path = checkpoint_path(&self.folder);
         let wrong = |found: &dyn std::fmt::Display, expected: &str| {
             InputError::new(&path, "cameras", found, expected)
         };
@@ -116,7 +117,7 @@ impl Fit {
 
     /// Restores the exposures of a checkpoint.
     pub(super) fn restore_exposures(&mut self, state: Option<&Optimised>) -> anyhow::Result<()> {
-        let path = super::checkpoints::checkpoint_path(&self.folder);
+        let path = checkpoint_path(&self.folder);
         let wrong = |found: &dyn std::fmt::Display, expected: &str| {
             InputError::new(&path, "exposures", found, expected)
         };
