@@ -38,12 +38,12 @@ fn results(folder: &Path) -> Vec<String> {
     text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect()
 }
 
-/// Writes a sweep of two cells, each of a few seconds, with a checkpoint every 10 iterations.
+/// Writes a sweep of two cells, each of a few seconds, with a checkpoint every 6 iterations.
 /// Returns its path.
 fn sweep(folder: &Path) -> String {
     let text = format!(
         r#"title = "killed"
-iterations = 80
+iterations = 48
 seeds = [1]
 [gradient]
 size = 6
@@ -54,7 +54,7 @@ width = 16
 layers = 2
 grid = "none"
 batch = 128
-checkpoint_every = 10
+checkpoint_every = 6
 [parameters]
 estimator = ["refined", "paper"]
 [[data]]
@@ -89,7 +89,7 @@ fn kill_in_the_middle(sweep: &str, output: &Path) {
     let arguments = [sweep, "-o", &text(output), "--jobs", "2"];
     let mut child = ablate(&arguments).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
-    let in_the_middle = |iterations| iterations > before + 5 && iterations < 70;
+    let in_the_middle = |iterations| iterations > before + 3 && iterations < 42;
     while !in_the_middle(iterations_of_unfinished_cells(output)) {
         assert!(child.try_wait().unwrap().is_none(), "the sweep ended before it could be killed");
         assert!(start.elapsed() < Duration::from_secs(120), "no cell begins");

@@ -50,6 +50,9 @@ const BACKGROUND_RATE: f64 = 1.0;
 /// The learning rate of the features of details, in units of that of the networks.
 const DETAIL_RATE: f64 = 2.0;
 
+/// The number of the group of the field's network.
+pub(crate) const NETWORK_GROUP: usize = 0;
+
 /// The floor of the steps of coefficients of the field's grid. Without it, coefficients inside the
 /// solid, whose gradients are next to nothing, made cavities that no photograph shows: `spot` after
 /// 150 s on one thread had a Chamfer distance of 0.55 %, 0.32 % with a floor of 0.1, and 0.14 % and

@@ -24,11 +24,12 @@ use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
 use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
 use crate::iteration::Metrics;
-use crate::model::{HEAD_BANDS, Model};
+use crate::model::{HEAD_BANDS, Model, NETWORK_GROUP};
 use crate::run_file::RunFile;
 use checkpoints::load_state;
 use schedule::{
-    background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
+    background_group, band_window, batch_share, bending_weight, direction_weight, learning_rate,
+    level, network_rate, sharpness,
 };
 
 mod averaging;
@@ -255,6 +256,10 @@ impl Fit {
         let shape = gradient.len() - background;
         let norm = self.clip(&mut gradient[..shape]);
         let rate = self.file.options.learning_rate * schedule;
+        if self.model.fine_levels().next().is_some() {
+            let factor = network_rate(self.progress(), self.file.options.soft());
+            self.adam.set_rate(NETWORK_GROUP, factor);
+        }
         self.adam.step(&mut self.parameters, gradient, rate as f32)?;
         if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
             let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
@@ -310,7 +315,7 @@ impl Fit {
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             gains: &factors,
             eikonal: options.eikonal as f32,
-            bending: options.bending as f32,
+            bending: (options.bending * bending_weight(self.progress())) as f32,
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),

@@ -213,6 +213,14 @@ impl<R: Float + Send + Sync> Adam<R> {
         Ok(())
     }
 
+    /// Sets the factor of a group on the learning rates of the steps to come.
+    ///
+    /// # Panics
+    /// If there is no group of this number.
+    pub fn set_rate(&mut self, group: usize, rate: f64) {
+        self.groups[group].rate = rate;
+    }
+
     fn check_length(&self, what: &'static str, found: usize) -> Result<(), OptimError> {
         let expected = self.first.len();
         if found == expected { Ok(()) } else { Err(OptimError::Length { what, found, expected }) }
