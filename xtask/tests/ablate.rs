@@ -38,7 +38,7 @@ fn results(folder: &Path) -> Vec<String> {
     text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect()
 }
 
-/// Writes a sweep of two cells, each of a few seconds, with a checkpoint every 6 iterations.
+/// Writes a sweep of two cells, each of a few seconds, with a checkpoint every 3 iterations.
 /// Returns its path.
 fn sweep(folder: &Path) -> String {
     let text = format!(
@@ -54,7 +54,7 @@ width = 16
 layers = 2
 grid = "none"
 batch = 128
-checkpoint_every = 6
+checkpoint_every = 3
 [parameters]
 estimator = ["refined", "paper"]
 [[data]]

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::grid_levels::is_fine;
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 
 /// The assumed number of iterations in a second on one thread, for a budget of time: with the speed
@@ -76,11 +77,29 @@ impl FitOptions {
         let least = if is_trained { SOFT } else { LEAST_SOFT };
         self.soft.unwrap_or(of_iterations.clamp(least, SOFT))
     }
+
+    /// The factor on the learning rate of the field's network: less than 1 only where splines near
+    /// the surface carry the details.
+    pub(crate) fn network_rate(&self, progress: f64) -> f64 {
+        if self.has_fine_grid() { schedule::network_rate(progress, self.soft()) } else { 1.0 }
+    }
+
+    /// The weight of the bending term. It falls where the network's rate falls: without that, plain
+    /// surfaces would get their dents back.
+    pub(crate) fn bending_weight(&self, progress: f64) -> f64 {
+        let fall = || schedule::bending_weight(progress, self.soft());
+        self.bending * if self.has_fine_grid() { fall() } else { 1.0 }
+    }
+
+    fn has_fine_grid(&self) -> bool {
+        self.grid.0.iter().any(|side| is_fine(*side))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grids::GridLevels;
 
     #[test]
     fn searches_shorten_a_schedule_by_time_and_no_other() {
@@ -103,5 +122,22 @@ mod tests {
         assert_eq!(of(100_000).soft_for(true), 0.5);
         let given = FitOptions { soft: Some(0.0), ..of(100_000) };
         assert_eq!([given.soft_for(false), given.soft_for(true), given.soft()], [0.0; 3]);
+    }
+
+    #[test]
+    fn the_network_slows_down_and_bending_ends_where_splines_carry_the_details() {
+        let of = |levels: &[usize]| FitOptions {
+            grid: GridLevels(levels.to_vec()),
+            soft: Some(0.6),
+            ..FitOptions::default()
+        };
+        let (fine, coarse) = (of(&[32, 64]), of(&[32]));
+        for progress in [0.0, 0.3, 0.6] {
+            let factors = (fine.network_rate(progress), fine.bending_weight(progress));
+            assert_eq!(factors, (1.0, fine.bending), "soft");
+        }
+        assert!(fine.network_rate(1.0) < 0.1 && fine.bending_weight(1.0) < 0.1 * fine.bending);
+        assert_eq!((coarse.network_rate(1.0), coarse.bending_weight(1.0)), (1.0, coarse.bending));
+        assert_eq!(of(&[]).network_rate(1.0), 1.0);
     }
 }

@@ -50,8 +50,8 @@ const BACKGROUND_RATE: f64 = 1.0;
 /// The learning rate of the features of details, in units of that of the networks.
 const DETAIL_RATE: f64 = 2.0;
 
-/// The number of the group of the field's network.
-pub(crate) const NETWORK_GROUP: usize = 0;
+/// The name of the group of the field's network.
+pub(crate) const NETWORK_GROUP: &str = "field";
 
 /// The floor of the steps of coefficients of the field's grid. Without it, coefficients inside the
 /// solid, whose gradients are next to nothing, made cavities that no photograph shows: `spot` after
@@ -134,7 +134,7 @@ impl Model {
         let shape = field + self.head.parameter_count();
         let details = shape - self.head.detail_count();
         let all = shape + self.background.parameters().len();
-        let mut groups = vec![Group::new("field", 0..self.field.weight_count())];
+        let mut groups = vec![Group::new(NETWORK_GROUP, 0..self.field.weight_count())];
         let mut next = self.field.weight_count();
         for count in self.field.splines().free_counts() {
             let group = Group::new("grid", next..next + count);

@@ -28,8 +28,7 @@ use crate::model::{HEAD_BANDS, Model, NETWORK_GROUP};
 use crate::run_file::RunFile;
 use checkpoints::load_state;
 use schedule::{
-    background_group, band_window, batch_share, bending_weight, direction_weight, learning_rate,
-    level, network_rate, sharpness,
+    background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
 mod averaging;
@@ -249,17 +248,14 @@ impl Fit {
         Ok(Metrics { trial, ..self.metrics(&stats, evaluations, level, norm) })
     }
 
-    /// Takes a step against the gradient, at this fraction of the learning rate. Returns the norm
-    /// of the gradient before clipping.
+    /// Takes a step against the gradient, at this fraction of the learning rate; the network of the
+    /// field has a smaller one. Returns the norm of the gradient before clipping.
     fn move_parameters(&mut self, gradient: &mut [f32], schedule: f64) -> anyhow::Result<f32> {
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;
         let norm = self.clip(&mut gradient[..shape]);
         let rate = self.file.options.learning_rate * schedule;
-        if self.model.fine_levels().next().is_some() {
-            let factor = network_rate(self.progress(), self.file.options.soft());
-            self.adam.set_rate(NETWORK_GROUP, factor);
-        }
+        self.adam.set_rate(NETWORK_GROUP, self.file.options.network_rate(self.progress()));
         self.adam.step(&mut self.parameters, gradient, rate as f32)?;
         if background > 0 && self.iteration.is_multiple_of(SMOOTH_EVERY) {
             let step = SMOOTHNESS * SMOOTH_EVERY as f64 * rate;
@@ -315,7 +311,7 @@ impl Fit {
             behind: behind.as_ref().map_or(&[], |colors| &colors.0),
             gains: &factors,
             eikonal: options.eikonal as f32,
-            bending: (options.bending * bending_weight(self.progress())) as f32,
+            bending: options.bending_weight(self.progress()) as f32,
             estimator: &*self.estimator,
             counts: options.counts(),
             pass: options.pass(),

@@ -213,12 +213,15 @@ impl<R: Float + Send + Sync> Adam<R> {
         Ok(())
     }
 
-    /// Sets the factor of a group on the learning rates of the steps to come.
+    /// Sets the factor of the groups of this name on the learning rates of the steps to come. It is
+    /// no part of the state.
     ///
     /// # Panics
-    /// If there is no group of this number.
-    pub fn set_rate(&mut self, group: usize, rate: f64) {
-        self.groups[group].rate = rate;
+    /// If there is no group of this name.
+    pub fn set_rate(&mut self, name: &str, rate: f64) {
+        let mut own = self.groups.iter_mut().filter(|group| group.name == name).peekable();
+        assert!(own.peek().is_some(), "no group {name}");
+        own.for_each(|group| group.rate = rate);
     }
 
     fn check_length(&self, what: &'static str, found: usize) -> Result<(), OptimError> {
@@ -233,7 +236,7 @@ impl<R: Float + Send + Sync> Adam<R> {
     }
 
     /// Restores the state that [`state`](Self::state) returned. The following steps then have the
-    /// same bits as without the interruption.
+    /// same bits as without the interruption, with the same groups and rates.
     ///
     /// # Errors
     /// If a length is wrong, a number is not finite or a mean square is negative. Nothing has

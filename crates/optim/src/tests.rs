@@ -36,7 +36,7 @@ fn groups_have_their_own_rates_and_other_parameters_stay() {
     assert_relative_eq!(p[0], -0.1, epsilon = 1e-6);
     assert_relative_eq!(p[1], -0.01, epsilon = 1e-7);
     assert_eq!(p[2], 0.0);
-    adam.set_rate(1, 5.0);
+    adam.set_rate("slow", 5.0);
     adam.step(&mut p, &[1.0; 3], 0.01).unwrap();
     assert_relative_eq!(p[0], -0.2, epsilon = 1e-6);
     assert_relative_eq!(p[1], -0.06, epsilon = 1e-6);

@@ -40,6 +40,12 @@ fn sharp_from(soft: f64) -> f64 {
     soft.max(LEVEL_ENDS[2])
 }
 
+/// The spent fraction of the budget after that, 0 to 1.
+fn sharp_share(progress: f64, soft: f64) -> f64 {
+    let sharp = sharp_from(soft);
+    if progress > sharp { (progress - sharp) / (1.0 - sharp) } else { 0.0 }
+}
+
 /// The number of surveys of the surface that are due, if it is soft for a share `soft` of the
 /// budget.
 pub fn surveys(progress: f64, soft: f64) -> u64 {
@@ -72,40 +78,39 @@ pub fn learning_rate(progress: f64) -> f64 {
     Schedule::WarmUpCosine { warm_up: WARM_UP, last: FINAL_RATE }.fraction(progress)
 }
 
-/// The share of the sharp part over which the learning rate of the field's network falls.
+/// The share of the sharp part after which the learning rate of the field's network has fallen.
 const NETWORK_FALL: f64 = 0.5;
 
-/// The factor on the learning rate of the field's network after that, for a field with splines near
+/// The factor on the learning rate of the field's network at the end, for a field with splines near
 /// the surface.
 ///
-/// These carry the details then. A step of the network moves all of the surface, and steps along
-/// noise hid details. With 0.1 from the start of the sharp part, plain surfaces moved too little.
-/// docs/detail.md has both.
+/// These carry the details in the sharp part. A step of the network moves all of the surface, and
+/// steps along noise hid details. With 0.1 throughout the sharp part, plain surfaces moved too
+/// little. docs/detail.md has both.
 const LAST_NETWORK_RATE: f64 = 0.05;
 
-/// The factor on the learning rate of the network of a field with splines near the surface: 1 while
-/// the surface is soft, then a fall in equal factors.
+/// The factor on the learning rate of the network of a field with splines near the surface. It is 1
+/// until the surface is sharp at full size, and then falls by the same factor in equal steps of the
+/// progress.
 pub fn network_rate(progress: f64, soft: f64) -> f64 {
-    let sharp = sharp_from(soft);
-    if progress <= sharp {
-        return 1.0;
-    }
-    LAST_NETWORK_RATE.powf(((progress - sharp) / (NETWORK_FALL * (1.0 - sharp))).min(1.0))
+    LAST_NETWORK_RATE.powf((sharp_share(progress, soft) / NETWORK_FALL).min(1.0))
 }
 
-/// The progress at which the weight of the bending term begins to fall, and at which it has fallen.
-const BENDING_FALL: [f64; 2] = [0.6, 0.8];
+/// The shares of the sharp part between which the weight of the bending term falls. Carving has
+/// ended by then.
+const BENDING_FALL: [f64; 2] = [CARVING[1], 0.6];
 
 /// The weight of the bending term at the end, as a fraction of the first.
 const LAST_BENDING: f64 = 0.05;
 
-/// The weight of the bending term as a fraction of the first: 1, then a fall in equal factors.
+/// The weight of the bending term as a fraction of the first, for a field with splines near the
+/// surface. It falls by the same factor in equal steps of the progress.
 ///
 /// The term keeps surfaces even while they are found, and moves them outwards by a small part of
 /// the radius. At the end steps are too short for dents, and photographs pull the surface back.
-pub fn bending_weight(progress: f64) -> f64 {
+pub fn bending_weight(progress: f64, soft: f64) -> f64 {
     let [from, to] = BENDING_FALL;
-    LAST_BENDING.powf(((progress - from) / (to - from)).clamp(0.0, 1.0))
+    LAST_BENDING.powf(((sharp_share(progress, soft) - from) / (to - from)).clamp(0.0, 1.0))
 }
 
 /// The weights of `bands` octaves. Each grows from 0 to 1 over half a period of a cosine, coarse
@@ -202,10 +207,12 @@ mod tests {
         assert_eq!((direction_weight(0.5, 0.5), direction_weight(0.7, 0.5)), (0.0, 1.0));
         assert_eq!((surveys(0.49, 0.5), surveys(0.5, 0.5), surveys(1.0, 0.5)), (0, 1, 3));
         assert_eq!((surveys(0.2, 0.0), surveys(0.3, 0.0)), (0, 1));
-        assert_eq!((bending_weight(0.6), bending_weight(1.0)), (1.0, LAST_BENDING));
         assert_eq!((network_rate(0.2, 0.0), network_rate(0.5, 0.5)), (1.0, 1.0));
-        assert!(network_rate(0.6, 0.5) < 0.5 && network_rate(1.0, 1.0) == 1.0);
-        assert_eq!((network_rate(0.75, 0.5), network_rate(1.0, 0.5)), (0.05, 0.05));
+        assert!((network_rate(0.625, 0.5) - LAST_NETWORK_RATE.sqrt()).abs() < 1e-12);
+        assert_eq!((network_rate(0.75, 0.5), network_rate(0.625, 0.0)), (0.05, 0.05));
+        assert_eq!((bending_weight(0.6, 0.5), bending_weight(0.9, 0.9)), (1.0, 1.0));
+        assert!((bending_weight(0.725, 0.5) - LAST_BENDING.sqrt()).abs() < 1e-12);
+        assert_eq!((bending_weight(0.85, 0.5), bending_weight(1.0, 0.9)), (0.05, 0.05));
         assert_eq!((batch_share(0.2, 0.5), batch_share(0.5, 0.5)), (SOFT_BATCH, 1.0));
     }
 }
