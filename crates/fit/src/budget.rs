@@ -81,13 +81,14 @@ impl FitOptions {
     /// The factor on the learning rate of the field's network: less than 1 only where splines near
     /// the surface carry the details.
     pub(crate) fn network_rate(&self, progress: f64) -> f64 {
-        if self.has_fine_grid() { schedule::network_rate(progress, self.soft()) } else { 1.0 }
+        let fall = || schedule::network_rate(progress, self.soft(), self.assumed_iterations());
+        if self.has_fine_grid() { fall() } else { 1.0 }
     }
 
     /// The weight of the bending term. It falls where the network's rate falls: without that, plain
     /// surfaces would get their dents back.
     pub(crate) fn bending_weight(&self, progress: f64) -> f64 {
-        let fall = || schedule::bending_weight(progress, self.soft());
+        let fall = || schedule::bending_weight(progress, self.soft(), self.assumed_iterations());
         self.bending * if self.has_fine_grid() { fall() } else { 1.0 }
     }
 
@@ -129,6 +130,7 @@ mod tests {
         let of = |levels: &[usize]| FitOptions {
             grid: GridLevels(levels.to_vec()),
             soft: Some(0.6),
+            iterations: Some(20_000),
             ..FitOptions::default()
         };
         let (fine, coarse) = (of(&[32, 64]), of(&[32]));
@@ -139,5 +141,7 @@ mod tests {
         assert!(fine.network_rate(1.0) < 0.1 && fine.bending_weight(1.0) < 0.1 * fine.bending);
         assert_eq!((coarse.network_rate(1.0), coarse.bending_weight(1.0)), (1.0, coarse.bending));
         assert_eq!(of(&[]).network_rate(1.0), 1.0);
+        let short = FitOptions { iterations: Some(300), ..fine };
+        assert_eq!((short.network_rate(1.0), short.bending_weight(1.0)), (1.0, short.bending));
     }
 }

@@ -113,7 +113,7 @@ pub struct FitOptions {
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
     /// Weight of the bending term: changes of ∇f along the surface, where the photographs are even;
-    /// with levels of the grid above 32, it falls to a twentieth in the sharp part
+    /// with levels of the grid above 32, it falls in the sharp part of long fits
     #[arg(long, default_value_t = Self::default().bending)]
     pub bending: f64,
     /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish

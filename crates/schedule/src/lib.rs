@@ -81,36 +81,41 @@ pub fn learning_rate(progress: f64) -> f64 {
 /// The share of the sharp part after which the learning rate of the field's network has fallen.
 const NETWORK_FALL: f64 = 0.5;
 
-/// The factor on the learning rate of the field's network at the end, for a field with splines near
-/// the surface.
-///
-/// These carry the details in the sharp part. A step of the network moves all of the surface, and
-/// steps along noise hid details. With 0.1 throughout the sharp part, plain surfaces moved too
-/// little. docs/detail.md has both.
-const LAST_NETWORK_RATE: f64 = 0.05;
-
-/// The factor on the learning rate of the network of a field with splines near the surface. It is 1
-/// until the surface is sharp at full size, and then falls by the same factor in equal steps of the
-/// progress.
-pub fn network_rate(progress: f64, soft: f64) -> f64 {
-    LAST_NETWORK_RATE.powf((sharp_share(progress, soft) / NETWORK_FALL).min(1.0))
-}
-
 /// The shares of the sharp part between which the weight of the bending term falls. Carving has
 /// ended by then.
 const BENDING_FALL: [f64; 2] = [CARVING[1], 0.6];
 
-/// The weight of the bending term at the end, as a fraction of the first.
-const LAST_BENDING: f64 = 0.05;
+/// Both fall to this factor in long fits.
+const LAST: f64 = 0.05;
+
+/// Fits of this many iterations and less have no fall: their network still finds the shape.
+const NO_FALL: f64 = 400.0;
+
+/// The factor that both fall to in a fit of this number of iterations.
+fn last(iterations: u64) -> f64 {
+    (NO_FALL / iterations.max(1) as f64).clamp(LAST, 1.0)
+}
+
+/// The factor on the learning rate of the network of a field with splines near the surface. It is 1
+/// until the surface is sharp at full size, and then falls by the same factor in equal steps of the
+/// progress.
+///
+/// The splines carry the details in the sharp part. A step of the network moves all of the surface,
+/// and steps along noise hid details. With 0.1 throughout the sharp part, plain surfaces moved too
+/// little. docs/detail.md has both.
+pub fn network_rate(progress: f64, soft: f64, iterations: u64) -> f64 {
+    last(iterations).powf((sharp_share(progress, soft) / NETWORK_FALL).min(1.0))
+}
 
 /// The weight of the bending term as a fraction of the first, for a field with splines near the
 /// surface. It falls by the same factor in equal steps of the progress.
 ///
 /// The term keeps surfaces even while they are found, and moves them outwards by a small part of
 /// the radius. At the end steps are too short for dents, and photographs pull the surface back.
-pub fn bending_weight(progress: f64, soft: f64) -> f64 {
+pub fn bending_weight(progress: f64, soft: f64, iterations: u64) -> f64 {
     let [from, to] = BENDING_FALL;
-    LAST_BENDING.powf(((sharp_share(progress, soft) - from) / (to - from)).clamp(0.0, 1.0))
+    let share = (sharp_share(progress, soft) - from) / (to - from);
+    last(iterations).powf(share.clamp(0.0, 1.0))
 }
 
 /// The weights of `bands` octaves. Each grows from 0 to 1 over half a period of a cosine, coarse
@@ -207,12 +212,16 @@ mod tests {
         assert_eq!((direction_weight(0.5, 0.5), direction_weight(0.7, 0.5)), (0.0, 1.0));
         assert_eq!((surveys(0.49, 0.5), surveys(0.5, 0.5), surveys(1.0, 0.5)), (0, 1, 3));
         assert_eq!((surveys(0.2, 0.0), surveys(0.3, 0.0)), (0, 1));
-        assert_eq!((network_rate(0.2, 0.0), network_rate(0.5, 0.5)), (1.0, 1.0));
-        assert!((network_rate(0.625, 0.5) - LAST_NETWORK_RATE.sqrt()).abs() < 1e-12);
-        assert_eq!((network_rate(0.75, 0.5), network_rate(0.625, 0.0)), (0.05, 0.05));
-        assert_eq!((bending_weight(0.6, 0.5), bending_weight(0.9, 0.9)), (1.0, 1.0));
-        assert!((bending_weight(0.725, 0.5) - LAST_BENDING.sqrt()).abs() < 1e-12);
-        assert_eq!((bending_weight(0.85, 0.5), bending_weight(1.0, 0.9)), (0.05, 0.05));
+        let rate = |progress, soft| network_rate(progress, soft, 10_000);
+        assert_eq!((rate(0.2, 0.0), rate(0.5, 0.5)), (1.0, 1.0));
+        assert!((rate(0.625, 0.5) - LAST.sqrt()).abs() < 1e-12);
+        assert_eq!((rate(0.75, 0.5), rate(0.625, 0.0)), (LAST, LAST));
+        let weight = |progress, soft| bending_weight(progress, soft, 10_000);
+        assert_eq!((weight(0.6, 0.5), weight(0.9, 0.9)), (1.0, 1.0));
+        assert!((weight(0.725, 0.5) - LAST.sqrt()).abs() < 1e-12);
+        assert_eq!((weight(0.85, 0.5), weight(1.0, 0.9)), (LAST, LAST));
+        assert_eq!((network_rate(1.0, 0.5, 400), bending_weight(1.0, 0.5, 0)), (1.0, 1.0));
+        assert_eq!(network_rate(1.0, 0.5, 2000), 0.2);
         assert_eq!((batch_share(0.2, 0.5), batch_share(0.5, 0.5)), (SOFT_BATCH, 1.0));
     }
 }
