@@ -81,19 +81,20 @@ impl FitOptions {
     /// The factor on the learning rate of the field's network: less than 1 only where splines near
     /// the surface carry the details.
     pub(crate) fn network_rate(&self, progress: f64) -> f64 {
-        let fall = || schedule::network_rate(progress, self.soft(), self.assumed_iterations());
-        if self.has_fine_grid() { fall() } else { 1.0 }
+        self.fall(schedule::network_rate, progress)
     }
 
     /// The weight of the bending term. It falls where the network's rate falls: without that, plain
     /// surfaces would get their dents back.
     pub(crate) fn bending_weight(&self, progress: f64) -> f64 {
-        let fall = || schedule::bending_weight(progress, self.soft(), self.assumed_iterations());
-        self.bending * if self.has_fine_grid() { fall() } else { 1.0 }
+        self.bending * self.fall(schedule::bending_weight, progress)
     }
 
-    fn has_fine_grid(&self) -> bool {
-        self.grid.0.iter().any(|side| is_fine(*side))
+    /// A factor of the schedule for fields with splines near the surface, or 1 without them.
+    fn fall(&self, factor: fn(f64, f64, u64) -> f64, progress: f64) -> f64 {
+        let has_fine_grid = self.grid.0.iter().any(|side| is_fine(*side));
+        let now = || factor(progress, self.soft(), self.assumed_iterations());
+        if has_fine_grid { now() } else { 1.0 }
     }
 }
 

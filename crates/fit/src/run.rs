@@ -249,7 +249,7 @@ impl Fit {
     }
 
     /// Takes a step against the gradient, at this fraction of the learning rate; the network of the
-    /// field has a smaller one. Returns the norm of the gradient before clipping.
+    /// field can have a smaller one. Returns the norm of the gradient before clipping.
     fn move_parameters(&mut self, gradient: &mut [f32], schedule: f64) -> anyhow::Result<f32> {
         let background = self.model.background.parameters().len();
         let shape = gradient.len() - background;

@@ -78,8 +78,8 @@ pub fn learning_rate(progress: f64) -> f64 {
     Schedule::WarmUpCosine { warm_up: WARM_UP, last: FINAL_RATE }.fraction(progress)
 }
 
-/// The share of the sharp part after which the learning rate of the field's network has fallen.
-const NETWORK_FALL: f64 = 0.5;
+/// The shares of the sharp part between which the learning rate of the field's network falls.
+const NETWORK_FALL: [f64; 2] = [0.0, 0.5];
 
 /// The shares of the sharp part between which the weight of the bending term falls. Carving has
 /// ended by then.
@@ -91,31 +91,30 @@ const LAST: f64 = 0.05;
 /// Fits of this many iterations and less have no fall: their network still finds the shape.
 const NO_FALL: f64 = 400.0;
 
-/// The factor that both fall to in a fit of this number of iterations.
-fn last(iterations: u64) -> f64 {
-    (NO_FALL / iterations.max(1) as f64).clamp(LAST, 1.0)
+/// 1 up to the first share of the sharp part, then a fall by the same factor in equal steps of the
+/// progress, up to the second share.
+fn fall([from, to]: [f64; 2], progress: f64, soft: f64, iterations: u64) -> f64 {
+    let last = (NO_FALL / iterations.max(1) as f64).clamp(LAST, 1.0);
+    last.powf(((sharp_share(progress, soft) - from) / (to - from)).clamp(0.0, 1.0))
 }
 
-/// The factor on the learning rate of the network of a field with splines near the surface. It is 1
-/// until the surface is sharp at full size, and then falls by the same factor in equal steps of the
-/// progress.
+/// The factor on the learning rate of the network of a field with splines near the surface: 1 until
+/// the surface is sharp at full size, and less in the sharp part.
 ///
 /// The splines carry the details in the sharp part. A step of the network moves all of the surface,
 /// and steps along noise hid details. With 0.1 throughout the sharp part, plain surfaces moved too
 /// little. docs/detail.md has both.
 pub fn network_rate(progress: f64, soft: f64, iterations: u64) -> f64 {
-    last(iterations).powf((sharp_share(progress, soft) / NETWORK_FALL).min(1.0))
+    fall(NETWORK_FALL, progress, soft, iterations)
 }
 
 /// The weight of the bending term as a fraction of the first, for a field with splines near the
-/// surface. It falls by the same factor in equal steps of the progress.
+/// surface.
 ///
 /// The term keeps surfaces even while they are found, and moves them outwards by a small part of
 /// the radius. At the end steps are too short for dents, and photographs pull the surface back.
 pub fn bending_weight(progress: f64, soft: f64, iterations: u64) -> f64 {
-    let [from, to] = BENDING_FALL;
-    let share = (sharp_share(progress, soft) - from) / (to - from);
-    last(iterations).powf(share.clamp(0.0, 1.0))
+    fall(BENDING_FALL, progress, soft, iterations)
 }
 
 /// The weights of `bands` octaves. Each grows from 0 to 1 over half a period of a cosine, coarse
