@@ -35,7 +35,7 @@ enum Task {
         #[arg(short, long)]
         output: Option<PathBuf>,
         /// Simulate the iterations of a fit on this number of threads instead
-        #[arg(long, value_name = "THREADS")]
+        #[arg(long, value_name = "THREADS", value_parser = positive)]
         workers: Option<usize>,
     },
     /// Build a static binary of dsdf, and pack it with its licences
@@ -84,6 +84,12 @@ fn main() -> ExitCode {
             ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
+}
+
+/// A number from 1 on.
+fn positive(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| *number > 0);
+    number.ok_or_else(|| "expected a number from 1 on".to_owned())
 }
 
 /// The first paragraph of a message in one line: refusals have one line, without the usage.

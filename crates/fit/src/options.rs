@@ -70,8 +70,9 @@ pub struct FitOptions {
     /// Octaves of the network's frequency encoding
     #[arg(long, default_value_t = Self::default().bands)]
     pub bands: usize,
-    /// Coefficients along a side of each level of the network's grid of splines, or none: 32 and
-    /// less everywhere from the start, more near the surface once it is sharp
+    /// Coefficients along a side of each level of the network's grid of splines: up to 4 rising
+    /// numbers from 4 to 256, or none. Levels of 32 and less are everywhere from the start, others
+    /// near the surface once it is sharp
     #[arg(long, default_value_t = Self::default().grid)]
     pub grid: GridLevels,
     /// Sharpness β of the softplus ln(1 + exp(βx))/β, per unit of pre-activation

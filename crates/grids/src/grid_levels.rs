@@ -34,7 +34,7 @@ impl TryFrom<String> for GridLevels {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
+        text.parse().map_err(|_| format!("{text:?}, which is not {}", Self::EXPECTED))
     }
 }
 
@@ -68,7 +68,11 @@ mod tests {
             assert_eq!(levels.to_string().parse(), Ok(levels));
         }
         for wrong in ["", "64,32", "3", "32,,64", "257", "8,16,32,64,128", "a", "-1"] {
-            assert!(wrong.parse::<GridLevels>().unwrap_err().contains("or none"), "{wrong}");
+            let expected = GridLevels::EXPECTED;
+            assert_eq!(wrong.parse::<GridLevels>(), Err(format!("expected {expected}")));
+            // Messages about files put "found" before it.
+            let found = format!("{wrong:?}, which is not {expected}");
+            assert_eq!(GridLevels::try_from(wrong.to_owned()), Err(found));
         }
     }
 }

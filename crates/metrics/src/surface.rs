@@ -200,6 +200,19 @@ mod tests {
     }
 
     #[test]
+    fn faces_without_area_change_no_error_of_normals() {
+        let turned = square(0.0);
+        let turn = glam::Quat::from_axis_angle(Vec3::X, 10f32.to_radians());
+        let vertices = turned.vertices.iter().map(|v| turn * *v).collect();
+        let turned = Mesh { vertices, ..turned };
+        let mut with_flat_faces = turned.clone();
+        let edges = [[0, 0, 1], [1, 2, 2], [2, 3, 2], [0, 3, 3], [0, 2, 0]];
+        with_flat_faces.faces = edges.into_iter().chain(turned.faces.iter().copied()).collect();
+        let plain = compare(&square(0.0), &turned, 1000, 0.1);
+        assert_eq!(compare(&square(0.0), &with_flat_faces, 1000, 0.1), plain);
+    }
+
+    #[test]
     fn a_surface_is_at_distance_zero_from_itself() {
         let mesh = ball(0.1, 0.7);
         let c = compare(&mesh, &mesh, 2000, 1e-6);

@@ -20,7 +20,6 @@ const SIMULATED: &str = "200";
 
 /// Simulates iterations on `workers` threads, prints the result, and writes it to `output`.
 pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()> {
-    ensure!(workers > 0, "--workers is 0, expected a number from 1 on");
     let path = output.unwrap_or_else(|| dsdf::root().join("target/workers.json"));
     let binary = dsdf::build()?;
     let folder = tempfile::tempdir()?;

@@ -3,7 +3,7 @@
 mod points;
 mod views;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use cut::CutReport;
@@ -14,7 +14,8 @@ use super::cut::{CullOptions, Subject, views_of_run};
 use super::mesh::mesh_of_run;
 use dataset::{Dataset, surroundings};
 use fit::{MaskUse, Model, RunFile};
-use mesh::read_mesh;
+use io::InputError;
+use mesh::{Mesh, read_mesh};
 use metrics::compare;
 use points::PointOptions;
 
@@ -103,7 +104,7 @@ impl Eval {
         self.refuse(global)?;
         let file = RunFile::load(&self.run)?;
         let model = Model::load(&self.run, &file)?;
-        let truth = self.mesh.as_deref().map(read_mesh).transpose()?;
+        let truth = self.mesh.as_deref().map(read_surface).transpose()?;
         let points = self.reference.read()?;
         let other = self.dataset.as_deref();
         let mut dataset = views_of_run(&file, other)?;
@@ -172,7 +173,7 @@ const F_THRESHOLD: f64 = 0.01;
 impl EvalReport {
     /// Adds the comparison of a run's mesh with the true surface. `radius` is the bounding radius,
     /// in data set units. A mesh without faces leaves the metrics `None`.
-    pub(super) fn add_mesh(&mut self, mesh: &mesh::Mesh, truth: &mesh::Mesh, radius: f64) {
+    pub(super) fn add_mesh(&mut self, mesh: &Mesh, truth: &Mesh, radius: f64) {
         if mesh.faces.is_empty() {
             return;
         }
@@ -222,4 +223,17 @@ impl EvalReport {
         lines.extend(self.cut.iter().map(CutReport::text));
         lines.join("\n")
     }
+}
+
+/// Reads the true surface.
+///
+/// # Errors
+/// If it cannot be read, or none of its faces has an area.
+fn read_surface(path: &Path) -> Result<Mesh, InputError> {
+    let mesh = read_mesh(path)?;
+    if mesh.area() > 0.0 {
+        return Ok(mesh);
+    }
+    let found = format!("{} faces without area", mesh.faces.len());
+    Err(InputError::new(path, "faces", found, "a surface with an area"))
 }
