@@ -5,5 +5,5 @@ mod preview;
 mod turntable;
 
 pub use direction::{named, snapped};
-pub use preview::{comparison, difference, normal_map, write_preview};
+pub use preview::{comparison, difference, write_preview};
 pub use turntable::{around, turntable, upwards};

@@ -4,24 +4,7 @@ use std::path::Path;
 
 use film::{Film, contact_sheet, labelled, srgb_decode, srgb_encode};
 use io::write_image;
-use render::{Analytic, Formula, InvalidField, Scene, UniformBackground, render};
-
-/// The unit normals n of the first hits, as colours n/2 + 1/2 in display space; black without a
-/// hit.
-///
-/// # Errors
-/// If the field gives a NaN or an infinity along a ray.
-///
-/// # Panics
-/// If the scene has no camera of this number.
-pub fn normal_map(scene: &Scene<'_, f32>, camera: usize) -> Result<Film, InvalidField> {
-    let shader = Analytic { formula: Formula::Normal, parameters: Vec::new() };
-    let scene =
-        Scene { shader: &shader, background: &UniformBackground(glam::Vec3::ZERO), ..*scene };
-    let mut film = render(&scene, camera, 1, 0, &|_| {})?.film;
-    film.pixels.iter_mut().for_each(|p| *p = p.map(srgb_decode));
-    Ok(film)
-}
+use render::{Render, Scene, render};
 
 /// The absolute difference of two images in display space, as a grey image: the mean over the
 /// channels times 2, clipped at 1.
@@ -36,25 +19,17 @@ pub fn difference(a: &Film, b: &Film) -> Film {
     Film { width: a.width, height: a.height, pixels: pixels.collect() }
 }
 
-/// A picture of one view, with four labelled images side by side: the photograph, its render
-/// `image`, the normals, and the [`difference`].
-///
-/// # Errors
-/// If the field gives a NaN or an infinity along a ray.
-///
-/// # Panics
-/// If the scene has no camera of this number.
-pub fn comparison(
-    scene: &Scene<'_, f32>,
-    camera: usize,
-    photograph: &Film,
-    image: &Film,
-) -> Result<Film, InvalidField> {
-    let normals = normal_map(scene, camera)?;
-    let error = difference(image, photograph);
-    let all =
-        [("photograph", photograph), ("render", image), ("normals", &normals), ("error", &error)];
-    Ok(contact_sheet(&[all.map(|(name, film)| labelled(film, name)).to_vec()]))
+/// A picture of one view, with four labelled images side by side: the photograph, its render, the
+/// normals, and the [`difference`].
+pub fn comparison(photograph: &Film, render: &Render) -> Film {
+    let error = difference(&render.film, photograph);
+    let all = [
+        ("photograph", photograph),
+        ("render", &render.film),
+        ("normals", &render.normals),
+        ("error", &error),
+    ];
+    contact_sheet(&[all.map(|(name, film)| labelled(film, name)).to_vec()])
 }
 
 /// Renders one view, and writes its [`comparison`] with the photograph `target` to `path`. Returns
@@ -71,7 +46,7 @@ pub fn write_preview(
     camera: usize,
     target: &Film,
 ) -> anyhow::Result<Film> {
-    let image = render(scene, camera, 1, 0, &|_| {})?.film;
-    write_image(path, &comparison(scene, camera, target, &image)?)?;
-    Ok(image)
+    let render = render(scene, camera, 1, 0, &|_| {})?;
+    write_image(path, &comparison(target, &render))?;
+    Ok(render.film)
 }

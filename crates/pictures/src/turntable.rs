@@ -3,7 +3,6 @@
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::preview::normal_map;
 use film::{Film, contact_sheet, labelled};
 use render::{Camera, InvalidField, Scene};
 
@@ -107,10 +106,10 @@ pub fn turntable(
     let cameras = scene.cameras;
     let (mut images, mut normals) = (Vec::new(), Vec::new());
     for camera in 0..cameras.len() {
-        let image = render::render(scene, camera, spp, 0, &|_| {})?.film;
+        let image = render::render(scene, camera, spp, 0, &|_| {})?;
         let degrees = 360 * camera / cameras.len();
-        images.push(labelled(&image, &format!("{degrees} degrees")));
-        normals.push(labelled(&normal_map(scene, camera)?, "normals"));
+        images.push(labelled(&image.film, &format!("{degrees} degrees")));
+        normals.push(labelled(&image.normals, "normals"));
         progress((camera + 1) as f64 / cameras.len() as f64);
     }
     Ok(contact_sheet(&[images, normals]))

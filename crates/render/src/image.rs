@@ -4,10 +4,11 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use field::{Real, Vector3};
-use film::Film;
+use film::{Film, srgb_decode};
 use rayon::prelude::*;
 
 use crate::invalid::InvalidField;
+use crate::primary::TracedSample;
 use crate::sample::{Pixel, pixel_samples};
 use crate::scene::Scene;
 
@@ -22,6 +23,17 @@ pub struct Render {
     pub film: Film,
     /// For every pixel, row-major, the fraction of its samples that hit, 0 to 1.
     pub coverage: Vec<f32>,
+    /// The unit normals n of the hits as colours: the mean of n/2 + 1/2 over the samples of every
+    /// pixel, in display space. A sample that misses is black.
+    pub normals: Film,
+}
+
+/// A rendered pixel.
+struct Rendered {
+    radiance: [f32; 3],
+    coverage: f32,
+    /// The colour of the normals, in display space.
+    normal: [f32; 3],
 }
 
 /// Renders the image of camera number `camera` with a box filter: the value of a pixel is the mean
@@ -47,7 +59,7 @@ pub fn render<R: Real>(
     let count = width as usize * height as usize;
     let done = AtomicUsize::new(0);
     let size = (CHUNK / spp as usize).max(1);
-    let chunks: Vec<Vec<([f32; 3], f32)>> = (0..count.div_ceil(size))
+    let chunks: Vec<Vec<Rendered>> = (0..count.div_ceil(size))
         .into_par_iter()
         // A program that stops a command unwinds from `progress`.
         .panic_fuse()
@@ -59,30 +71,78 @@ pub fn render<R: Real>(
             result
         })
         .collect::<Result<_, _>>()?;
-    let (pixels, coverage) = chunks.into_iter().flatten().unzip();
-    Ok(Render { film: Film { width, height, pixels }, coverage })
+    let pixels = || chunks.iter().flatten();
+    let film = |of: &dyn Fn(&Rendered) -> [f32; 3]| {
+        let pixels = pixels().map(of).collect();
+        Film { width, height, pixels }
+    };
+    Ok(Render {
+        film: film(&|pixel| pixel.radiance),
+        coverage: pixels().map(|pixel| pixel.coverage).collect(),
+        normals: film(&|pixel| pixel.normal.map(srgb_decode)),
+    })
 }
 
-/// Mean radiance and coverage of the pixels with these row-major numbers.
+/// The pixels with these row-major numbers.
 fn render_pixels<R: Real>(
     scene: &Scene<'_, R>,
     camera: usize,
     pixels: Range<usize>,
     spp: u32,
     seed: u64,
-) -> Result<Vec<([f32; 3], f32)>, InvalidField> {
+) -> Result<Vec<Rendered>, InvalidField> {
     let width = scene.cameras[camera].width as usize;
     let pixels = pixels.map(|p| Pixel { camera, x: (p % width) as u32, y: (p / width) as u32 });
     let primary = scene.primary(&pixel_samples(pixels, &(0..spp), seed))?;
-    let per_pixel = primary.samples.chunks(spp as usize);
-    let mut hits = vec![0u32; per_pixel.len()];
-    primary.hits.iter().for_each(|hit| hits[hit.sample / spp as usize] += 1);
-    Ok(per_pixel
-        .zip(hits)
-        .map(|(samples, hits)| {
-            let sum = samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance);
-            let mean = sum.to_array().map(|c| c.to_double() / f64::from(spp));
-            (mean.map(|c| c as f32), hits as f32 / spp as f32)
-        })
-        .collect())
+    let mean = |sum: R::Vec3| sum.to_array().map(|c| (c.to_double() / f64::from(spp)) as f32);
+    let pixel = |samples: &[TracedSample<R>]| Rendered {
+        radiance: mean(samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance)),
+        coverage: 0.0,
+        normal: [0.0; 3],
+    };
+    let mut pixels: Vec<Rendered> = primary.samples.chunks(spp as usize).map(pixel).collect();
+    for (hit, normal) in primary.hits.iter().zip(&primary.surface.normal) {
+        let pixel = &mut pixels[hit.sample / spp as usize];
+        pixel.coverage += 1.0;
+        let colors = pixel.normal.iter_mut().zip(normal.to_array());
+        colors.for_each(|(sum, n)| *sum += 0.5 + 0.5 * n.to_double() as f32);
+    }
+    let share = 1.0 / spp as f32;
+    for pixel in &mut pixels {
+        pixel.coverage /= spp as f32;
+        pixel.normal = pixel.normal.map(|sum| sum * share);
+    }
+    Ok(pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Analytic, Camera, Formula, UniformBackground};
+    use field::{Shape, Sphere};
+    use glam::{DVec2, DVec3};
+
+    #[test]
+    fn normals_are_those_of_a_shader_of_normals_before_black() {
+        let ball = Shape::<f64>::sphere([0.1, 0.0, 0.0], 0.5);
+        let shader = |formula| Analytic::<f64> { formula, parameters: vec![0.7; 3] };
+        let [white, normal] = [shader(Formula::Constant), shader(Formula::Normal)];
+        let (eye, centre) = (DVec3::new(0.0, 0.5, 3.0), DVec2::splat(8.0));
+        let camera =
+            Camera::look_at(16, 16, DVec2::splat(12.0), centre, eye, DVec3::ZERO, DVec3::Y);
+        let (cameras, bounds) = ([camera.unwrap()], Sphere { center: DVec3::ZERO, radius: 1.0 });
+        let (blue, black) = (UniformBackground(DVec3::Z), UniformBackground(DVec3::ZERO));
+        for spp in [1, 5] {
+            let scene = Scene::new(&ball, &white, &cameras, &bounds, &blue);
+            let found = render(&scene, 0, spp, 3, &|_| {}).unwrap().normals;
+            let scene = Scene::new(&ball, &normal, &cameras, &bounds, &black);
+            let shown = render(&scene, 0, spp, 3, &|_| {}).unwrap().film;
+            assert!(shown.pixels.iter().flatten().filter(|v| **v > 0.3).count() > 30);
+            for (found, shown) in found.pixels.iter().zip(&shown.pixels) {
+                for (found, shown) in found.iter().zip(shown) {
+                    assert!((found - srgb_decode(*shown)).abs() < 1e-6, "{found}, {shown}");
+                }
+            }
+        }
+    }
 }

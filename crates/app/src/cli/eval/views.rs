@@ -11,7 +11,7 @@ use film::Film;
 use fit::{Model, RunFile, Solid};
 use metrics::{mask_iou, psnr_where, ssim};
 use pictures::comparison;
-use render::{Scene, render};
+use render::{Render, render};
 
 /// The errors of one held-out view.
 #[derive(Clone, Debug, Serialize)]
@@ -62,7 +62,7 @@ pub(in crate::cli) fn compare_views(
             mask_iou: view.coverage().map(|mask| mask_iou(&image.coverage, mask)),
         });
         if let Some(folder) = pictures {
-            write_picture(&picture_path(folder, i, view), &scene, i, &image.film, view)?;
+            write_picture(&picture_path(folder, i, view), &image, view)?;
         }
     }
     let mean = |of: &dyn Fn(&ViewErrors) -> Option<f64>| {
@@ -95,17 +95,11 @@ fn picture_path(folder: &Path, number: usize, view: &View) -> PathBuf {
 }
 
 /// Writes the picture of a view.
-fn write_picture(
-    path: &Path,
-    scene: &Scene<'_, f32>,
-    camera: usize,
-    image: &Film,
-    view: &View,
-) -> anyhow::Result<()> {
+fn write_picture(path: &Path, render: &Render, view: &View) -> anyhow::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create {}", folder.display()))?;
-    io::write_image(path, &comparison(scene, camera, &view.image, image)?)
+    io::write_image(path, &comparison(&view.image, render))
 }
 
 /// The errors as a table, one view a line.
