@@ -24,7 +24,7 @@ impl Fit {
     }
 
     /// Writes the preview picture of the first held-out view, or else of the first view, with at
-    /// most [`PIXELS`] pixels. The PSNR of a held-out view at this size enters the next metrics.
+    /// most 131,072 pixels. The PSNR of a held-out view at this size enters the next metrics.
     ///
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
