@@ -343,7 +343,7 @@ fn check_area(name: &str, file: &SceneFile, truth: &[[f64; 3]]) -> Option<String
 }
 
 /// Checks the area of a white network, and `refined` along a random direction of its weights.
-fn check_network(name: &str, scene: &mut Value, network: &Network<f64>) -> Vec<String> {
+fn check_network(name: &str, scene: &mut Value, network: &Network<f64>, spp: u32) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("n.safetensors"), network.to_safetensors().unwrap()).unwrap();
     scene["sdf"] = json!({"type": "neural", "weights": "n.safetensors"});
@@ -361,7 +361,7 @@ fn check_network(name: &str, scene: &mut Value, network: &Network<f64>) -> Vec<S
         let (eye, look) = (camera.eye, &look);
         move |d| dense::see(look, &moved, eye, d)
     });
-    let runs = images(&file, ("refined", SPP), &[Direction::Along(3)]);
+    let runs = images(&file, ("refined", spp), &[Direction::Along(3)]);
     let derivative = check(name, "refined", &runs[0], &truth.derivative);
     check_area(name, &file, &truth.image).into_iter().chain(derivative).collect()
 }
@@ -373,7 +373,7 @@ fn networks_of_all_slopes() {
         let mut random = Random::new(seed as u64);
         let network = bumpy(&mut random, 0.6, 0.15, factor);
         let mut scene = white(&mut random);
-        failures.extend(check_network(&format!("network × {factor}"), &mut scene, &network));
+        failures.extend(check_network(&format!("network × {factor}"), &mut scene, &network, SPP));
     }
     assert_none(&failures);
 }
@@ -383,7 +383,7 @@ fn lit_networks() {
     let mut random = Random::new(23);
     let network = bumpy(&mut random, 0.6, 0.15, 10.0);
     let mut scene = lit(&mut random, &json!(null), 5);
-    assert_none(&check_network("lit network × 10", &mut scene, &network));
+    assert_none(&check_network("lit network × 10", &mut scene, &network, 256));
 }
 
 #[test]
@@ -393,7 +393,7 @@ fn networks_that_reach_their_ball() {
         let mut random = Random::new(seed);
         let network = bumpy(&mut random, 0.95, 0.15, 1.0);
         let mut scene = white(&mut random);
-        failures.extend(check_network(&format!("cut network {seed}"), &mut scene, &network));
+        failures.extend(check_network(&format!("cut network {seed}"), &mut scene, &network, SPP));
     }
     assert_none(&failures);
 }

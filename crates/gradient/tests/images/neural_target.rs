@@ -37,7 +37,7 @@ fn the_target_gradient_of_a_network_agrees_with_contour() {
         let gradient = target_gradient(&scene, &target, &Refined, sampling(256), &|_| {});
         let gradient = gradient.unwrap().parameters;
         let directions: Vec<Direction> = (0..DIRECTIONS).map(Direction::Along).collect();
-        let contours = differentiate(&scene, &directions, &Contour, sampling(256), &|_| {});
+        let contours = differentiate(&scene, &directions, &Contour, sampling(512), &|_| {});
         let contours = contours.unwrap();
         for (number, derivative) in (0..DIRECTIONS).zip(&contours) {
             let tangent = random_unit::<f64>(gradient.len(), number);
