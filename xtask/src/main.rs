@@ -35,8 +35,8 @@ enum Task {
         #[arg(short, long)]
         output: Option<PathBuf>,
         /// Simulate the iterations of a fit on this number of threads instead
-        #[arg(long, value_name = "THREADS", value_parser = positive)]
-        workers: Option<usize>,
+        #[arg(long, value_name = "THREADS", value_parser = clap::value_parser!(u32).range(1..))]
+        workers: Option<u32>,
     },
     /// Build a static binary of dsdf, and pack it with its licences
     Dist(dist::Dist),
@@ -86,12 +86,6 @@ fn main() -> ExitCode {
     }
 }
 
-/// A number from 1 on.
-fn positive(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|number| *number > 0);
-    number.ok_or_else(|| "expected a number from 1 on".to_owned())
-}
-
 /// The first paragraph of a message in one line: refusals have one line, without the usage.
 fn first_paragraph(message: &str) -> String {
     let words = message.split("\n\n").next().unwrap_or_default().split_whitespace();
@@ -106,7 +100,9 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Dist(dist) => dist.run(),
         Task::Ablate(arguments) => sweep::run(&arguments),
         Task::Bench { output, workers: None } => bench::run(output),
-        Task::Bench { output, workers: Some(workers) } => bench::workers::run(workers, output),
+        Task::Bench { output, workers: Some(workers) } => {
+            bench::workers::run(workers as usize, output)
+        }
         Task::Tradeoff { output } => tradeoff::run(output),
         Task::Figures { figure, output } => figures::run(figure, output),
         Task::Fuzz(fuzz) => fuzz.run(),

@@ -40,11 +40,6 @@ impl Film {
         Some((index % self.width, index / self.width))
     }
 
-    /// The image at half the size: `downscaled` by 2.
-    pub fn halved(&self) -> Film {
-        self.downscaled(2)
-    }
-
     /// The image at 1/`n` of the size, rounded up.
     ///
     /// Each pixel is the mean of the n × n pixels that it covers. At the right and the lower
@@ -83,7 +78,7 @@ mod tests {
     #[test]
     fn halving_keeps_the_mean_and_handles_odd_sizes() {
         let film = Film { width: 3, height: 1, pixels: vec![[1.0; 3], [3.0; 3], [5.0; 3]] };
-        let half = film.halved();
+        let half = film.downscaled(2);
         assert_eq!((half.width, half.height), (2, 1));
         assert_eq!(half.pixels, vec![[2.0; 3], [5.0; 3]]);
     }

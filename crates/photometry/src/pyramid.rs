@@ -42,7 +42,8 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    fn new(view: &View, masks: MaskUse) -> Self {
+    /// The photograph of a view, with the part of its mask that `masks` asks for.
+    pub fn new(view: &View, masks: MaskUse) -> Self {
         let (width, height) = (view.image.width, view.image.height);
         let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
         let used = view.used().map(|used| f32::from(u8::from(used)));
@@ -53,11 +54,17 @@ impl Photograph {
         }
     }
 
-    fn halved(&self) -> Self {
+    /// The photograph at 1/`n` of its size; see [`Film::downscaled`].
+    ///
+    /// # Panics
+    /// If `n` is 0.
+    #[must_use]
+    pub fn downscaled(&self, n: u32) -> Self {
+        let downscaled = |film: &Film| film.downscaled(n);
         Photograph {
-            image: self.image.halved(),
-            coverage: self.coverage.as_ref().map(Film::halved),
-            used: self.used.as_ref().map(Film::halved),
+            image: downscaled(&self.image),
+            coverage: self.coverage.as_ref().map(downscaled),
+            used: self.used.as_ref().map(downscaled),
         }
     }
 
@@ -140,7 +147,7 @@ impl Level {
     /// The next level, at half the size.
     fn halved(&self, model: &BackgroundModel) -> Self {
         let photographs: Vec<Photograph> =
-            self.photographs.iter().map(Photograph::halved).collect();
+            self.photographs.iter().map(|photograph| photograph.downscaled(2)).collect();
         // If a side is odd, its last pixel averages fewer pixels.
         let cameras = self
             .cameras

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use film::Film;
 use metrics::psnr_where;
+use photometry::{MaskUse, Photograph};
 use pictures::write_preview;
 
 use super::Fit;
@@ -13,9 +13,6 @@ use crate::solid::Solid;
 /// The most pixels of a preview. Two passes of rays over 640 × 480 pixels took a fifth of the time
 /// of the iterations between two previews.
 const PIXELS: u64 = 1 << 17;
-
-/// The share of a pixel of the preview from which all of it counts as used: 1, less rounding.
-const ALL: f32 = 0.999;
 
 impl Fit {
     /// PSNR of the last preview of a held-out view, in dB.
@@ -43,24 +40,23 @@ impl Fit {
         }
         let solid = Solid::new(&self.model, &self.file);
         let colors = self.file.background_of(&*shown);
-        let Film { width, height, .. } = shown[0].image;
-        let n = reduction(width, height);
-        let photograph = shown[0].image.downscaled(n);
-        let cameras = cameras.map(|camera| camera.reduced(n, photograph.width, photograph.height));
+        let whole = Photograph::new(&shown[0], MaskUse::LeaveOut);
+        let n = reduction(whole.size());
+        let photograph = whole.downscaled(n);
+        let [width, height] = photograph.size();
+        let cameras = cameras.map(|camera| camera.reduced(n, width, height));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-        let image = write_preview(&path, &scene, 0, &photograph)?;
-        self.held_out_psnr = held_out.map(|view| {
-            let used = view.used().map(|used| f32::from(u8::from(used)));
-            let used = Film::grey(width, height, used).downscaled(n);
-            psnr_where(&image, &photograph, used.pixels.iter().map(|share| share[0] > ALL))
-        });
+        let image = write_preview(&path, &scene, 0, &photograph.image)?;
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let used = pixels.map(|(x, y)| photograph.is_used(x, y));
+        self.held_out_psnr = held_out.map(|_| psnr_where(&image, &photograph.image, used));
         Ok(())
     }
 }
 
 /// The least whole number for which a view at 1/n of its width and height has at most [`PIXELS`]
 /// pixels.
-fn reduction(width: u32, height: u32) -> u32 {
+fn reduction([width, height]: [u32; 2]) -> u32 {
     let pixels = |n: u32| u64::from(width.div_ceil(n)) * u64::from(height.div_ceil(n));
     (1..=width.max(height)).find(|n| pixels(*n) <= PIXELS).unwrap_or(1)
 }
@@ -71,7 +67,7 @@ mod tests {
 
     #[test]
     fn previews_of_large_photographs_are_small() {
-        let sizes = [(320, 320), (512, 256), (513, 256), (640, 480), (4032, 3024), (200_000, 1)];
-        assert_eq!(sizes.map(|(w, h)| reduction(w, h)), [1, 1, 2, 2, 10, 2]);
+        let sizes = [[320, 320], [512, 256], [513, 256], [640, 480], [4032, 3024], [200_000, 1]];
+        assert_eq!(sizes.map(reduction), [1, 1, 2, 2, 10, 2]);
     }
 }
