@@ -3,16 +3,18 @@
 mod appearance;
 mod background;
 mod camera;
+mod precision;
 mod sdf;
 
 use std::path::Path;
 
-use field::{Clipped, Field, Real, Sphere, Vector3};
+use field::{Field, Real, Sphere, Vector3};
 use glam::DVec3;
 use serde_json::Value;
 
 pub use appearance::{Appearance, AppearanceModel};
 pub use background::BackgroundModel;
+pub use precision::ScenePrecision;
 pub use sdf::{Sdf, network};
 
 use io::InputError;
@@ -99,12 +101,8 @@ impl SceneFile {
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub fn field<R: Precision>(&self) -> Result<Box<dyn Field<R>>> {
-        let field = self.sdf.build::<R>(self.origin)?;
-        Ok(match &self.clip {
-            Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
-            None => field,
-        })
+    pub fn field<R: ScenePrecision>(&self) -> Result<Box<dyn Field<R>>> {
+        R::field_of(self)
     }
 
     /// Builds the shader of the appearance.
@@ -114,19 +112,19 @@ impl SceneFile {
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub fn shader<'a, R: Precision>(
+    pub fn shader<'a, R: ScenePrecision>(
         &self,
         occluders: &'a dyn Field<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
-        self.appearance.build(self.origin, occluders, in_precision(&self.bounds))
+        R::shader_of(self, occluders)
     }
 
     /// Builds the background in single or double precision.
     ///
     /// # Errors
     /// If a background file cannot be used.
-    pub fn background<R: Precision>(&self) -> Result<Box<dyn Background<R>>> {
-        self.background.build(self.origin)
+    pub fn background<R: ScenePrecision>(&self) -> Result<Box<dyn Background<R>>> {
+        R::background_of(self)
     }
 }
 

@@ -11,8 +11,8 @@ use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, o
 use fit::{Model, RunFile, Solid};
 use io::{InputError, write_image};
 use pictures::{around, turntable, upwards};
-use render::{Precision, Scene, render};
-use scene::SceneFile;
+use render::{Scene, render};
+use scene::{SceneFile, ScenePrecision};
 
 /// Arguments of `dsdf render`.
 #[derive(Args, Debug)]
@@ -135,7 +135,7 @@ impl Render {
     }
 
     /// Renders a scene file.
-    fn render_scene<R: Precision>(&self, global: &Global) -> anyhow::Result<()> {
+    fn render_scene<R: ScenePrecision>(&self, global: &Global) -> anyhow::Result<()> {
         let relaxation = R::of(self.relaxation.unwrap_or(1.0));
         let tracing = trace::Options { relaxation, ..Default::default() };
         tracing.validate().map_err(|e| option_error(e.name, e.found, e.expected))?;

@@ -9,7 +9,7 @@ use film::Film;
 use gradient::finite_difference;
 use io::InputError;
 use render::{Scene, render};
-use scene::SceneFile;
+use scene::{SceneFile, ScenePrecision};
 use serde_json::Value;
 
 use super::options::Gradient;
@@ -31,7 +31,7 @@ impl Gradient {
     ///
     /// The error is of second order in h; see `gradient::finite_difference` for the noise. The
     /// report has the evaluations of the changed scenes.
-    pub(super) fn differences<R: EstimatorPrecision>(
+    pub(super) fn differences<R: EstimatorPrecision + ScenePrecision>(
         &self,
         file: &SceneFile,
         tracing: trace::Options<R>,
@@ -112,7 +112,7 @@ fn surface_distance(file: &SceneFile) -> Result<f64, InputError> {
 }
 
 /// Renders a scene in its own bounds. Returns the image and the number of field evaluations.
-fn image<R: EstimatorPrecision>(
+fn image<R: EstimatorPrecision + ScenePrecision>(
     file: &SceneFile,
     tracing: trace::Options<R>,
     spp: u32,

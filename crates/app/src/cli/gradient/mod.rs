@@ -11,7 +11,7 @@ use estimate::{Discontinuity, EstimatorPrecision};
 use field::{Counted, SLOPE_POINTS};
 use io::InputError;
 use render::Scene;
-use scene::{Appearance, SceneFile};
+use scene::{Appearance, SceneFile, ScenePrecision};
 
 use super::common::{Global, PrecisionArg, check_film};
 use method::Method;
@@ -48,7 +48,10 @@ impl Gradient {
     }
 
     /// Checks all arguments, computes the derivatives and writes them.
-    fn compute<R: EstimatorPrecision>(&self, global: &Global) -> anyhow::Result<GradientReport> {
+    fn compute<R: EstimatorPrecision + ScenePrecision>(
+        &self,
+        global: &Global,
+    ) -> anyhow::Result<GradientReport> {
         let method = self.method(&global.registry)?;
         self.validate_warp()?;
         let tracing = self.trace_options()?;

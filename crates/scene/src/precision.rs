@@ -1,0 +1,61 @@
+//! The parts of a scene in single and in double precision, compiled once.
+
+use field::{Clipped, Field};
+use render::{Background, Precision, Shader};
+
+use crate::{Result, SceneFile, in_precision};
+
+/// A precision that the parts of a scene are built in: `f32` or `f64`.
+///
+/// Its functions are compiled in this crate. Generic functions would be compiled again, with every
+/// shape and shader, in each crate that builds a scene.
+pub trait ScenePrecision: Precision {
+    /// [`SceneFile::field`].
+    ///
+    /// # Errors
+    /// If a model file cannot be used.
+    fn field_of(file: &SceneFile) -> Result<Box<dyn Field<Self>>>;
+
+    /// [`SceneFile::shader`].
+    ///
+    /// # Errors
+    /// If a model file cannot be used.
+    fn shader_of<'a>(
+        file: &SceneFile,
+        occluders: &'a dyn Field<Self>,
+    ) -> Result<Box<dyn Shader<Self> + 'a>>;
+
+    /// [`SceneFile::background`].
+    ///
+    /// # Errors
+    /// If a background file cannot be used.
+    fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>>;
+}
+
+macro_rules! precision {
+    ($real:ty) => {
+        impl ScenePrecision for $real {
+            fn field_of(file: &SceneFile) -> Result<Box<dyn Field<Self>>> {
+                let field = file.sdf.build(file.origin)?;
+                Ok(match &file.clip {
+                    Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
+                    None => field,
+                })
+            }
+
+            fn shader_of<'a>(
+                file: &SceneFile,
+                occluders: &'a dyn Field<Self>,
+            ) -> Result<Box<dyn Shader<Self> + 'a>> {
+                file.appearance.build(file.origin, occluders, in_precision(&file.bounds))
+            }
+
+            fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>> {
+                file.background.build(file.origin)
+            }
+        }
+    };
+}
+
+precision!(f32);
+precision!(f64);
