@@ -135,25 +135,6 @@ fn add_piece<R: Real>(pixel: u32, piece: &Piece<R>, record: &mut Record<R>) {
     }
 }
 
-/// [`Estimator::record`].
-fn record<R: Real>(scene: &Scene<'_, R>, batch: &Batch<'_>) -> Result<Record<R>, InvalidField> {
-    let scene = &with_steps_for_wedges(*scene);
-    let grid = Grid::of(batch.counts.spp);
-    let mut record = Record::black(batch.pixels.len());
-    let mut all = Vec::with_capacity(batch.pixels.len());
-    for (index, pixel) in batch.pixels.iter().enumerate() {
-        let mut edges = grid.edges::<R>(pixel);
-        edge::locate(scene, &mut edges)?;
-        if has_visible_creases(scene) {
-            crease::locate(scene, &mut edges)?;
-        }
-        grid.add_cells(index as u32, &edges, &mut record);
-        all.push(edges);
-    }
-    grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
-    Ok(record)
-}
-
 in_both_precisions! {
     impl Estimator<R> for Contour {
         fn record(
@@ -162,7 +143,21 @@ in_both_precisions! {
             batch: &Batch<'_>,
             _: &mut SilhouetteMask,
         ) -> Result<Record<R>, InvalidField> {
-            record(scene, batch)
+            let scene = &with_steps_for_wedges(*scene);
+            let grid = Grid::of(batch.counts.spp);
+            let mut record = Record::black(batch.pixels.len());
+            let mut all = Vec::with_capacity(batch.pixels.len());
+            for (index, pixel) in batch.pixels.iter().enumerate() {
+                let mut edges = grid.edges::<R>(pixel);
+                edge::locate(scene, &mut edges)?;
+                if has_visible_creases(scene) {
+                    crease::locate(scene, &mut edges)?;
+                }
+                grid.add_cells(index as u32, &edges, &mut record);
+                all.push(edges);
+            }
+            grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
+            Ok(record)
         }
 
         fn differentiates_cameras(&self) -> bool {

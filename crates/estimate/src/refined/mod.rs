@@ -62,34 +62,6 @@ const SCOUTS: u32 = 4;
 /// 4: error 0.90 (0.95 with 16 samples), evaluations 1.10.
 const SEGMENT_SAMPLES: u32 = 2;
 
-/// [`Estimator::record`].
-fn record<R: Real>(
-    scene: &Scene<'_, R>,
-    batch: &Batch<'_>,
-    mask: &mut SilhouetteMask,
-) -> Result<Record<R>, InvalidField> {
-    let scene = &with_steps_for_wedges(scene.clipped_to_solid());
-    let spp = batch.counts.spp;
-    let mut record = Record::black(batch.pixels.len());
-    let unknown = mask.may_cross.is_empty();
-    mask.may_cross.resize(batch.pixels.len(), false);
-    let mut sampled = 0;
-    if unknown {
-        sampled = spp.div_ceil(SCOUTS);
-        let not_far = sample_unmarked(scene, batch, 0..sampled, &mut record, mask)?;
-        mark_corners(scene, batch, &not_far, &mut record, mask)?;
-    }
-    if spp > sampled {
-        sample_unmarked(scene, batch, sampled..spp, &mut record, mask)?;
-    }
-    if batch.terms == Terms::Silhouettes {
-        record.area.clear();
-    }
-    keep_smooth_pixels(&mut record, mask, spp);
-    add_silhouettes(scene, batch, mask, &mut record)?;
-    Ok(record)
-}
-
 in_both_precisions! {
     impl Estimator<R> for Refined {
         fn record(
@@ -98,7 +70,26 @@ in_both_precisions! {
             batch: &Batch<'_>,
             mask: &mut SilhouetteMask,
         ) -> Result<Record<R>, InvalidField> {
-            record(scene, batch, mask)
+            let scene = &with_steps_for_wedges(scene.clipped_to_solid());
+            let spp = batch.counts.spp;
+            let mut record = Record::black(batch.pixels.len());
+            let unknown = mask.may_cross.is_empty();
+            mask.may_cross.resize(batch.pixels.len(), false);
+            let mut sampled = 0;
+            if unknown {
+                sampled = spp.div_ceil(SCOUTS);
+                let not_far = sample_unmarked(scene, batch, 0..sampled, &mut record, mask)?;
+                mark_corners(scene, batch, &not_far, &mut record, mask)?;
+            }
+            if spp > sampled {
+                sample_unmarked(scene, batch, sampled..spp, &mut record, mask)?;
+            }
+            if batch.terms == Terms::Silhouettes {
+                record.area.clear();
+            }
+            keep_smooth_pixels(&mut record, mask, spp);
+            add_silhouettes(scene, batch, mask, &mut record)?;
+            Ok(record)
         }
 
         fn differentiates_cameras(&self) -> bool {
