@@ -102,12 +102,12 @@ export SLURM_CONF=$work/slurm.conf
 (umask 077 && head -c 128 /dev/urandom >"$work/munge.key")
 munged --foreground --socket="$work/munge.socket" --key-file="$work/munge.key" --pid-file="$work/munge.pid" \
     --seed-file="$work/munge.seed" --log-file="$work/munge.log" >"$work/munged.log" 2>&1 &
-within 10 test -S "$work/munge.socket" || skip "munged does not start"
+within 30 test -S "$work/munge.socket" || skip "munged does not start"
 slurmctld -D >"$work/slurmctld.log" 2>&1 &
 slurmd -D >"$work/slurmd.log" 2>&1 &
 idle() { [ "$(sinfo -h -o %T 2>&1)" = idle ]; }
-within 60 idle || skip "the node does not become idle"
-timeout 60 sbatch --wait --output=/dev/null --wrap=true >/dev/null 2>"$work/sbatch.log" || skip "no job runs"
+within 120 idle || skip "the node does not become idle"
+timeout 120 sbatch --wait --output=/dev/null --wrap=true >/dev/null 2>"$work/sbatch.log" || skip "no job runs"
 
 sed -e "s|\"scenes/|\"$PWD/xtask/sweeps/scenes/|" -e 's/^top_k = .*/top_k = [4]/' xtask/sweeps/smoke.toml >"$work/half.toml"
 "${xtask[@]}" ablate "$work/half.toml" "${program[@]}" -o "$work/direct" || fail "the direct sweep"

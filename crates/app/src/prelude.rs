@@ -11,4 +11,4 @@ pub use ::film::Film;
 pub use ::gradient::{Direction, Sampling, differentiate, target_gradient};
 pub use ::io::InputError;
 pub use ::render::{Camera, Scene, Shader};
-pub use ::scene::SceneFile;
+pub use ::scene::{SceneFile, ScenePrecision};

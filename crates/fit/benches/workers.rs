@@ -40,7 +40,7 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     file.options.checkpoint_every = u64::MAX;
     let dataset = file.read(None)?;
     let dataset = file.prepare(dataset);
-    // The run is not changed: what is saved at the end goes to another folder.
+    // The run is not changed: files of the end go to another folder.
     let copy = tempfile::tempdir()?;
     std::fs::create_dir_all(copy.path().join("checkpoint"))?;
     for name in ["checkpoint/state.safetensors", "fit.toml"] {

@@ -20,8 +20,8 @@ pub struct Metrics {
     pub eikonal: f64,
     /// PSNR over the pixels of the iteration, in dB.
     pub train_psnr: f64,
-    /// PSNR of the last preview of a held-out view, in dB; `None` before the first preview, or
-    /// without a held-out view.
+    /// PSNR of the last preview of a held-out view at the size of the preview, in dB; `None` before
+    /// the first preview, or without a held-out view.
     pub psnr: Option<f64>,
     /// Field evaluations of the iteration.
     pub evaluations: Evaluations,

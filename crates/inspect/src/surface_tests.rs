@@ -57,7 +57,7 @@ fn a_ball_behind_another_is_unseen() {
 
 #[test]
 fn a_solid_that_leaves_the_sphere_lies_on_it() {
-    // The unit ball without what is above x = 0: a hemisphere on the sphere, and a disc.
+    // The unit ball without its part above x = 0: a hemisphere on the sphere, and a disc.
     let plane: Box<dyn field::Field<f32>> =
         Box::new(Shape::new(field::Kind::Plane, &[1.0, 0.0, 0.0, 0.0]));
     let half = Csg::new(Operation::Union, vec![plane]);

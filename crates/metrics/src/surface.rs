@@ -37,7 +37,8 @@ pub struct Comparison {
     pub standard_error: f64,
 }
 
-/// Compares two surfaces by `samples` points on each (at least one), uniform by area.
+/// Compares two surfaces by `samples` points on each (at least one), uniform by area. Faces without
+/// area are left out.
 ///
 /// `threshold` is the distance up to which a point counts for the F-score, in world units. If a
 /// surface has no faces, the distances are infinite, the F-score and the normal consistency are 0,

@@ -1,6 +1,5 @@
 //! Images: box-filtered radiance.
 
-use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use field::{Real, Vector3};
@@ -8,7 +7,6 @@ use film::{Film, srgb_decode};
 use rayon::prelude::*;
 
 use crate::invalid::InvalidField;
-use crate::primary::TracedSample;
 use crate::sample::{Pixel, pixel_samples};
 use crate::scene::Scene;
 
@@ -28,12 +26,11 @@ pub struct Render {
     pub normals: Film,
 }
 
-/// A rendered pixel.
-struct Rendered {
-    radiance: [f32; 3],
-    coverage: f32,
-    /// The colour of the normals, in display space.
-    normal: [f32; 3],
+/// Consecutive pixels of a [`Render`]. They are black before they are rendered.
+struct Part<'a> {
+    radiance: &'a mut [[f32; 3]],
+    coverage: &'a mut [f32],
+    normals: &'a mut [[f32; 3]],
 }
 
 /// Renders the image of camera number `camera` with a box filter: the value of a pixel is the mean
@@ -59,60 +56,52 @@ pub fn render<R: Real>(
     let count = width as usize * height as usize;
     let done = AtomicUsize::new(0);
     let size = (CHUNK / spp as usize).max(1);
-    let chunks: Vec<Vec<Rendered>> = (0..count.div_ceil(size))
-        .into_par_iter()
-        // A program that stops a command unwinds from `progress`.
-        .panic_fuse()
-        .map(|chunk| {
-            let pixels = chunk * size..((chunk + 1) * size).min(count);
-            let result = render_pixels(scene, camera, pixels, spp, seed);
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress((done * size) as f64 / count as f64);
-            result
-        })
-        .collect::<Result<_, _>>()?;
-    let pixels = || chunks.iter().flatten();
-    let film = |of: &dyn Fn(&Rendered) -> [f32; 3]| {
-        let pixels = pixels().map(of).collect();
-        Film { width, height, pixels }
+    let mut out = Render {
+        film: Film::new(width, height),
+        coverage: vec![0.0; count],
+        normals: Film::new(width, height),
     };
-    Ok(Render {
-        film: film(&|pixel| pixel.radiance),
-        coverage: pixels().map(|pixel| pixel.coverage).collect(),
-        normals: film(&|pixel| pixel.normal.map(srgb_decode)),
-    })
+    let parts = out.film.pixels.par_chunks_mut(size).zip(out.coverage.par_chunks_mut(size));
+    let parts = parts.zip(out.normals.pixels.par_chunks_mut(size)).enumerate();
+    // A program that stops a command unwinds from `progress`.
+    parts.panic_fuse().try_for_each(|(chunk, ((radiance, coverage), normals))| {
+        let part = Part { radiance, coverage, normals };
+        render_pixels(scene, camera, chunk * size, part, spp, seed)?;
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress((done * size) as f64 / count as f64);
+        Ok(())
+    })?;
+    Ok(out)
 }
 
-/// The pixels with these row-major numbers.
+/// Renders pixels in row-major order. `first` is the number of the first one.
 fn render_pixels<R: Real>(
     scene: &Scene<'_, R>,
     camera: usize,
-    pixels: Range<usize>,
+    first: usize,
+    part: Part<'_>,
     spp: u32,
     seed: u64,
-) -> Result<Vec<Rendered>, InvalidField> {
+) -> Result<(), InvalidField> {
     let width = scene.cameras[camera].width as usize;
+    let pixels = first..first + part.radiance.len();
     let pixels = pixels.map(|p| Pixel { camera, x: (p % width) as u32, y: (p / width) as u32 });
     let primary = scene.primary(&pixel_samples(pixels, &(0..spp), seed))?;
     let mean = |sum: R::Vec3| sum.to_array().map(|c| (c.to_double() / f64::from(spp)) as f32);
-    let pixel = |samples: &[TracedSample<R>]| Rendered {
-        radiance: mean(samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance)),
-        coverage: 0.0,
-        normal: [0.0; 3],
-    };
-    let mut pixels: Vec<Rendered> = primary.samples.chunks(spp as usize).map(pixel).collect();
+    for (pixel, samples) in part.radiance.iter_mut().zip(primary.samples.chunks(spp as usize)) {
+        *pixel = mean(samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance));
+    }
     for (hit, normal) in primary.hits.iter().zip(&primary.surface.normal) {
-        let pixel = &mut pixels[hit.sample / spp as usize];
-        pixel.coverage += 1.0;
-        let colors = pixel.normal.iter_mut().zip(normal.to_array());
+        let pixel = hit.sample / spp as usize;
+        part.coverage[pixel] += 1.0;
+        let colors = part.normals[pixel].iter_mut().zip(normal.to_array());
         colors.for_each(|(sum, n)| *sum += 0.5 + 0.5 * n.to_double() as f32);
     }
-    let share = 1.0 / spp as f32;
-    for pixel in &mut pixels {
-        pixel.coverage /= spp as f32;
-        pixel.normal = pixel.normal.map(|sum| sum * share);
+    for (coverage, normal) in part.coverage.iter_mut().zip(part.normals) {
+        *coverage /= spp as f32;
+        *normal = normal.map(|sum| srgb_decode(sum / spp as f32));
     }
-    Ok(pixels)
+    Ok(())
 }
 
 #[cfg(test)]

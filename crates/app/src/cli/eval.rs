@@ -234,6 +234,6 @@ fn read_surface(path: &Path) -> Result<Mesh, InputError> {
     if mesh.area() > 0.0 {
         return Ok(mesh);
     }
-    let found = format!("{} faces without area", mesh.faces.len());
+    let found = "only faces without area";
     Err(InputError::new(path, "faces", found, "a surface with an area"))
 }

@@ -150,12 +150,13 @@ impl Render {
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
         let bar = global.progress("render");
         let start = Instant::now();
-        let image = render(&scene, 0, self.spp, self.seed.unwrap_or(0), &bar.mover())
-            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?;
+        let film = render(&scene, 0, self.spp, self.seed.unwrap_or(0), &bar.mover())
+            .map_err(|e| InputError::new(&self.scene, "/sdf", e, "a finite field"))?
+            .film;
         let seconds = start.elapsed().as_secs_f64();
         bar.finish_and_clear();
-        write_image(&self.output, &image.film)?;
-        let (width, height) = (image.film.width, image.film.height);
+        write_image(&self.output, &film)?;
+        let (width, height) = (film.width, film.height);
         let evaluations = field.evaluations();
         let report = RenderReport { width, height, spp: self.spp, seconds, evaluations };
         global.report(&report, || {

@@ -90,7 +90,8 @@ fn wrong_archives_are_refused() {
     let without: Vec<_> = arrays.iter().filter(|(n, _)| n != "scale_mat_1").cloned().collect();
     write_npz(folder.path(), &without);
     refused(folder.path(), &["scale_mat_1", "nothing"]);
-    // An entry of 400 MB, which takes 400 kB in the archive, is inflated as far as needed.
+    // An entry of 400 MB, which takes 400 kB in the archive, is inflated as far as needed: bytes in
+    // the middle of it are wrong.
     let header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (10000, 10000)}";
     let mut npz = ZipWriter::new(File::create(folder.path().join("cameras_sphere.npz")).unwrap());
     for name in ["world_mat_0", "world_mat_1", "world_mat_2"] {
@@ -102,9 +103,11 @@ fn wrong_archives_are_refused() {
         std::io::copy(&mut entry, &mut npz).unwrap();
     }
     npz.finish().unwrap();
-    let start = std::time::Instant::now();
+    let path = folder.path().join("cameras_sphere.npz");
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[200_000..200_100].fill(0xff);
+    std::fs::write(&path, bytes).unwrap();
     refused(folder.path(), &["world_mat_0", "shape [10000, 10000]"]);
-    assert!(start.elapsed().as_secs_f64() < 0.5, "{:?}", start.elapsed());
     std::fs::write(folder.path().join("cameras_sphere.npz"), "no archive").unwrap();
     refused(folder.path(), &["cameras_sphere.npz", ".npz"]);
 }

@@ -37,7 +37,7 @@ pub(super) struct FitReport {
     /// Mean photometric loss per pixel of the last iteration; `None` without an iteration.
     loss: Option<f64>,
     /// PSNR in dB, mean over the held-out views, as of `dsdf eval`; before the budget is spent,
-    /// that of the last preview. `None` without held-out views.
+    /// that of the last preview, at its size. `None` without held-out views.
     psnr: Option<f64>,
     /// The verdict on the surface and the images; `None` if the budget is not spent.
     pub(super) verdict: Option<Verdict>,
