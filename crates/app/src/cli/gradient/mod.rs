@@ -20,7 +20,7 @@ use report::GradientReport;
 pub(super) use method::{FD_HELP, FINITE_DIFFERENCES};
 pub(crate) use options::Gradient;
 
-/// Bytes of memory for each pixel of the film. Measured: 24, and 90 for finite differences.
+/// Bytes of memory for each pixel of the film. Measured: 24, and 48 for finite differences.
 const BYTES: u64 = 72;
 
 /// Bytes of memory for each pixel of a derivative image. Measured: 26.
