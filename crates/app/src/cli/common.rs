@@ -140,8 +140,8 @@ pub(crate) fn check_film(
     check_memory(file, field, found, bytes)
 }
 
-/// Bytes of memory for each pixel of an image that is rendered and written. Measured, of 2500 × 2500
-/// pixels: 33 for .png and .npy, 35 for .exr.
+/// Bytes of memory for each pixel of an image that is rendered and written. Measured, of images of
+/// 2500 × 2500 pixels: 33 for .png and .npy, 35 for .exr.
 pub(crate) const RENDER_BYTES: u64 = 64;
 
 /// The error of an option. The option `top_k` of a library has the flag `--top-k`.
