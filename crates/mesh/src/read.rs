@@ -59,10 +59,14 @@ fn check(path: &Path, mesh: &Mesh) -> Result<(), InputError> {
     let count = mesh.vertices.len();
     if let Some(i) = mesh.faces.iter().position(|f| f.iter().any(|v| *v as usize >= count)) {
         let (field, found) = (format!("triangle {i}"), format!("vertices {:?}", mesh.faces[i]));
-        let expected = format!("indices from 0 to below {count}");
-        return Err(InputError::new(path, field, found, expected));
+        return Err(InputError::new(path, field, found, below(count)));
     }
     Ok(())
+}
+
+/// The indices of `count` vertices, in words.
+fn below(count: usize) -> String {
+    format!("indices from 0 to below {count}")
 }
 
 /// The triangles of a polygon, all with its first vertex.
@@ -74,7 +78,7 @@ fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
 struct Element {
     /// x, y, z, nx, ny, nz; NaN if missing.
     numbers: [f64; 6],
-    polygon: Option<Vec<u32>>,
+    polygon: Option<Vec<i64>>,
 }
 
 impl PropertyAccess for Element {
@@ -114,13 +118,13 @@ fn number(property: &Property) -> Option<f64> {
     })
 }
 
-/// A list of indices. A negative index becomes `u32::MAX`, which `check` finds out of range.
-fn indices(property: Property) -> Option<Vec<u32>> {
-    fn convert<T: Into<i64> + Copy>(list: &[T]) -> Vec<u32> {
-        list.iter().map(|i| u32::try_from((*i).into()).unwrap_or(u32::MAX)).collect()
+/// A list of indices, which may be negative.
+fn indices(property: Property) -> Option<Vec<i64>> {
+    fn convert<T: Into<i64> + Copy>(list: &[T]) -> Vec<i64> {
+        list.iter().map(|i| (*i).into()).collect()
     }
     Some(match property {
-        Property::ListUInt(v) => v,
+        Property::ListUInt(v) => convert(&v),
         Property::ListInt(v) => convert(&v),
         Property::ListShort(v) => convert(&v),
         Property::ListUShort(v) => convert(&v),
@@ -187,9 +191,17 @@ pub(crate) fn parse_ply(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
     if normals.iter().all(|n| n.is_finite()) {
         mesh.normals = normals.iter().map(|n| n.as_vec3()).collect();
     }
+    let count = vertices.len();
     for (i, face) in payload.swap_remove("face").unwrap_or_default().iter().enumerate() {
-        let missing = || error(&format!("face {i}"), &"no vertex_indices");
-        mesh.faces.extend(fan(face.polygon.as_deref().ok_or_else(missing)?));
+        let field = || format!("face {i}");
+        let polygon = face.polygon.as_ref();
+        let polygon = polygon.ok_or_else(|| error(&field(), &"no vertex_indices"))?;
+        let index = |v: &i64| {
+            let negative = |_| InputError::new(path, field(), format!("index {v}"), below(count));
+            u32::try_from(*v).map_err(negative)
+        };
+        let polygon: Vec<u32> = polygon.iter().map(index).collect::<Result<_, _>>()?;
+        mesh.faces.extend(fan(&polygon));
     }
     Ok(mesh)
 }

@@ -78,7 +78,7 @@ pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
     let all = [
         curve("loss", "", true, |line| Some(line.loss)),
         curve("PSNR of training pixels", "dB", false, |line| line.train_psnr),
-        curve("PSNR of a held-out view", "dB", false, |line| line.psnr),
+        curve("PSNR of previews (1 sample per pixel)", "dB", false, |line| line.psnr),
     ];
     let curves = all.into_iter().filter(|curve| !curve.points.is_empty()).collect();
     let last = lines.last().map_or((0, 0.0), |line| (line.iteration, line.seconds));

@@ -42,7 +42,7 @@ impl Fit {
         let colors = self.file.background_of(&*shown);
         let whole = Photograph::new(&shown[0], MaskUse::LeaveOut);
         let n = reduction(whole.size());
-        let photograph = whole.downscaled(n);
+        let photograph = if n > 1 { whole.downscaled(n) } else { whole };
         let [width, height] = photograph.size();
         let cameras = cameras.map(|camera| camera.reduced(n, width, height));
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);

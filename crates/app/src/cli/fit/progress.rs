@@ -30,13 +30,15 @@ pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &G
     }
 }
 
-/// Shows the progress, the number of iterations, the loss, the PSNR (held out if known, else of the
-/// training pixels) and the speed of an iteration.
+/// Shows the progress, the number of iterations, the loss, the PSNR of the last preview of a held-out
+/// view (of the training pixels before the first) and the speed of an iteration.
+///
+/// A preview has one sample per pixel, so its PSNR is lower than that of `dsdf eval`.
 pub(super) fn show(progress: &Progress, metrics: &Metrics) {
     progress.show(metrics.progress, &|| {
         let psnr = metrics.psnr.map_or_else(
             || format!("train {:.1} dB", metrics.train_psnr),
-            |p| format!("held-out {p:.1} dB"),
+            |p| format!("preview {p:.1} dB"),
         );
         let speed = metrics.rays_per_second / 1e3;
         let (iteration, loss) = (metrics.iteration, metrics.loss);
