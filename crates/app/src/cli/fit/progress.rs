@@ -30,8 +30,8 @@ pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &G
     }
 }
 
-/// Shows the progress, the number of iterations, the loss, the PSNR of the last preview of a held-out
-/// view (of the training pixels before the first) and the speed of an iteration.
+/// Shows the progress, the number of iterations, the loss, the PSNR of the last preview of a
+/// held-out view (of the training pixels before the first) and the speed of an iteration.
 ///
 /// A preview has one sample per pixel, so its PSNR is lower than that of `dsdf eval`.
 pub(super) fn show(progress: &Progress, metrics: &Metrics) {
