@@ -160,7 +160,7 @@ fn wrong_data_sets_are_refused() {
     );
     refused(&["fit", &data, "-o", &run, "--bounds", "0,50,0,0.5"], 2, &["bounds", "no pixel"]);
     assert!(!PathBuf::from(&run).exists(), "a refused fit leaves no folder");
-    refused(&["fit", &data, "-o", &run, "--top-k", "1"], 2, &["top_k"]);
+    refused(&["fit", &data, "-o", &run, "--top-k", "1"], 2, &["arguments: --top-k"]);
     refused(&["fit", &data, "-o", &run, "--width", "100000"], 2, &["width"]);
     refused(&["fit", &folder.path("nothing"), "-o", &run], 2, &["nothing"]);
     let empty = tempfile::tempdir().unwrap();
@@ -216,7 +216,7 @@ fn wrong_options_and_checkpoints_of_a_resumed_fit_are_refused() {
     resume_refused(&["--batch", "1024"], &["fit.toml", "batch", "1024", "16"]);
     resume_refused(&["--preset", "fast"], &["--preset", "--resume"]);
     tests::dsdf_ok(&[&resume[..], &["--batch", "16", "--iterations", "3"]].concat());
-    resume_refused(&["--iterations", "1"], &["fit.toml", "iterations", "at least the 3"]);
+    resume_refused(&["--iterations", "1"], &["arguments: --iterations", "at least the 3"]);
     resume_refused(&["--time", "1ms"], &["fit.toml: time: found 0.001 s, expected at least the"]);
     resume_refused(&["--time", "nan"], &["--time", "nan", "expected a time above 0"]);
     // A checkpoint with a number that is none, and one that is cut short.

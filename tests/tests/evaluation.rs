@@ -120,7 +120,7 @@ fn a_data_set_may_move_and_its_poses_may_not_change() {
     let (data, _, mut cameras, run) = run_of_nine(&folder);
     let moved = folder.path("moved");
     fs::rename(&data, &moved).unwrap();
-    refused(&["eval", &run], 2, &["data set: found no such folder", "--resume"]);
+    refused(&["eval", &run], 2, &["data set: found no such file or folder", "--resume"]);
     dsdf_ok(&["fit", &moved, "--resume", "-o", &run, "--iterations", "4"]);
     assert_eq!(dsdf_json(&["eval", &run])["views"], 2);
     // The same photographs with poses of another scale, as a second reconstruction has them.

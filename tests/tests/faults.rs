@@ -123,7 +123,7 @@ fn work_beyond_the_memory_is_refused_before_it_starts() {
     refused(&["synth", &small, "-o", &folder.path("d"), "--size", "16000x16000"], &[size]);
     refused(&["render", &run, "-o", &out, "--size", "4096"], &["8 images of 4096 x 4096 pixels"]);
     let fit = ["fit", &data, "-o", &folder.path("r"), "--width", "4096", "--layers", "64"];
-    refused(&fit, &["arguments: width: found 64 layers of width 4096", "169.4 GB"]);
+    refused(&fit, &["arguments: --width: found 64 layers of width 4096", "169.4 GB"]);
     assert_eq!(folder.files(), files, "a refused command writes no file");
     // The photographs of a camera file are counted before they are read.
     let mut root = dataset(&folder);

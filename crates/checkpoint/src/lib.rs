@@ -21,7 +21,8 @@ pub struct State {
     pub usual_norm: f32,
     /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
     pub held_out_psnr: Option<f64>,
-    /// The parameters of the field, then those of the radiance head.
+    /// The parameters of the field, then those of the radiance head, then the trained ones of the
+    /// background.
     pub parameters: Vec<f32>,
     /// The mean of the parameters over the last part of the budget, if it has begun.
     pub average: Option<Average>,

@@ -79,8 +79,11 @@ impl ModelBackground {
 
     /// Sets the trained parameters.
     pub(crate) fn set_parameters(&mut self, parameters: &[f32]) {
-        if let ModelBackground::Trained(volume) = self {
-            volume.set_parameters(parameters);
+        match self {
+            ModelBackground::Constant(_) => {
+                assert!(parameters.is_empty(), "{} parameters of a constant", parameters.len());
+            }
+            ModelBackground::Trained(volume) => volume.set_parameters(parameters),
         }
     }
 

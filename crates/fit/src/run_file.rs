@@ -55,8 +55,8 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// If masks must be used and are missing, or if the sphere is too small or too large for single
-    /// precision: its units are, or it comes from cameras that all stand at one place.
+    /// By [`MaskChoice::resolve`], or if the sphere is too small or too large for single precision:
+    /// its units are, or it comes from cameras that all stand at one place.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
@@ -146,9 +146,15 @@ impl RunFile {
     pub fn open(&self, other: Option<&Path>) -> anyhow::Result<Unread> {
         let path = other.unwrap_or(&self.dataset);
         if !path.exists() {
-            let expected = "a data set; after a move, `dsdf fit FOLDER -o RUN --resume` tells the \
-                            run its new place";
-            return Err(InputError::new(path, "data set", "no such folder", expected).into());
+            let expected = match other {
+                Some(_) => "a data set",
+                None => {
+                    "a data set; after a move, `dsdf fit FOLDER -o RUN --resume` tells the run its \
+                     new place"
+                }
+            };
+            let found = "no such file or folder";
+            return Err(InputError::new(path, "data set", found, expected).into());
         }
         let unread = dataset::open(path)?;
         match (&self.views, other) {

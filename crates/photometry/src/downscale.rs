@@ -52,10 +52,11 @@ impl Limit {
 /// The factor by which a fit reduces the width and height of its photographs, and the reason for a
 /// factor above 1.
 ///
-/// It is the least whole number for which the training pixels are no more than `draws`, the number
-/// of pixels that the budget draws on the finest level (but the longest side keeps 480 pixels), and
-/// all photographs fit in 3 GiB. A set with up to 8 million training pixels is not reduced. `train`
-/// and `held_out` are the widths and heights of the photographs in pixels.
+/// It is the least whole number for which two things hold. The training pixels are no more than
+/// `draws`, the number of pixels that the budget draws on the finest level, or than 2^23 if that is
+/// more; for this alone, the longest side is not reduced below 480 pixels. And all photographs fit
+/// in 3 GiB. A set with up to 2^23 training pixels is not reduced. `train` and `held_out` are the
+/// widths and heights of the photographs in pixels.
 pub fn downscale(train: &[[u32; 2]], held_out: &[[u32; 2]], draws: u64) -> (u32, Option<Limit>) {
     let within_memory = |n: u32| {
         let pixels = |sizes: &[[u32; 2]]| u128::from(pixels(sizes, n));

@@ -44,7 +44,8 @@ impl MaskChoice {
     /// backgrounds; `source` is the origin of the choice, for the message of the error.
     ///
     /// # Errors
-    /// If masks must be used, and a training view has none.
+    /// If masks must be used, none leaves pixels out, and those of the object are missing in a
+    /// training view or are the same everywhere in most.
     pub fn resolve(
         self,
         dataset: &Dataset,

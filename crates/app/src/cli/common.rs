@@ -144,9 +144,21 @@ pub(crate) fn check_film(
 /// 2500 × 2500 pixels: 33 for .png and .npy, 35 for .exr.
 pub(crate) const RENDER_BYTES: u64 = 64;
 
+/// The error of an option of a library, with its flag in place of its name.
+pub(super) fn with_flag(mut error: InputError) -> InputError {
+    if error.file == Path::new(ARGUMENTS) && !error.field.starts_with("--") {
+        error.field = flag(&error.field);
+    }
+    error
+}
+
 /// The error of an option. The option `top_k` of a library has the flag `--top-k`.
 pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputError {
-    InputError::new(ARGUMENTS, format!("--{}", name.replace('_', "-")), found, expected)
+    InputError::new(ARGUMENTS, flag(name), found, expected)
+}
+
+fn flag(name: &str) -> String {
+    format!("--{}", name.replace('_', "-"))
 }
 
 /// The file name in messages about the command line.

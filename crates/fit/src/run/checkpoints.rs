@@ -8,6 +8,7 @@ use io::InputError;
 
 use super::Fit;
 use crate::model::Model;
+use crate::options::FitOptions;
 use crate::run_file::RunFile;
 
 /// The checkpoint of a run folder.
@@ -19,16 +20,22 @@ pub(super) fn checkpoint_path(folder: &Path) -> PathBuf {
 pub(super) fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State> {
     let count = |free_nodes| Model::parameter_count(file, free_nodes);
     let state = State::load(&checkpoint_path(folder), count)?;
+    // The budget may be another one than that of the run: it is from the command line then.
+    let kept = RunFile::load(folder)?.options;
+    let budget = |options: &FitOptions| (options.time, options.iterations);
+    let source = match budget(&kept) == budget(&file.options) {
+        true => folder.join("fit.toml"),
+        false => PathBuf::from("arguments"),
+    };
     let refused = |field, found: String, expected| {
-        Err(InputError::new(folder.join("fit.toml"), field, found, expected).into())
+        Err(InputError::new(source, field, found, expected).into())
     };
     if let Some(budget) = file.options.iterations.filter(|n| *n < state.iteration) {
         let expected = format!("at least the {} finished iterations", state.iteration);
         return refused("iterations", budget.to_string(), expected);
     }
     // The last iteration of a fit ends after its time: that of the run itself is no error.
-    let kept = RunFile::load(folder)?.options.time;
-    let is_spent = |time: &Duration| kept != Some(*time) && time.as_secs_f64() < state.seconds;
+    let is_spent = |time: &Duration| kept.time != Some(*time) && time.as_secs_f64() < state.seconds;
     if let Some(budget) = file.options.time.filter(is_spent) {
         let expected = format!("at least the {:.0} s that the run has taken", state.seconds.ceil());
         return refused("time", format!("{} s", budget.as_secs_f64()), expected);

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::common::{Global, as_fitted};
+use super::common::{Global, as_fitted, with_flag};
 use super::eval::{SAMPLES, compare_views};
 use super::report::{Live, PAGE};
 use crate::error::Interrupted;
@@ -185,7 +185,13 @@ fn locked_fit(
     segment: Segment,
     global: &Global,
 ) -> anyhow::Result<(Fitting, std::fs::File)> {
-    let new = |dataset, file| Fitting::new(run, dataset, file, &global.registry, segment.resume);
+    let new = |dataset, file| {
+        let fitting = Fitting::new(run, dataset, file, &global.registry, segment.resume);
+        fitting.map_err(|e| match e.downcast::<InputError>() {
+            Ok(input) => with_flag(input).into(),
+            Err(other) => other,
+        })
+    };
     if segment.resume {
         let lock = lock(run)?;
         return Ok((new(dataset, file)?, lock));

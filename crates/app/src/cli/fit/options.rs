@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args};
 
-use crate::cli::common::{ARGUMENTS, Global};
+use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use crate::cli::preset::{Preset, is_explicit};
 use fit::FitOptions;
 
@@ -62,6 +62,6 @@ impl Fit {
     /// # Errors
     /// Names the first option that cannot work.
     pub(super) fn validate(&self, global: &Global) -> anyhow::Result<()> {
-        Ok(self.options.validate(Path::new(ARGUMENTS), &global.registry)?)
+        Ok(self.options.validate(Path::new(ARGUMENTS), &global.registry).map_err(with_flag)?)
     }
 }

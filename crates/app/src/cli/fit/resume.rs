@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::options::Fit;
 use super::run_folder::{absolute, refuse_without_checkpoint};
-use crate::cli::common::{FROM_RUN, Global};
+use crate::cli::common::{ARGUMENTS, FROM_RUN, Global, option_error};
 use dataset::Dataset;
 use fit::{RunFile, check_masks};
 use io::InputError;
@@ -19,6 +19,7 @@ impl Fit {
         &self,
         global: &Global,
     ) -> anyhow::Result<(Dataset, RunFile, String)> {
+        self.validate(global)?;
         let mut file = RunFile::load(&self.output)?;
         refuse_without_checkpoint(&self.output)?;
         if self.options.time.is_some() || self.options.iterations.is_some() {
@@ -44,8 +45,8 @@ impl Fit {
         for (key, value) in given.into_iter().filter(|(key, _)| self.explicit.contains(key)) {
             if kept.get(&key) != Some(&value) && !BUDGET.contains(&key.as_str()) {
                 let kept = kept.get(&key).map_or("nothing".to_owned(), ToString::to_string);
-                let expected = format!("{kept}, the value of this run");
-                return Err(InputError::new(source, key, value, expected).into());
+                let expected = format!("{kept}, as in {}", source.display());
+                return Err(option_error(&key, value.to_string(), &expected).into());
             }
         }
         Ok(())
@@ -60,8 +61,9 @@ impl Fit {
         match &self.dataset {
             Some(path) if absolute(path) != absolute(&file.dataset) => {
                 if file.views.is_none() {
-                    let expected = format!("{}, the data set of this run", file.dataset.display());
-                    return Err(InputError::new(source, "dataset", path.display(), expected));
+                    let place = file.dataset.display();
+                    let expected = format!("{place}, as in {}", source.display());
+                    return Err(InputError::new(ARGUMENTS, "DATASET", path.display(), expected));
                 }
                 file.dataset = absolute(path);
                 Ok(())

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::options::Fit;
 use super::run_folder::absolute;
-use crate::cli::common::{ARGUMENTS, Global};
+use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use dataset::{Dataset, LoadOptions, Unread};
 use fit::{FitOptions, MaskChoice, RunFile};
 use io::InputError;
@@ -42,7 +42,8 @@ pub(in crate::cli) fn new_run(
         MaskChoice::Auto | MaskChoice::Use => dataset,
     };
     let options = FitOptions { downscale: Some(downscale), ..options.clone() };
-    let (file, source) = RunFile::of_dataset(absolute(path), &dataset, &options)?;
+    let (file, source) =
+        RunFile::of_dataset(absolute(path), &dataset, &options).map_err(with_flag)?;
     dataset::check_cameras(&dataset, &file.world_sphere())?;
     Ok((file.prepare(dataset), file, source.to_string()))
 }
