@@ -34,8 +34,8 @@ pub struct FitOptions {
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
-    /// Read images at 1/N of their width and height [default: 1, or more if the images have more than
-    /// 8 million pixels and more than the budget can draw or 4 GiB of memory can hold]
+    /// Read images at 1/N of their width and height [default: 1, or more if the images have more
+    /// pixels than 8 million and than the budget can draw, or than 4 GiB of memory can hold]
     #[arg(long, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub downscale: Option<u32>,
@@ -47,8 +47,8 @@ pub struct FitOptions {
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
-    /// Refinement of the cameras: by places of points before the fit, or by the loss once the surface
-    /// is sharp
+    /// Refinement of the cameras: by places of points before the fit, or by the loss once the
+    /// surface is sharp
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().refine_cameras)]
     pub refine_cameras: RefineCameras,

@@ -20,6 +20,7 @@ use ::inspect::Verdict;
 use ::report::State;
 use dataset::Dataset;
 use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile, examine};
+use io::InputError;
 
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};
