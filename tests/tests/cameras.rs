@@ -99,8 +99,18 @@ fn a_fit_refines_disturbed_poses() {
         assert!(view["degrees"].as_f64().unwrap() > 0.0 && view["pixels"].as_f64().unwrap() > 0.0);
         assert_eq!(view["radial"], json!([0.0, 0.0]), "view {i}: the lens is not refined");
     }
+    // Photographs that are read at another size have the refined cameras, too.
+    let picture = folder.path("inspect.png");
+    let quality = |more: &[&str]| {
+        let inspect = [&["inspect", &run, "-o", &picture], more].concat();
+        dsdf_json(&inspect)["verdict"]["training_match"].as_f64().unwrap()
+    };
+    let [whole, half] = [quality(&[]), quality(&["--downscale", "2"])];
+    println!("{whole} dB, {half} dB at half the size");
+    assert!(half > whole - 1.0, "{half} and {whole} dB");
     // The held-out cameras are exact, but not in the world that the others have made.
     let psnr = dsdf_json(&["eval", &run])["psnr"].as_f64().unwrap();
+    let refined = fs::read(format!("{run}/cameras.json")).unwrap();
     fs::remove_file(format!("{run}/cameras.json")).unwrap();
     let unaligned = dsdf_json(&["eval", &run])["psnr"].as_f64().unwrap();
     println!("{psnr} dB aligned, {unaligned} dB as given");
@@ -108,4 +118,12 @@ fn a_fit_refines_disturbed_poses() {
     let broken = format!("{run}/cameras.json");
     fs::write(&broken, r#"{"views": []}"#).unwrap();
     refused(&["eval", &run], 2, &["cameras.json: cameras: ", "found nothing"]);
+    // Corrections in pixels are those of photographs of one size.
+    fs::write(&broken, refined).unwrap();
+    for entry in fs::read_dir(format!("{data}/train")).unwrap() {
+        let path = entry.unwrap().path();
+        image::RgbImage::new(24, 24).save(path).unwrap();
+    }
+    let resume = ["fit", "--resume", "-o", &run, "--iterations", "700"];
+    refused(&resume, 2, &["size: found 24 x 24 pixels, expected 48 x 48", "cameras.json"]);
 }

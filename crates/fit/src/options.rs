@@ -332,6 +332,7 @@ impl FitOptions {
         let (radius, soft) = (self.initial_radius, self.soft());
         vec![
             Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
+            Check::seed("seed", self.seed),
             Check::at_least_one("downscale", self.downscale.unwrap_or(1).into()),
             Check::new("width", self.width, (1..=4096).contains(&self.width), "1 to 4096"),
             Check::new("layers", self.layers, (1..=64).contains(&self.layers), "1 to 64"),
@@ -426,6 +427,8 @@ mod tests {
             (with_warp(WarpOptions { gamma: f64::NAN, ..WarpOptions::FIT }), "gamma"),
             (FitOptions { estimator: "none".to_owned(), ..FitOptions::default() }, "estimator"),
             (FitOptions { batch: 0, ..FitOptions::default() }, "batch"),
+            (FitOptions { seed: 1 << 63, ..FitOptions::default() }, "seed"),
+            (FitOptions { preview_every: 1 << 63, ..FitOptions::default() }, "preview_every"),
             (FitOptions { sample_limit: 0.0, ..FitOptions::default() }, "sample_limit"),
             (FitOptions { sample_limit: f64::NAN, ..FitOptions::default() }, "sample_limit"),
             (FitOptions { clip: 1.0, ..FitOptions::default() }, "clip"),

@@ -6,7 +6,7 @@ use std::time::Instant;
 use background::Volume;
 use calibrate::{Calibration, CameraDecision};
 use checkpoint::{Average, Survey};
-use dataset::Dataset;
+use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
 use field::{Counted, Evaluations};
 use film::srgb_decode;
@@ -98,13 +98,25 @@ pub struct Fit {
     work: Workspace,
 }
 
+/// The most pixels along a side of a photograph: [`Pixel`] has coordinates of 16 bits.
+const MOST_SIDE: u32 = 65535;
+
+/// Refuses a photograph with a side that is too long.
+fn check_sides(views: &[View]) -> Result<(), InputError> {
+    let is_long = |view: &&View| view.image.width.max(view.image.height) > MOST_SIDE;
+    let Some(view) = views.iter().find(is_long) else { return Ok(()) };
+    let found = format!("{} x {} pixels", view.image.width, view.image.height);
+    let expected = format!("sides of at most {MOST_SIDE} pixels; --downscale N reduces them");
+    Err(InputError::new(&view.path, "size", found, expected))
+}
+
 impl Fit {
     /// Starts a fit in the run folder `folder`, or with `resume` continues from the checkpoint
     /// there. It writes no file. The estimator named by the options comes from `registry`.
     ///
     /// # Errors
-    /// If an option is not valid, no ray of a pixel meets the bounding sphere, or the checkpoint
-    /// cannot be used.
+    /// If an option is not valid, a side of a photograph has more than 65,535 pixels, no ray of a
+    /// pixel meets the bounding sphere, or the checkpoint cannot be used.
     pub fn new(
         folder: &Path,
         dataset: Dataset,
@@ -126,6 +138,7 @@ impl Fit {
         let pixels: u64 = dataset.train.iter().map(|v| v.image.pixels.len() as u64).sum();
         let found = format!("{pixels} pixels of photographs");
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
+        check_sides(&dataset.train)?;
         let background = file.background_model(&dataset.train);
         let colors = file.colors(&background.estimates);
         let levels = pyramid(&dataset.train, file.masks, &background, LEVELS);

@@ -86,6 +86,25 @@ impl RunCameras {
         self.views.iter().map(|own| Ok(own.camera(run)?.about(origin))).collect()
     }
 
+    /// Checks that the photographs to fit have the sizes of the run: a fit stores its corrections in
+    /// pixels.
+    ///
+    /// # Errors
+    /// Names the first photograph of another size.
+    pub fn check_sizes(&self, dataset: &Dataset, run: &Path) -> Result<(), InputError> {
+        for view in &dataset.train {
+            let Camera { width, height, .. } = view.camera;
+            let own = self.views.iter().find(|own| own.name == view.name);
+            if let Some(RunCamera { size, .. }) = own.filter(|own| own.size != [width, height]) {
+                let found = format!("{width} x {height} pixels");
+                let expected =
+                    format!("{} x {}, as in {}", size[0], size[1], run.join(FILE).display());
+                return Err(InputError::new(&view.path, "size", found, expected));
+            }
+        }
+        Ok(())
+    }
+
     /// Whether it has a camera of each training view of a data set.
     pub fn has_views_of(&self, dataset: &Dataset) -> bool {
         let has = |view: &View| self.views.iter().any(|own| own.name == view.name);
@@ -93,8 +112,9 @@ impl RunCameras {
     }
 
     /// Gives the views of a data set their refined cameras: training views by their names, held-out
-    /// views the lens of a training view that was given the same intrinsics. The data set is
-    /// relative to `origin`. `run` is the folder of the run, for the message of an error.
+    /// views the lens of a training view that was given the same intrinsics. The photographs may
+    /// have another size than those of the run. The data set is relative to `origin`. `run` is the
+    /// folder of the run, for the message of an error.
     ///
     /// # Errors
     /// If the file lacks a view, or an entry is no camera.
@@ -108,7 +128,8 @@ impl RunCameras {
         for view in &mut dataset.train {
             let own = self.views.iter().find(|own| own.name == view.name);
             let own = own.ok_or_else(|| wrong(run, &view.name, "nothing"))?;
-            view.camera = own.camera(run)?.about(origin);
+            let Camera { width, height, .. } = view.camera;
+            view.camera = own.camera(run)?.about(origin).resized(width, height);
         }
         for view in &mut dataset.test {
             let first = given.iter().position(|given| given.has_lens_of(&view.camera));

@@ -28,9 +28,16 @@ impl Check {
         Self::new(name, value, (0.0..=1e6).contains(&value), "a number from 0 to 1000000")
     }
 
-    /// The check of a number that must be 1 or more.
+    /// The check of a number that must be 1 or more, at most 2^63 − 1: TOML has no larger ones.
     pub fn at_least_one(name: &'static str, value: u64) -> Self {
-        Self::new(name, value, value >= 1, "1 or more")
+        let is_large = i64::try_from(value).is_err();
+        let expected = if is_large { "at most 9223372036854775807" } else { "1 or more" };
+        Self::new(name, value, value >= 1 && !is_large, expected)
+    }
+
+    /// The check of a seed: at most 2^63 − 1, since TOML has no larger numbers.
+    pub fn seed(name: &'static str, value: u64) -> Self {
+        Self::new(name, value, i64::try_from(value).is_ok(), "at most 9223372036854775807")
     }
 
     /// The check of a number of samples: from 1 to 65,536.

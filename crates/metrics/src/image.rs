@@ -25,14 +25,14 @@ pub(crate) fn assert_same_size(a: &Film, b: &Film) {
 /// # Panics
 /// If the images differ in size.
 pub fn psnr(a: &Film, b: &Film) -> f64 {
-    psnr_where(a, b, std::iter::repeat(true))
+    psnr_where(a, b, std::iter::repeat(true)).unwrap_or(PSNR_CAP)
 }
 
-/// [`psnr`] over the pixels that `used` flags, row-major.
+/// [`psnr`] over the pixels that `used` flags, row-major; `None` if it flags none.
 ///
 /// # Panics
 /// If the images differ in size.
-pub fn psnr_where(a: &Film, b: &Film, used: impl IntoIterator<Item = bool>) -> f64 {
+pub fn psnr_where(a: &Film, b: &Film, used: impl IntoIterator<Item = bool>) -> Option<f64> {
     assert_same_size(a, b);
     let (a, b) = (display_values(a), display_values(b));
     let (mut squares, mut count) = (0.0, 0);
@@ -41,9 +41,10 @@ pub fn psnr_where(a: &Film, b: &Film, used: impl IntoIterator<Item = bool>) -> f
         squares += a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         count += 3;
     }
-    let mean = squares / f64::from(count.max(1));
+    let mean = squares / f64::from(count);
     // Not `f64::min`: it would return the cap for a NaN.
-    if mean < 10f64.powf(-0.1 * PSNR_CAP) { PSNR_CAP } else { -10.0 * mean.log10() }
+    let psnr = if mean < 10f64.powf(-0.1 * PSNR_CAP) { PSNR_CAP } else { -10.0 * mean.log10() };
+    (count > 0).then_some(psnr)
 }
 
 /// The intersection over union of two masks, from 0 to 1; 1 if both are empty.

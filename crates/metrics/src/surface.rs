@@ -112,7 +112,8 @@ impl OneSided {
         let count = pairs.len() as f64;
         let mean = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>() / count;
         let mean_distance = mean(&|p| p.0);
-        let mut angles: Vec<f64> = pairs.iter().map(|p| p.1.min(1.0).acos().to_degrees()).collect();
+        let mut angles: Vec<f64> =
+            pairs.iter().map(|p| p.1.clamp(0.0, 1.0).acos().to_degrees()).collect();
         let normal_error = angles.iter().sum::<f64>() / count;
         let middle = angles.len() / 2;
         let (_, median, _) = angles.select_nth_unstable_by(middle, f64::total_cmp);

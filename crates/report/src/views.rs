@@ -8,7 +8,7 @@ use film::{Film, srgb_encode};
 use fit::Solid;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
-use metrics::psnr;
+use metrics::psnr_where;
 use pictures::difference;
 use render::{Camera, render};
 use serde::Serialize;
@@ -23,7 +23,8 @@ const QUALITY: u8 = 85;
 pub(crate) struct Picture {
     name: String,
     held_out: bool,
-    /// PSNR of the render, in dB, at the size of the pictures; `None` for equal images.
+    /// PSNR of the render, in dB, at the size of the pictures; `None` if a mask leaves all of their
+    /// pixels out.
     psnr: Option<f64>,
     width: u32,
     height: u32,
@@ -71,16 +72,16 @@ pub(crate) fn views(
     progress: &(dyn Fn(f64) + Sync),
 ) -> anyhow::Result<Vec<Picture>> {
     let chosen = chosen(&run.dataset.train, &run.dataset.test, detail.views);
-    let small: Vec<(Film, Camera)> =
-        chosen.iter().map(|(view, _)| reduced(view, detail.side)).collect();
-    let cameras: Vec<Camera> = small.iter().map(|(_, camera)| *camera).collect();
+    let small: Vec<View> = chosen.iter().map(|(view, _)| reduced(view, detail.side)).collect();
+    let cameras: Vec<Camera> = small.iter().map(|view| view.camera).collect();
     let colors = run.file.background_of(chosen.iter().map(|(view, _)| *view));
     let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
     let mut pictures = Vec::new();
-    for (i, ((view, held_out), (photograph, camera))) in chosen.iter().zip(&small).enumerate() {
+    for (i, ((_, held_out), view)) in chosen.iter().zip(&small).enumerate() {
         let done = |p| progress((i as f64 + p) / chosen.len() as f64);
         let image = render(&scene, i, detail.spp, run.file.options.seed, &done)?.film;
-        let psnr = Some(psnr(&image, photograph)).filter(|psnr| psnr.is_finite());
+        let View { camera, image: photograph, .. } = view;
+        let psnr = psnr_where(&image, photograph, view.used()).filter(|psnr| psnr.is_finite());
         let error = difference(&image, photograph);
         pictures.push(Picture {
             name: view.name.clone(),
@@ -106,12 +107,9 @@ fn chosen<'a>(train: &'a [View], test: &'a [View], most: usize) -> Vec<(&'a View
     steps(train, of_train, false).chain(steps(test, of_test, true)).collect()
 }
 
-/// The photograph of a view with at most `side` pixels along each side, and its camera.
-fn reduced(view: &View, side: u32) -> (Film, Camera) {
-    let n = view.camera.width.max(view.camera.height).div_ceil(side).max(1);
-    let film = if n > 1 { view.image.downscaled(n) } else { view.image.clone() };
-    let camera = view.camera.reduced(n, film.width, film.height);
-    (film, camera)
+/// The view with at most `side` pixels along each side.
+fn reduced(view: &View, side: u32) -> View {
+    view.downscaled(view.camera.width.max(view.camera.height).div_ceil(side).max(1))
 }
 
 /// A JPEG file of an image, in base64.

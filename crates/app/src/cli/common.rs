@@ -204,5 +204,9 @@ pub(crate) fn as_fitted(
     bar.finish_and_clear();
     dataset.test.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
     global.say("cameras: those of the held-out views are aligned to the model first");
+    if exposures.is_some() {
+        // With the cameras as given, a bright part may have stood beside its place.
+        match_exposures(model, file, &mut dataset.test, &|_| {})?;
+    }
     Ok(())
 }

@@ -23,7 +23,7 @@ pub(crate) struct Render {
     #[arg(short, long)]
     output: PathBuf,
     /// Samples per pixel
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Seed of the samples, for scene files [default: 0]
     #[arg(long)]

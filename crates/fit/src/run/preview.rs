@@ -1,9 +1,7 @@
 //! Pictures of a fit while it runs.
 
-use std::borrow::Cow;
-
+use dataset::View;
 use metrics::psnr_where;
-use photometry::{MaskUse, Photograph};
 use pictures::write_preview;
 
 use super::Fit;
@@ -28,28 +26,26 @@ impl Fit {
     pub fn preview(&mut self) -> anyhow::Result<()> {
         let held_out = self.dataset.test.first();
         let Some(view) = held_out.or(self.dataset.train.first()) else { return Ok(()) };
-        let cameras = [match (self.corrections.calibration(), held_out) {
+        let camera = match (self.corrections.calibration(), held_out) {
             (Some(calibration), Some(view)) => calibration.apply_lens(&view.camera),
             (Some(calibration), None) => calibration.apply(0, &view.camera),
             (None, _) => view.camera,
-        }];
+        };
         let path = self.folder.join("preview").join(format!("{:06}.png", self.iteration));
-        let mut shown = Cow::Borrowed(std::slice::from_ref(view));
+        let n = reduction([view.image.width, view.image.height]);
+        let small = view.downscaled(n);
+        let camera = camera.reduced(n, small.image.width, small.image.height);
+        let mut shown = [View { camera, ..small }];
         if self.gains.is_some() {
-            match_exposures(&self.model, &self.file, shown.to_mut(), &|_| {})?;
+            match_exposures(&self.model, &self.file, &mut shown, &|_| {})?;
         }
+        let [shown] = shown;
         let solid = Solid::new(&self.model, &self.file);
-        let colors = self.file.background_of(&*shown);
-        let whole = Photograph::new(&shown[0], MaskUse::LeaveOut);
-        let n = reduction(whole.size());
-        let photograph = if n > 1 { whole.downscaled(n) } else { whole };
-        let [width, height] = photograph.size();
-        let cameras = cameras.map(|camera| camera.reduced(n, width, height));
+        let colors = self.file.background_of([&shown]);
+        let cameras = [shown.camera];
         let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-        let image = write_preview(&path, &scene, 0, &photograph.image)?;
-        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let used = pixels.map(|(x, y)| photograph.is_used(x, y));
-        self.held_out_psnr = held_out.map(|_| psnr_where(&image, &photograph.image, used));
+        let image = write_preview(&path, &scene, 0, &shown.image)?;
+        self.held_out_psnr = held_out.and_then(|_| psnr_where(&image, &shown.image, shown.used()));
         Ok(())
     }
 }

@@ -18,12 +18,12 @@ use render::{Render, render};
 pub(in crate::cli) struct ViewErrors {
     /// The name of the photograph in the data set.
     name: String,
-    /// PSNR in dB, over the frame.
-    psnr: f64,
+    /// PSNR in dB, over the used pixels of the frame; `None` if a mask leaves all of them out.
+    psnr: Option<f64>,
     /// PSNR in dB, inside the object's mask; `None` without a mask, or with an empty one.
     psnr_masked: Option<f64>,
-    /// Structural similarity over the frame.
-    ssim: f64,
+    /// Structural similarity over the frame; `None` if it is smaller than a window of 11 pixels.
+    ssim: Option<f64>,
     /// Intersection over union of the masks; `None` without a mask.
     mask_iou: Option<f64>,
 }
@@ -58,7 +58,7 @@ pub(in crate::cli) fn compare_views(
             name: view.name.clone(),
             psnr: psnr_where(&image.film, &view.image, view.used()),
             psnr_masked: psnr_inside_mask(&image.film, view),
-            ssim: ssim(&image.film, &view.image),
+            ssim: Some(ssim(&image.film, &view.image)).filter(|ssim| ssim.is_finite()),
             mask_iou: view.coverage().map(|mask| mask_iou(&image.coverage, mask)),
         });
         if let Some(folder) = pictures {
@@ -70,9 +70,9 @@ pub(in crate::cli) fn compare_views(
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
     Ok(EvalReport {
-        psnr: mean(&|v| Some(v.psnr)),
+        psnr: mean(&|v| v.psnr),
         psnr_masked: mean(&|v| v.psnr_masked),
-        ssim: mean(&|v| Some(v.ssim)),
+        ssim: mean(&|v| v.ssim),
         mask_iou: mean(&|v| v.mask_iou),
         is_empty,
         ..report
@@ -81,9 +81,8 @@ pub(in crate::cli) fn compare_views(
 
 /// The PSNR over the pixels that the object covers by a half or more.
 fn psnr_inside_mask(image: &Film, view: &View) -> Option<f64> {
-    let mask = view.coverage()?;
-    let inside = || mask.iter().map(|coverage| *coverage >= 0.5);
-    inside().any(|inside| inside).then(|| psnr_where(image, &view.image, inside()))
+    let inside = view.coverage()?.iter().map(|coverage| *coverage >= 0.5);
+    psnr_where(image, &view.image, inside)
 }
 
 /// The picture of view number `number`: the number, and the name of the photograph's file.
@@ -110,8 +109,7 @@ pub(super) fn table(views: &[ViewErrors]) -> String {
     )];
     let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.4}"));
     for v in views {
-        let [psnr, masked, ssim, iou] =
-            [Some(v.psnr), v.psnr_masked, Some(v.ssim), v.mask_iou].map(number);
+        let [psnr, masked, ssim, iou] = [v.psnr, v.psnr_masked, v.ssim, v.mask_iou].map(number);
         lines.push(format!("{:<32} {psnr:>9} {masked:>9} {ssim:>9} {iou:>9}", v.name));
     }
     lines.join("\n")

@@ -6,7 +6,7 @@ use super::options::Fit;
 use super::run_folder::{absolute, refuse_without_checkpoint};
 use crate::cli::common::{ARGUMENTS, FROM_RUN, Global, option_error};
 use dataset::Dataset;
-use fit::{RunFile, check_masks};
+use fit::{RunCameras, RunFile, check_masks};
 use io::InputError;
 
 /// The options that a resumed run may change.
@@ -31,6 +31,9 @@ impl Fit {
         self.refuse_other_options(&file, &toml)?;
         self.take_place_of_dataset(&mut file, &toml)?;
         let dataset = file.read(None)?;
+        if let Some(cameras) = RunCameras::load(&self.output)? {
+            cameras.check_sizes(&dataset, &self.output)?;
+        }
         check_masks(file.masks, &dataset, &toml)?;
         let dataset = file.prepare(dataset);
         Ok((dataset, file, FROM_RUN.to_owned()))

@@ -39,7 +39,13 @@ pub(in crate::cli) fn refuse_occupied(run: &Path) -> Result<(), InputError> {
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected));
     }
     let is_run = RunFile::load(run).is_ok();
-    let results = ["model.safetensors", "radiance.safetensors", "background.safetensors"];
+    let results = [
+        "model.safetensors",
+        "radiance.safetensors",
+        "background.safetensors",
+        "cameras.json",
+        "exposures.json",
+    ];
     let of_start = ["fit.toml", "metrics.jsonl", "checkpoint", "preview"];
     let replaced = results.iter().chain(of_start.iter().filter(|_| !is_run));
     for name in replaced {
