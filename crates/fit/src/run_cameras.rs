@@ -86,8 +86,8 @@ impl RunCameras {
         self.views.iter().map(|own| Ok(own.camera(run)?.about(origin))).collect()
     }
 
-    /// Checks that the photographs to fit have the sizes of the run: a fit stores its corrections in
-    /// pixels.
+    /// Checks that the photographs to fit have the sizes of the run: a fit stores its corrections
+    /// in pixels.
     ///
     /// # Errors
     /// Names the first photograph of another size.

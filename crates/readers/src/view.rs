@@ -37,8 +37,8 @@ impl View {
         self.mask.as_ref().is_none_or(|mask| mask.is_used(i))
     }
 
-    /// The view at 1/`n` of its size, rounded up; see [`Film::downscaled`]. A pixel of it is used if
-    /// the view uses all that it covers.
+    /// The view at 1/`n` of its size, rounded up; see [`Film::downscaled`]. A pixel of it is used
+    /// if the view uses all that it covers.
     ///
     /// # Panics
     /// If `n` is 0.

@@ -43,7 +43,8 @@ pub(crate) struct Eval {
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// Samples per pixel
-    #[arg(long, default_value_t = SAMPLES, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = SAMPLES,
+          value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Grid cells along the diameter of the bounding sphere, for the mesh of the run
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
