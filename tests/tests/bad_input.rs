@@ -217,7 +217,10 @@ fn wrong_options_and_checkpoints_of_a_resumed_fit_are_refused() {
     resume_refused(&["--preset", "fast"], &["--preset", "--resume"]);
     tests::dsdf_ok(&[&resume[..], &["--batch", "16", "--iterations", "3"]].concat());
     resume_refused(&["--iterations", "1"], &["arguments: --iterations", "at least the 3"]);
-    resume_refused(&["--time", "1ms"], &["arguments: --time: found 0.001 s, expected at least the"]);
+    resume_refused(
+        &["--time", "1ms"],
+        &["arguments: --time: found 0.001 s, expected at least the"],
+    );
     resume_refused(&["--time", "nan"], &["--time", "nan", "expected a time above 0"]);
     // A checkpoint with a number that is none, and one that is cut short.
     let state = folder.path("run/checkpoint/state.safetensors");

@@ -120,9 +120,14 @@ fn a_fit_refines_disturbed_poses() {
     refused(&["eval", &run], 2, &["cameras.json: cameras: ", "found nothing"]);
     // Corrections in pixels are those of photographs of one size.
     fs::write(&broken, refined).unwrap();
-    for entry in fs::read_dir(format!("{data}/train")).unwrap() {
-        let path = entry.unwrap().path();
-        image::RgbImage::new(24, 24).save(path).unwrap();
+    for part in ["train", "test"] {
+        let path = format!("{data}/transforms_{part}.json");
+        let mut root = read(&path);
+        [root["w"], root["h"]] = [json!(24), json!(24)];
+        fs::write(path, root.to_string()).unwrap();
+        for entry in fs::read_dir(format!("{data}/{part}")).unwrap() {
+            image::RgbImage::new(24, 24).save(entry.unwrap().path()).unwrap();
+        }
     }
     let resume = ["fit", "--resume", "-o", &run, "--iterations", "700"];
     refused(&resume, 2, &["size: found 24 x 24 pixels, expected 48 x 48", "cameras.json"]);
