@@ -263,9 +263,19 @@ const MAX_BATCH: usize = 1 << 24;
 /// Bytes of memory for each draw of an iteration. Measured: 14.
 const MEMORY_PER_DRAW: u64 = 32;
 
-/// Bytes of memory for the pixels that are in memory together, at most 4096. An estimate: up to
-/// 16 KiB a pixel, before a trained background.
+/// The most pixels that are in memory together.
+const ROUND: usize = 4096;
+
+/// Bytes of memory for these pixels. An estimate: up to 16 KiB a pixel, before a trained
+/// background.
 const MEMORY_OF_ROUND: u64 = 64 << 20;
+
+/// Pixels for each one that a silhouette may cross: a tenth of a batch, in docs/iteration.md.
+const PIXELS_PER_CROSSED: usize = 10;
+
+/// Bytes of memory for each sample of such a pixel. Measured: 5 KiB for the two lines of an edge
+/// sample of `refined`.
+const MEMORY_PER_EDGE_SAMPLE: u64 = 5 << 10;
 
 /// Bytes of memory for each parameter of the network: the parameters, their packed copies, the
 /// moments of Adam, the copies of a checkpoint that is written, and 16 partial sums of the
@@ -309,7 +319,13 @@ impl FitOptions {
         let found = format!("{} layers of width {}", self.layers, self.width);
         check_memory(source, "width", found, self.network_memory())?;
         let memory = MEMORY_PER_DRAW * self.batch as u64 + MEMORY_OF_ROUND;
-        check_memory(source, "batch", format!("{} pixels", self.batch), memory)
+        check_memory(source, "batch", format!("{} pixels", self.batch), memory)?;
+        let crossed = self.batch.min(ROUND).div_ceil(PIXELS_PER_CROSSED) as u64;
+        for (name, count) in [("edge_rays", self.edge_rays), ("edge_samples", self.edge_samples)] {
+            let memory = crossed * u64::from(count) * MEMORY_PER_EDGE_SAMPLE;
+            check_memory(source, name, format!("{count} samples"), memory)?;
+        }
+        Ok(())
     }
 
     /// An estimate of the memory of a network, its optimiser and its gradients, in bytes.
