@@ -55,8 +55,8 @@ impl RunFile {
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
     /// # Errors
-    /// By [`MaskChoice::resolve`], or if the sphere is too small or too large for single precision:
-    /// its units are, or it comes from cameras that all stand at one place.
+    /// By [`crate::MaskChoice::resolve`], or if the sphere is too small or too large for single
+    /// precision: its units are, or it comes from cameras that all stand at one place.
     pub fn of_dataset(
         path: PathBuf,
         dataset: &Dataset,
