@@ -163,7 +163,10 @@ fn protections_of_a_fit_are_options_that_a_resumed_run_keeps() {
         let refused = dsdf(&[&resume[..], &[option]].concat());
         let message = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert_eq!(refused.status.code(), Some(2), "{option}: {message}");
-        assert!(message.contains("the value of this run"), "{option}: {message}");
+        assert!(
+            message.contains("arguments: --") && message.contains("as in "),
+            "{option}: {message}"
+        );
     }
     dsdf_ok(&resume);
     assert!(model(&bare) == model(&halves), "the resumed run differs");

@@ -18,6 +18,6 @@ pub use bounds::{
     SphereSource, Surroundings, check_cameras, check_places, looks_away, surroundings,
 };
 pub use load::{LoadOptions, Unread, load, open};
-pub use readers::{Distortion, Mask, MaskKind, View};
+pub use readers::{ALL_USED, Distortion, Mask, MaskKind, View};
 pub use split::HELD_OUT;
 pub use view::Dataset;

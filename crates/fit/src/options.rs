@@ -263,18 +263,16 @@ const MAX_BATCH: usize = 1 << 24;
 /// Bytes of memory for each draw of an iteration. Measured: 14.
 const MEMORY_PER_DRAW: u64 = 32;
 
-/// The most pixels that are in memory together.
-const ROUND: usize = 4096;
-
-/// Bytes of memory for these pixels. An estimate: up to 16 KiB a pixel, before a trained
+/// Bytes of memory for the pixels of a round. An estimate: up to 16 KiB a pixel, before a trained
 /// background.
 const MEMORY_OF_ROUND: u64 = 64 << 20;
 
-/// Pixels for each one that a silhouette may cross: a tenth of a batch, in docs/iteration.md.
-const PIXELS_PER_CROSSED: usize = 10;
+/// Pixels for each one that a silhouette may cross. Half of them are crossed in a fit of images of
+/// 32 × 32 pixels, and a fiftieth on `spot`.
+const PIXELS_PER_CROSSED: usize = 2;
 
 /// Bytes of memory for each sample of such a pixel. Measured: 5 KiB for the two lines of an edge
-/// sample of `refined`.
+/// sample of `refined`. An estimate for other samples.
 const MEMORY_PER_EDGE_SAMPLE: u64 = 5 << 10;
 
 /// Bytes of memory for each parameter of the network: the parameters, their packed copies, the
@@ -320,12 +318,11 @@ impl FitOptions {
         check_memory(source, "width", found, self.network_memory())?;
         let memory = MEMORY_PER_DRAW * self.batch as u64 + MEMORY_OF_ROUND;
         check_memory(source, "batch", format!("{} pixels", self.batch), memory)?;
-        let crossed = self.batch.min(ROUND).div_ceil(PIXELS_PER_CROSSED) as u64;
-        for (name, count) in [("edge_rays", self.edge_rays), ("edge_samples", self.edge_samples)] {
-            let memory = crossed * u64::from(count) * MEMORY_PER_EDGE_SAMPLE;
-            check_memory(source, name, format!("{count} samples"), memory)?;
-        }
-        Ok(())
+        let crossed = self.batch.min(objective::ROUND).div_ceil(PIXELS_PER_CROSSED) as u64;
+        let (rays, edges) = (self.edge_rays, self.edge_samples);
+        let memory = crossed * (u64::from(rays) + u64::from(edges)) * MEMORY_PER_EDGE_SAMPLE;
+        let found = format!("{edges} samples, and {rays} of edge_rays");
+        check_memory(source, "edge_samples", found, memory)
     }
 
     /// An estimate of the memory of a network, its optimiser and its gradients, in bytes.

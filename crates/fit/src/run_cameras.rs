@@ -129,7 +129,7 @@ impl RunCameras {
             let own = self.views.iter().find(|own| own.name == view.name);
             let own = own.ok_or_else(|| wrong(run, &view.name, "nothing"))?;
             let Camera { width, height, .. } = view.camera;
-            view.camera = own.camera(run)?.about(origin).resized(width, height);
+            view.camera = at_size(&own.camera(run)?.about(origin), [width, height]);
         }
         for view in &mut dataset.test {
             let first = given.iter().position(|given| given.has_lens_of(&view.camera));
@@ -140,6 +140,14 @@ impl RunCameras {
         }
         Ok(())
     }
+}
+
+/// The camera of the same photograph at another size: at 1/n of it, as photographs are read, or else
+/// over the same field of view.
+fn at_size(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
+    let n = (f64::from(camera.width) / f64::from(width)).round().max(1.0) as u32;
+    let is_nth = [camera.width.div_ceil(n), camera.height.div_ceil(n)] == [width, height];
+    if is_nth { camera.reduced(n, width, height) } else { camera.resized(width, height) }
 }
 
 /// The error of a view of the file in the folder `run`.

@@ -10,7 +10,7 @@ use dataset::{
 use field::Sphere;
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
-use io::{Check, InputError, SPHERE, atomic_write, is_sphere};
+use io::{ARGUMENTS, Check, InputError, SPHERE, atomic_write, is_sphere};
 use render::BackgroundPerCamera;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +63,7 @@ impl RunFile {
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
         let mut found = surroundings(dataset, options.bounds(), false);
-        let arguments = Path::new("arguments");
+        let arguments = Path::new(ARGUMENTS);
         // A background that the user models is there.
         let is_modelled = options.background != BackgroundChoice::Auto;
         let masks = options.masks.resolve(dataset, found.is_uniform() || is_modelled, arguments)?;

@@ -4,6 +4,9 @@ use std::path::Path;
 
 use crate::InputError;
 
+/// The whole numbers of TOML, in words.
+const TOML_NUMBERS: &str = "at most 9223372036854775807";
+
 /// One entry with its value, whether the value is valid, and the valid values.
 pub struct Check {
     name: &'static str,
@@ -31,13 +34,13 @@ impl Check {
     /// The check of a number that must be 1 or more, at most 2^63 − 1: TOML has no larger ones.
     pub fn at_least_one(name: &'static str, value: u64) -> Self {
         let is_large = i64::try_from(value).is_err();
-        let expected = if is_large { "at most 9223372036854775807" } else { "1 or more" };
+        let expected = if is_large { TOML_NUMBERS } else { "1 or more" };
         Self::new(name, value, value >= 1 && !is_large, expected)
     }
 
     /// The check of a seed: at most 2^63 − 1, since TOML has no larger numbers.
     pub fn seed(name: &'static str, value: u64) -> Self {
-        Self::new(name, value, i64::try_from(value).is_ok(), "at most 9223372036854775807")
+        Self::new(name, value, i64::try_from(value).is_ok(), TOML_NUMBERS)
     }
 
     /// The check of a number of samples: from 1 to 65,536.

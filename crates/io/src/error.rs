@@ -3,6 +3,9 @@
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
+/// The `file` of an error in an argument of the command line.
+pub const ARGUMENTS: &str = "arguments";
+
 /// Wrong input: an error that the user can correct in a file or in an argument.
 ///
 /// Displays as one line, `FILE: FIELD: found FOUND, expected EXPECTED`. The command line ends with

@@ -28,7 +28,7 @@ pub use atomic::{
 pub use bounds::{SPHERE, is_sphere, parse_bounds};
 pub use check::Check;
 pub use duration::parse_duration;
-pub use error::{InputError, is_hidden, printable};
+pub use error::{ARGUMENTS, InputError, is_hidden, printable};
 pub use exif::FocalLength;
 pub use heif::refuse_unconverted;
 pub use image_read::{

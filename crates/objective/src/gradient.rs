@@ -16,8 +16,8 @@ use crate::part::Part;
 use crate::sharp::trace;
 use crate::sums::{Stage, Workspace};
 
-/// The most pixels that are in memory together.
-const ROUND: usize = 4096;
+/// The most pixels of a batch that are in memory together.
+pub const ROUND: usize = 4096;
 
 /// The number of parts of a round: 16 threads can share it.
 pub(crate) const PARTS: usize = 16;

@@ -11,7 +11,7 @@ mod soft;
 mod sums;
 
 pub use batch::{Batch, BatchStats};
-pub use gradient::{Gradient, gradient};
+pub use gradient::{Gradient, ROUND, gradient};
 pub use sums::{Observer, Stage, Workspace};
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The image pyramid: the photographs at several sizes, and their pixels whose rays meet the
 //! bounding sphere.
 
-use dataset::View;
+use dataset::{ALL_USED, View};
 use film::Film;
 use glam::{DVec2, Vec3};
 use random::{Purpose, Stream};
@@ -10,9 +10,6 @@ use render::{Camera, Sample};
 use crate::background::{BackgroundModel, near, with_margin};
 use crate::loss::Target;
 use crate::masks::MaskUse;
-
-/// The share of a pixel from which all of it counts as used: 1, less the rounding of means.
-const ALL: f32 = 0.999;
 
 /// The smallest side that a level of the pyramid may have, in pixels.
 const SMALLEST_SIDE: u32 = 24;
@@ -59,7 +56,7 @@ impl Photograph {
     /// # Panics
     /// If `n` is 0.
     #[must_use]
-    pub fn downscaled(&self, n: u32) -> Self {
+    fn downscaled(&self, n: u32) -> Self {
         let downscaled = |film: &Film| film.downscaled(n);
         Photograph {
             image: downscaled(&self.image),
@@ -97,7 +94,7 @@ impl Photograph {
 
     /// Whether pixel (x, y) is used, all of it.
     pub fn is_used(&self, x: u32, y: u32) -> bool {
-        self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL)
+        self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL_USED)
     }
 }
 

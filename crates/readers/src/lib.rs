@@ -20,7 +20,7 @@ mod view;
 
 pub use colmap::{SparseCamera, SparseModel, sparse_model};
 pub use lens::Distortion;
-pub use mask::{Mask, MaskKind};
+pub use mask::{ALL_USED, Mask, MaskKind};
 pub use unread::UnreadView;
 pub use view::View;
 

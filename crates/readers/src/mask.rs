@@ -20,6 +20,9 @@ pub enum MaskKind {
     Used,
 }
 
+/// The mean of a mask of used pixels from which all of them count as used: 1, less rounding.
+pub const ALL_USED: f32 = 0.999;
+
 /// Pixels of a [`MaskKind::Used`] mask below this are left out.
 const LEAST_USED: f32 = 0.5;
 

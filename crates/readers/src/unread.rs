@@ -253,11 +253,8 @@ impl Photograph {
     /// pixels; at the right and lower border, of those that exist.
     fn downscaled(self, n: u32) -> Self {
         let Photograph { camera, image, mask } = self;
-        let (width, height) = (camera.width.div_ceil(n), camera.height.div_ceil(n));
-        let scale = DVec2::splat(f64::from(n));
-        let (focal, principal) = (camera.focal / scale, camera.principal / scale);
         Photograph {
-            camera: Camera { width, height, focal, principal, ..camera },
+            camera: camera.reduced(n, camera.width.div_ceil(n), camera.height.div_ceil(n)),
             image: image.downscaled(n),
             mask: mask.map(|(kind, mask)| (kind, mask.downscaled(n))),
         }

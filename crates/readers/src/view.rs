@@ -5,10 +5,7 @@ use std::path::PathBuf;
 use film::Film;
 use render::Camera;
 
-use crate::{Mask, MaskKind};
-
-/// The mean of the pixels of a mask from which all of them count as used: 1, less rounding.
-const ALL: f32 = 0.999;
+use crate::{ALL_USED, Mask, MaskKind};
 
 /// One posed photograph, without lens distortion.
 #[derive(Clone, Debug)]
@@ -47,11 +44,18 @@ impl View {
         let image = self.image.downscaled(n);
         let (width, height) = (self.image.width, self.image.height);
         let mask = self.mask.as_ref().map(|mask| {
-            let means = Film::grey(width, height, mask.values.iter().copied()).downscaled(n);
-            let values = means.pixels.iter().map(|p| p[0]);
+            let means = |values: &mut dyn Iterator<Item = f32>| {
+                let means = Film::grey(width, height, values).downscaled(n);
+                means.pixels.into_iter().map(|p| p[0])
+            };
             let values = match mask.kind {
-                MaskKind::Alpha | MaskKind::Object => values.collect(),
-                MaskKind::Used => values.map(|mean| f32::from(u8::from(mean >= ALL))).collect(),
+                MaskKind::Alpha | MaskKind::Object => {
+                    means(&mut mask.values.iter().copied()).collect()
+                }
+                MaskKind::Used => {
+                    let mut used = self.used().map(|used| f32::from(u8::from(used)));
+                    means(&mut used).map(|mean| f32::from(u8::from(mean >= ALL_USED))).collect()
+                }
             };
             Mask { kind: mask.kind, values }
         });
@@ -79,14 +83,17 @@ mod tests {
             path: PathBuf::new(),
             camera: Camera::from_pose(3, 2, lens.0, lens.1, DMat4::IDENTITY).unwrap(),
             image: Film::grey(3, 2, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
-            mask: Some(Mask { kind, values: vec![1.0, 1.0, 1.0, 0.0, 1.0, 1.0] }),
+            // A pixel is used from 0.5 on.
+            mask: Some(Mask { kind, values: vec![1.0, 1.0, 0.9, 0.0, 1.0, 0.7] }),
         };
+        let whole = view(MaskKind::Used);
+        assert!(whole.downscaled(1).used().eq(whole.used()));
         let half = view(MaskKind::Used).downscaled(2);
         assert_eq!(half.used().collect::<Vec<bool>>(), [false, true]);
         assert_eq!(half.image.pixels, [[2.0; 3], [3.5; 3]]);
         let Camera { width, height, focal, .. } = half.camera;
         assert_eq!((width, height, focal), (2, 1, DVec2::splat(1.5)));
         let half = view(MaskKind::Object).downscaled(2);
-        assert_eq!(half.coverage(), Some(&[0.75, 1.0][..]));
+        assert_eq!(half.coverage(), Some(&[0.75, 0.8][..]));
     }
 }

@@ -12,6 +12,8 @@ use fit::{Model, RunCameras, RunExposures, RunFile, align, match_exposures};
 use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 use messages::{Console, Progress};
 
+pub(super) use io::ARGUMENTS;
+
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Options of every command")]
@@ -160,9 +162,6 @@ pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputEr
 fn flag(name: &str) -> String {
     format!("--{}", name.replace('_', "-"))
 }
-
-/// The file name in messages about the command line.
-pub(super) const ARGUMENTS: &str = "arguments";
 
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use checkpoint::State;
-use io::InputError;
+use io::{ARGUMENTS, InputError};
 
 use super::Fit;
 use crate::model::Model;
@@ -25,7 +25,7 @@ pub(super) fn load_state(folder: &Path, file: &RunFile) -> anyhow::Result<State>
     let budget = |options: &FitOptions| (options.time, options.iterations);
     let source = match budget(&kept) == budget(&file.options) {
         true => folder.join("fit.toml"),
-        false => PathBuf::from("arguments"),
+        false => PathBuf::from(ARGUMENTS),
     };
     let refused = |field, found: String, expected| {
         Err(InputError::new(source, field, found, expected).into())

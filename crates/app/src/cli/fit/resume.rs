@@ -19,7 +19,6 @@ impl Fit {
         &self,
         global: &Global,
     ) -> anyhow::Result<(Dataset, RunFile, String)> {
-        self.validate(global)?;
         let mut file = RunFile::load(&self.output)?;
         refuse_without_checkpoint(&self.output)?;
         if self.options.time.is_some() || self.options.iterations.is_some() {
@@ -27,7 +26,14 @@ impl Fit {
                 (self.options.time, self.options.iterations);
         }
         let toml = self.output.join("fit.toml");
-        file.options.validate(&toml, &global.registry)?;
+        // The budget alone may be from the command line.
+        let is_budget = |e: &InputError| BUDGET.contains(&e.field.as_str());
+        file.options.validate(&toml, &global.registry).map_err(|e| {
+            match is_budget(&e) && self.explicit.contains(&e.field) {
+                true => option_error(&e.field, e.found, &e.expected),
+                false => e,
+            }
+        })?;
         self.refuse_other_options(&file, &toml)?;
         self.take_place_of_dataset(&mut file, &toml)?;
         let dataset = file.read(None)?;
