@@ -142,8 +142,8 @@ impl RunCameras {
     }
 }
 
-/// The camera of the same photograph at another size: at 1/n of it, as photographs are read, or else
-/// over the same field of view.
+/// The camera of the same photograph at another size: at 1/n of it, as photographs are read, or
+/// else over the same field of view.
 fn at_size(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
     let n = (f64::from(camera.width) / f64::from(width)).round().max(1.0) as u32;
     let is_nth = [camera.width.div_ceil(n), camera.height.div_ceil(n)] == [width, height];
@@ -172,5 +172,26 @@ impl RunCamera {
         let pose = DMat4::from_cols_array_2d(&self.pose).transpose();
         let camera = Camera::from_pose(width, height, focal, principal, pose)?;
         Some(Camera { radial, ..camera })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A photograph that is read at 1/5 of 32 × 48 pixels has 7 × 10 of them, and the last ones
+    /// reach over its border.
+    #[test]
+    fn cameras_of_smaller_photographs_have_the_same_rays() {
+        let (focal, principal) = (DVec2::splat(40.0), DVec2::new(16.0, 24.0));
+        let camera = Camera::from_pose(32, 48, focal, principal, DMat4::IDENTITY).unwrap();
+        let at = |size| {
+            let Camera { width, height, focal, principal, .. } = at_size(&camera, size);
+            ([width, height], focal.to_array(), principal.to_array())
+        };
+        assert_eq!(at([32, 48]), ([32, 48], [40.0; 2], [16.0, 24.0]));
+        assert_eq!(at([7, 10]), ([7, 10], [8.0; 2], [3.2, 4.8]));
+        assert_eq!(at([16, 36]), ([16, 36], [20.0, 30.0], [8.0, 18.0]));
+        assert_eq!(at([64, 96]), ([64, 96], [80.0; 2], [32.0, 48.0]));
     }
 }
