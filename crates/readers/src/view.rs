@@ -84,7 +84,7 @@ mod tests {
             camera: Camera::from_pose(3, 2, lens.0, lens.1, DMat4::IDENTITY).unwrap(),
             image: Film::grey(3, 2, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
             // A pixel is used from 0.5 on.
-            mask: Some(Mask { kind, values: vec![1.0, 1.0, 0.9, 0.0, 1.0, 0.7] }),
+            mask: Some(Mask { kind, values: vec![1.0, 1.0, 0.75, 0.0, 1.0, 0.5] }),
         };
         let whole = view(MaskKind::Used);
         assert!(whole.downscaled(1).used().eq(whole.used()));
@@ -94,6 +94,6 @@ mod tests {
         let Camera { width, height, focal, .. } = half.camera;
         assert_eq!((width, height, focal), (2, 1, DVec2::splat(1.5)));
         let half = view(MaskKind::Object).downscaled(2);
-        assert_eq!(half.coverage(), Some(&[0.75, 0.8][..]));
+        assert_eq!(half.coverage(), Some(&[0.75, 0.625][..]));
     }
 }
