@@ -78,6 +78,11 @@ impl RunCameras {
         run_json::load(run, FILE, "cameras")
     }
 
+    /// The camera of a view, which has its name.
+    fn of(&self, view: &View) -> Option<&RunCamera> {
+        self.views.iter().find(|own| own.name == view.name)
+    }
+
     /// All cameras, relative to `origin`. `run` is the folder of the run.
     ///
     /// # Errors
@@ -94,8 +99,8 @@ impl RunCameras {
     pub fn check_sizes(&self, dataset: &Dataset, run: &Path) -> Result<(), InputError> {
         for view in &dataset.train {
             let Camera { width, height, .. } = view.camera;
-            let own = self.views.iter().find(|own| own.name == view.name);
-            if let Some(RunCamera { size, .. }) = own.filter(|own| own.size != [width, height]) {
+            let own = self.of(view).filter(|own| own.size != [width, height]);
+            if let Some(RunCamera { size, .. }) = own {
                 let found = format!("{width} x {height} pixels");
                 let expected =
                     format!("{} x {}, as in {}", size[0], size[1], run.join(FILE).display());
@@ -107,8 +112,7 @@ impl RunCameras {
 
     /// Whether it has a camera of each training view of a data set.
     pub fn has_views_of(&self, dataset: &Dataset) -> bool {
-        let has = |view: &View| self.views.iter().any(|own| own.name == view.name);
-        dataset.train.iter().all(has)
+        dataset.train.iter().all(|view| self.of(view).is_some())
     }
 
     /// Gives the views of a data set their refined cameras: training views by their names, held-out
@@ -126,8 +130,7 @@ impl RunCameras {
     ) -> Result<(), InputError> {
         let given: Vec<Camera> = dataset.train.iter().map(|view| view.camera).collect();
         for view in &mut dataset.train {
-            let own = self.views.iter().find(|own| own.name == view.name);
-            let own = own.ok_or_else(|| wrong(run, &view.name, "nothing"))?;
+            let own = self.of(view).ok_or_else(|| wrong(run, &view.name, "nothing"))?;
             let Camera { width, height, .. } = view.camera;
             view.camera = at_size(&own.camera(run)?.about(origin), [width, height]);
         }
