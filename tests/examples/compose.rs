@@ -30,7 +30,7 @@ fn main() -> ExitCode {
         Err(error) if error.use_stderr() => {
             let text = error.to_string();
             let first = text.split("\n\n").next().unwrap_or_default().split_whitespace();
-            eprintln!("{}", io::printable(&first.collect::<Vec<_>>().join(" ")));
+            eprintln!("{}", files::printable(&first.collect::<Vec<_>>().join(" ")));
             return ExitCode::from(2);
         }
         Err(help) => {
@@ -42,8 +42,8 @@ fn main() -> ExitCode {
     match run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", io::printable(&format!("{error:#}").replace('\n', " ")));
-            ExitCode::from(if error.is::<io::InputError>() { 2 } else { 1 })
+            eprintln!("error: {}", files::printable(&format!("{error:#}").replace('\n', " ")));
+            ExitCode::from(if error.is::<files::InputError>() { 2 } else { 1 })
         }
     }
 }
@@ -55,6 +55,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let result = compose(*kind, dataset, out, *seed, &mut |p| bar.set_position((1e3 * p) as u64));
     bar.finish_and_clear();
     result?;
-    println!("{}", io::printable(&out.display().to_string()));
+    println!("{}", files::printable(&out.display().to_string()));
     Ok(())
 }

@@ -35,18 +35,17 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 /// # Panics
 /// If the build fails.
 pub fn binary() -> PathBuf {
-    program("app")
+    program("dsdf")
 }
 
-/// The path of a package's program, built once in the profile of the tests: `dsdf` for `app`, or
-/// the binary with the name of the package.
+/// The path of a package's program, built once in the profile of the tests: the binary with the
+/// name of the package.
 ///
 /// # Panics
 /// If the build fails.
 pub fn program(package: &str) -> PathBuf {
     static FOLDER: LazyLock<PathBuf> = LazyLock::new(build);
-    let name = if package == "app" { "dsdf" } else { package };
-    FOLDER.join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+    FOLDER.join(format!("{package}{}", std::env::consts::EXE_SUFFIX))
 }
 
 /// Builds all programs and returns their folder.

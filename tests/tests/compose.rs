@@ -32,9 +32,9 @@ impl Renders {
         });
         let folder = tempfile::tempdir().unwrap();
         let scene = scene::SceneFile::from_value("ball.json".as_ref(), &file).unwrap();
-        let options = synth::Options { views: 3, size: [SIZE as u32; 2], spp: 16, seed: 0 };
+        let options = scene::synth::Options { views: 3, size: [SIZE as u32; 2], spp: 16, seed: 0 };
         let data = folder.path().join("data");
-        synth::synthesise(&scene, "ball.json".as_ref(), &data, &options, &|_| {}).unwrap();
+        scene::synth::synthesise(&scene, "ball.json".as_ref(), &data, &options, &|_| {}).unwrap();
         add_rolled_view(&data.join("transforms_train.json"));
         Renders { folder }
     }
@@ -57,7 +57,7 @@ impl Renders {
 /// Adds a frame with the image of the first one. The camera is rolled by 90 degrees about its axis,
 /// which the image is not: only its background can tell.
 fn add_rolled_view(file: &Path) {
-    let mut transforms: Value = io::json::read(file).unwrap();
+    let mut transforms: Value = files::json::read(file).unwrap();
     let mut frame = transforms["frames"][0].clone();
     for row in frame["transform_matrix"].as_array_mut().unwrap().iter_mut().take(3) {
         let old = row.clone();
@@ -77,7 +77,7 @@ struct Variant {
 impl Variant {
     /// The entry of each training view in `compose.json`.
     fn record(&self) -> Vec<Value> {
-        let record = io::json::read(&self.folder.join("compose.json")).unwrap();
+        let record = files::json::read(&self.folder.join("compose.json")).unwrap();
         record["views"].as_array().unwrap()[..self.dataset.train.len()].to_vec()
     }
 }
@@ -264,7 +264,7 @@ fn wrong_sources_and_full_folders_are_refused() {
     let refused = |source: &Path, name: &str, words: &[&str]| {
         let folder = renders.folder.path().join(name);
         let error = compose(Kind::Black, source, &folder, 0, &mut |_| {}).unwrap_err();
-        assert!(error.is::<io::InputError>(), "{error}");
+        assert!(error.is::<files::InputError>(), "{error}");
         let message = error.to_string();
         assert!(words.iter().all(|w| message.contains(w)), "no {words:?} in {message}");
     };

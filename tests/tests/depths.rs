@@ -21,7 +21,7 @@ fn wall(folder: &Path, side: u32, degrees: f64) -> Vec<DQuat> {
     let cameras: Vec<Camera> = (0..VIEWS).map(|i| camera(side, i)).collect();
     let frame = |(i, camera): (u64, &Camera)| {
         let name = format!("{i}.png");
-        io::write_image(&folder.join(&name), &photograph(camera)).unwrap();
+        film::write_image(&folder.join(&name), &photograph(camera)).unwrap();
         let axis = DVec3::from(Stream::new(2, Purpose::Other(0)).at(i).in_ball()).normalize();
         let turn = DMat4::from_quat(DQuat::from_axis_angle(axis, degrees.to_radians()));
         let pose = DMat4 { w_axis: camera.eye.extend(1.0), ..turn * camera.pose() };

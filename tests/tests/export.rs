@@ -65,7 +65,7 @@ fn every_file_is_the_surface_of_the_run_in_colour_and_upright() {
         let chamfer = eval["chamfer"].as_f64().unwrap();
         assert!(chamfer < 5e-3, "{file}: {chamfer} from the surface it was extracted from");
     }
-    let image = io::image_size(Path::new(&folder.path("painted_texture.png"))).unwrap();
+    let image = film::image_size(Path::new(&folder.path("painted_texture.png"))).unwrap();
     assert!(image.0 == 100 && image.1 <= 100 && Path::new(&folder.path("painted.mtl")).exists());
     let glb = folder.path("both.glb");
     let both = ["mesh", &run, "-o", &glb, "--texture", "256", "--color", "none"];

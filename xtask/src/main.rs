@@ -3,17 +3,19 @@
 mod bench;
 mod dist;
 mod figures;
-mod stress_arguments;
+mod fuzz;
+mod soak;
 mod style;
 mod tradeoff;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
 use figures::Figure;
-use measure::cargo;
+use sweep::measure::cargo;
 
 /// Development commands of dsdf
 #[derive(Parser)]
@@ -57,9 +59,9 @@ enum Task {
         output: Option<PathBuf>,
     },
     /// Read hostile files with every reader, in processes with limits of memory and time
-    Fuzz(stress_arguments::Fuzz),
+    Fuzz(fuzz::Fuzz),
     /// Kill and resume a fit at random moments, and watch the memory of a long one
-    Soak(stress_arguments::Soak),
+    Soak(soak::Soak),
 }
 
 /// Exit status 0 for success, 2 for wrong input, 1 for any other failure.
@@ -80,10 +82,22 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            let wrong = error.is::<sweep::Refusal>() || error.is::<stress::WrongArgument>();
+            let wrong = error.is::<sweep::Refusal>() || error.is::<WrongArgument>();
             ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
+}
+
+/// A wrong argument of a command.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+struct WrongArgument(String);
+
+/// Parses a number of minutes.
+fn minutes(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().map(|minutes| 60.0 * minutes);
+    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    time.ok_or_else(|| "expected a number of minutes, 0 or more".to_owned())
 }
 
 /// The first paragraph of a message in one line: refusals have one line, without the usage.

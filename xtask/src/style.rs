@@ -19,7 +19,7 @@ const CRATE_LINES: usize = 4000;
 /// # Errors
 /// If a rule is broken, or a file cannot be read.
 pub(crate) fn run() -> anyhow::Result<()> {
-    let root = measure::dsdf::root();
+    let root = sweep::measure::dsdf::root();
     let mut findings = Vec::new();
     let mut crate_lines = std::collections::BTreeMap::<String, usize>::new();
     for name in tracked(&root)? {

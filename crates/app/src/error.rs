@@ -1,8 +1,8 @@
 //! Exit statuses of errors.
 
-use io::InputError;
+use files::InputError;
 
-pub use messages::Interrupted;
+pub use crate::messages::Interrupted;
 
 /// Wrong arguments: the message of the command line's parser, in one line.
 #[derive(Debug, Clone, thiserror::Error)]

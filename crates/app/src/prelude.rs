@@ -1,14 +1,14 @@
 //! The crates of dsdf and the types that most programs need, for `use app::prelude::*`.
 
 pub use ::{
-    boundary, dataset, estimate, field, film, fit, glam, gradient, io, mesh, metrics, optim,
-    random, render, scene, sdf_nn, trace, warp,
+    boundary, dataset, estimate, export, field, files, film, fit, glam, inspect, loss, mesh,
+    metrics, multiview, optim, random, render, report, scene, sdf_nn, trace, warp,
 };
 
+pub use ::estimate::gradient::{Direction, Sampling, differentiate, target_gradient};
 pub use ::estimate::{Estimator, Refined, Registry, SampleCounts};
-pub use ::field::{Field, Real, Sphere};
+pub use ::field::{Field, Real, Shader, Sphere};
+pub use ::files::InputError;
 pub use ::film::Film;
-pub use ::gradient::{Direction, Sampling, differentiate, target_gradient};
-pub use ::io::InputError;
-pub use ::render::{Camera, Scene, Shader};
+pub use ::render::{Camera, Scene};
 pub use ::scene::{SceneFile, ScenePrecision};

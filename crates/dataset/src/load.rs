@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use io::{InputError, check_memory};
+use files::{InputError, check_memory};
 use rayon::prelude::*;
 use render::Camera;
 
-use readers::{Distortion, Recognised, UnreadView, recognise};
+use crate::readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
 use crate::split::{Placed, every_eighth, place};
@@ -42,7 +42,7 @@ pub struct Unread {
     recognised: Recognised,
 }
 
-/// Reads the cameras of a data set and recognises its format ([`readers::recognise`]).
+/// Reads the cameras of a data set and recognises its format ([`crate::readers::recognise`]).
 ///
 /// `path` is the folder, or a `.json` or `.xml` camera file in it. Views are in the order of the
 /// camera file, those of COLMAP in the order of their names. Views without an image are left out.

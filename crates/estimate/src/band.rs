@@ -5,7 +5,7 @@ use render::{InvalidField, Primary, Scene, TracedRay, normals, pixel_samples};
 use warp::Projection;
 
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use record::{Record, Silhouettes, chart};
+use crate::record::{Record, Silhouettes, chart};
 
 /// The width of the band, in pixels. The bias grows with it: on average, a silhouette counts half
 /// of it further out. The variance falls with it.

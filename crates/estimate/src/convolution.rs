@@ -9,7 +9,7 @@ use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::gaussian_samples::gaussian_samples;
-use record::{Area, AreaWarp, FilmWarpWithDivergence, Record, WarpedSample, chart};
+use crate::record::{Area, AreaWarp, FilmWarpWithDivergence, Record, WarpedSample, chart};
 
 /// The standard deviation of the cloud of auxiliary rays, in pixels.
 const DEVIATION: f64 = 0.2;

@@ -2,8 +2,9 @@ use super::Discontinuity::{Creases, ShadowEdges, Silhouettes};
 use super::*;
 use crate::{EstimatorOptions, Registry};
 use field::{Csg, Field, Kind, Operation, Shape, Sphere};
+use field::{Shader, UniformBackground};
 use glam::DVec3;
-use render::{Analytic, Formula, Light, Shader, Shadowed, UniformBackground};
+use render::{Analytic, Formula, Light, Shadowed};
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 2.0 };
 

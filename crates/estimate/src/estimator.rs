@@ -4,7 +4,7 @@ use field::Real;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::discontinuity::Discontinuity;
-use record::Record;
+use crate::record::Record;
 
 /// The pixel filter: the value of a pixel is the mean of the radiance, weighted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

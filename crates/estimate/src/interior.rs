@@ -5,7 +5,7 @@ use render::{InvalidField, Scene, pixel_samples};
 
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask};
-use record::Record;
+use crate::record::Record;
 
 /// Backpropagation through the hit points. It is biased: it has no silhouette term.
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,10 @@ mod crossing;
 mod discontinuity;
 mod estimator;
 mod gaussian_samples;
+pub mod gradient;
 mod interior;
 mod options;
+pub mod record;
 mod refined;
 mod registry;
 mod silhouette_margin;
@@ -24,7 +26,6 @@ pub use estimator::{
 pub use gaussian_samples::gaussian_samples;
 pub use interior::Interior;
 pub use options::{Baseline, EstimatorOptions};
-pub use record;
 pub use refined::Refined;
 pub use registry::{Constructor, Entry, EstimatorPrecision, Registry};
 pub use silhouette_margin::{SilhouetteMargin, near_silhouettes};

@@ -1,6 +1,6 @@
 //! Estimators by name.
 
-use render::Precision;
+use field::Precision;
 
 use crate::band::Band;
 use crate::contour::Contour;

@@ -9,7 +9,7 @@ use warp::WarpOptions;
 use crate::estimator::{Batch, Estimator, Filter, SilhouetteMask};
 use crate::gaussian_samples::gaussian_samples;
 use crate::options::{Baseline, EstimatorOptions};
-use record::{
+use crate::record::{
     Area, AreaWarp, Border, BorderSample, Record, WarpedSample, warp_samples,
     warp_samples_with_divergence,
 };

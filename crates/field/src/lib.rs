@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod background;
 mod clipped;
 mod counted;
 mod csg;
@@ -9,11 +10,15 @@ mod fibonacci;
 mod field;
 mod partial_sum;
 mod real;
+mod shader;
 mod shape;
 mod slope;
 mod sphere;
 mod surface;
 
+pub use background::{
+    Background, BackgroundPerCamera, BackgroundRay, RayAdjoint, UniformBackground,
+};
 pub use clipped::{Clipped, may_reach};
 pub use counted::{Counted, Evaluations};
 pub use csg::{Csg, Operation};
@@ -22,6 +27,7 @@ pub use fibonacci::fibonacci_direction;
 pub use field::Field;
 pub use partial_sum::{Additions, PartialSum, TableSum};
 pub use real::{Real, Vector3};
+pub use shader::{Precision, Shader};
 pub use shape::{Kind, Shape};
 pub use slope::{SLOPE_POINTS, slope};
 pub use sphere::Sphere;

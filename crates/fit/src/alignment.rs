@@ -1,13 +1,13 @@
 //! The alignment of held-out cameras to a model whose cameras were refined.
 
 use estimate::{Refined, SampleCounts};
-use objective::{Batch, Workspace, gradient};
-use photometry::{MaskUse, Pixel, pyramid};
+use loss::photometry::{MaskUse, Pixel, pyramid};
+use loss::{Batch, Workspace, gradient};
 use random::{Purpose, Stream};
 use render::{Camera, Scene};
 
-use calibrate::{Calibration, Freedom};
 use dataset::View;
+use multiview::calibrate::{Calibration, Freedom};
 
 use crate::cameras::corrected;
 use crate::model::Model;

@@ -81,13 +81,13 @@ impl FitOptions {
     /// The factor on the learning rate of the field's network: less than 1 only where splines near
     /// the surface carry the details.
     pub(crate) fn network_rate(&self, progress: f64) -> f64 {
-        self.fall(schedule::network_rate, progress)
+        self.fall(loss::schedule::network_rate, progress)
     }
 
     /// The weight of the bending term. It falls where the network's rate falls: without that, plain
     /// surfaces would get their dents back.
     pub(crate) fn bending_weight(&self, progress: f64) -> f64 {
-        self.bending * self.fall(schedule::bending_weight, progress)
+        self.bending * self.fall(loss::schedule::bending_weight, progress)
     }
 
     /// A factor of the schedule for fields with splines near the surface, or 1 without them.
@@ -101,7 +101,7 @@ impl FitOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grids::GridLevels;
+    use sdf_nn::grids::GridLevels;
 
     #[test]
     fn searches_shorten_a_schedule_by_time_and_no_other() {

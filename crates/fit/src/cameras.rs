@@ -1,9 +1,9 @@
 //! The refinement of cameras in a fit.
 
-use calibrate::{Calibration, Freedom};
-use checkpoint::{Optimised, Refinement};
+use crate::checkpoint::{Optimised, Refinement};
 use dataset::View;
 use field::Sphere;
+use multiview::calibrate::{Calibration, Freedom};
 use render::Camera;
 
 /// The calibration of the cameras of these views.

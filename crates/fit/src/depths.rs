@@ -2,16 +2,16 @@
 
 use std::time::{Duration, Instant};
 
-use calibrate::Calibration;
-use photometry::{Level, Photograph};
-use stereo::{DepthMap, Guide, Stereo, View};
+use loss::photometry::{Level, Photograph};
+use multiview::calibrate::Calibration;
+use multiview::stereo::{DepthMap, Guide, Stereo, View};
 
 use crate::budget::Budget;
 use crate::cameras::corrected;
 use crate::options::FitOptions;
 use crate::run::Fit;
 use crate::run_file::RunFile;
-use schedule::{ends_depths, is_carving};
+use loss::schedule::{ends_depths, is_carving};
 
 /// Pixels of photographs for each iteration of the budget: the search takes about a tenth of the
 /// fit's time. Larger photographs are searched at a half, a quarter or an eighth of their size, or

@@ -1,10 +1,10 @@
 //! The size at which a fit reads its photographs.
 
-use photometry::{Limit, downscale};
+use loss::photometry::{Limit, downscale};
 
 use crate::budget::Budget;
 use crate::options::FitOptions;
-use schedule::FINEST_SHARE;
+use loss::schedule::FINEST_SHARE;
 
 /// The assumed speed, in draws of pixels a second, for a budget of time. The speed of the machine
 /// itself would give other pixels on each machine.

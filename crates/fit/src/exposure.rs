@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
+use files::{InputError, run_json};
 use glam::Vec3;
-use io::{InputError, run_json};
-use photometry::{Gains, gain_between};
+use loss::photometry::{Gains, gain_between};
 use render::render;
 use serde::{Deserialize, Serialize};
 

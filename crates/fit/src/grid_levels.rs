@@ -1,6 +1,6 @@
 //! The grid of splines of a fit.
 
-use grids::{Degree, GridLevels, SplineSize};
+use sdf_nn::grids::{Degree, GridLevels, SplineSize};
 
 /// Features of a level.
 const FEATURES: usize = 2;

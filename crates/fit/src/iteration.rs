@@ -3,7 +3,7 @@
 use field::Evaluations;
 use serde::Serialize;
 
-use calibrate::CameraDecision;
+use multiview::calibrate::CameraDecision;
 
 /// The metrics of one iteration: one line of `metrics.jsonl`.
 #[derive(Clone, Debug, Serialize)]

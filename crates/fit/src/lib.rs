@@ -3,9 +3,9 @@
 mod alignment;
 mod budget;
 mod cameras;
+pub mod checkpoint;
 mod depths;
 mod downscale;
-mod examine;
 mod exposure;
 mod grid_levels;
 mod iteration;
@@ -21,23 +21,22 @@ mod split;
 
 pub use alignment::align;
 pub use budget::Budget;
-pub use calibrate::{CameraDecision, RefineCameras};
-pub use examine::{examine, modelled};
 pub use exposure::{RunExposure, RunExposures, match_exposures};
-pub use grids::GridLevels;
 pub use iteration::Metrics;
-pub use metrics_file::MetricsFile;
-pub use model::Model;
-pub use model_background::ModelBackground;
-pub use objective::{Observer, Stage};
-pub use options::FitOptions;
-pub use photometry::{
+pub use loss::photometry::{
     BackgroundChoice, BackgroundKind, ExposureChoice, ExposureModel, Limit, MaskChoice, MaskUse,
     check_masks,
 };
-pub use run::Fit;
+pub use loss::{Observer, Stage};
+pub use metrics_file::MetricsFile;
+pub use model::Model;
+pub use model_background::ModelBackground;
+pub use multiview::calibrate::{CameraDecision, RefineCameras};
+pub use multiview::stereo::StereoChoice;
+pub use options::FitOptions;
+pub use run::{Fit, write_preview};
 pub use run_cameras::{RunCamera, RunCameras};
 pub use run_file::RunFile;
+pub use sdf_nn::grids::GridLevels;
 pub use solid::Solid;
 pub use split::Split;
-pub use stereo::StereoChoice;

@@ -22,7 +22,7 @@ impl MetricsFile {
     /// If the file cannot be read or written.
     pub fn open(path: &Path, iteration: u64) -> anyhow::Result<Self> {
         let known = match path.symlink_metadata() {
-            Ok(_) => io::read(path, "metrics", "the metrics of a run")?,
+            Ok(_) => files::read(path, "metrics", "the metrics of a run")?,
             Err(_) => Vec::new(),
         };
         let mut kept = Vec::new();
@@ -32,7 +32,7 @@ impl MetricsFile {
                 kept.push(b'\n');
             }
         }
-        io::atomic_write(path, |out| Ok(out.write_all(&kept)?))?;
+        files::atomic_write(path, |out| Ok(out.write_all(&kept)?))?;
         let file = OpenOptions::new().append(true).open(path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         Ok(MetricsFile { path: path.to_owned(), writer: BufWriter::new(file) })

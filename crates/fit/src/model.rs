@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use files::{InputError, atomic_write};
 use glam::DVec3;
-use io::{InputError, atomic_write};
 use optim::Group;
 use random::{Purpose, Stream};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
@@ -191,7 +191,7 @@ impl Model {
         let origin = file.origin();
         let read = |name: &str| {
             let path = run.join(name);
-            io::read(&path, "model", "the model file of a run")
+            files::read(&path, "model", "the model file of a run")
         };
         let wrong = |name: &str, e: sdf_nn::ModelError| {
             InputError::new(run.join(name), "weights", e, "a model file")

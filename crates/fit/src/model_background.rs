@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use background::{Extent, Quadrature, Volume};
+use field::{Background, UniformBackground};
+use files::{InputError, atomic_write};
 use glam::{DVec3, Vec3};
-use io::{InputError, atomic_write};
-use photometry::BackgroundKind;
+use loss::photometry::BackgroundKind;
 use random::{Purpose, Stream};
-use render::{Background, UniformBackground};
+use sdf_nn::background::{Extent, Quadrature, Volume};
 
 use crate::run_file::RunFile;
 
@@ -101,7 +101,7 @@ impl ModelBackground {
             return Ok(Self::constant(file));
         };
         let path = run.join(FILE);
-        let bytes = io::read(&path, "background", "the background of a run")?;
+        let bytes = files::read(&path, "background", "the background of a run")?;
         let volume = Volume::from_safetensors(&bytes)
             .map_err(|e| InputError::new(&path, "background", e, "a background file"))?;
         if volume.extent() != expected {

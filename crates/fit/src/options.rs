@@ -4,20 +4,20 @@
 use std::path::Path;
 use std::time::Duration;
 
-use calibrate::RefineCameras;
 use estimate::record::Pass;
 use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
 use field::Sphere;
+use files::{Check, InputError, check_memory};
 use glam::DVec3;
-use grids::GridLevels;
-use io::{Check, InputError, check_memory};
+use multiview::calibrate::RefineCameras;
+use multiview::stereo::StereoChoice;
+use sdf_nn::grids::GridLevels;
 use serde::{Deserialize, Serialize};
-use stereo::StereoChoice;
 use warp::WarpOptions;
 
 use crate::grid_levels::{is_fine, spline_size};
 use crate::model::encoding;
-use photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
+use loss::photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 
 /// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
@@ -28,8 +28,8 @@ pub struct FitOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u64>,
     /// Wall time to spend, for example 90 (seconds), 10m or 1h30m; the schedule follows the clock
-    #[arg(long, conflicts_with = "iterations", value_parser = io::parse_duration)]
-    #[serde(skip_serializing_if = "Option::is_none", with = "io::seconds")]
+    #[arg(long, conflicts_with = "iterations", value_parser = files::parse_duration)]
+    #[serde(skip_serializing_if = "Option::is_none", with = "files::seconds")]
     pub time: Option<Duration>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
@@ -57,7 +57,7 @@ pub struct FitOptions {
           default_value_t = Self::default().exposure)]
     pub exposure: ExposureChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
-    #[arg(long, value_parser = io::parse_bounds, allow_hyphen_values = true,
+    #[arg(long, value_parser = files::parse_bounds, allow_hyphen_values = true,
           value_name = "X,Y,Z,RADIUS")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
@@ -318,7 +318,7 @@ impl FitOptions {
         check_memory(source, "width", found, self.network_memory())?;
         let memory = MEMORY_PER_DRAW * self.batch as u64 + MEMORY_OF_ROUND;
         check_memory(source, "batch", format!("{} pixels", self.batch), memory)?;
-        let crossed = self.batch.min(objective::ROUND).div_ceil(PIXELS_PER_CROSSED) as u64;
+        let crossed = self.batch.min(loss::ROUND).div_ceil(PIXELS_PER_CROSSED) as u64;
         let (rays, edges) = (self.edge_rays, self.edge_samples);
         let memory = crossed * (u64::from(rays) + u64::from(edges)) * MEMORY_PER_EDGE_SAMPLE;
         let found = format!("{edges} samples, and {rays} of edge_rays");

@@ -3,23 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use background::Volume;
-use calibrate::{Calibration, CameraDecision};
-use checkpoint::{Average, Survey};
+use crate::checkpoint::{Average, Survey};
 use dataset::{Dataset, View};
 use estimate::{Estimator, Registry};
+use field::BackgroundPerCamera;
 use field::{Counted, Evaluations};
+use files::{InputError, check_memory};
 use film::srgb_decode;
 use glam::Vec3;
-use io::{InputError, check_memory};
-use objective::{Batch, BatchStats, Gradient, Observer, Stage, Workspace, gradient};
-use optim::Adam;
-use photometry::{
+use loss::photometry::{
     ExposureModel, Gains, Level, MEMORY_PER_PIXEL, MaskUse, Pixel, pyramid, without_gains,
 };
+use loss::{Batch, BatchStats, Gradient, Observer, Stage, Workspace, gradient};
+use multiview::calibrate::{Calibration, CameraDecision};
+use optim::Adam;
 use random::{Purpose, Stream};
 use rayon::prelude::*;
-use render::{BackgroundPerCamera, Camera, InvalidField, Sample, Scene};
+use render::{Camera, InvalidField, Sample, Scene};
+use sdf_nn::background::Volume;
 
 use crate::cameras::{Corrections, corrected};
 use crate::depths::Depths;
@@ -27,7 +28,7 @@ use crate::iteration::Metrics;
 use crate::model::{HEAD_BANDS, Model, NETWORK_GROUP};
 use crate::run_file::RunFile;
 use checkpoints::load_state;
-use schedule::{
+use loss::schedule::{
     background_group, band_window, batch_share, direction_weight, learning_rate, level, sharpness,
 };
 
@@ -37,6 +38,8 @@ mod matching;
 mod preview;
 mod refinement;
 mod survey;
+
+pub use preview::write_preview;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.

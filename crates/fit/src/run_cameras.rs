@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use calibrate::{Calibration, Correction};
 use dataset::{Dataset, View};
+use files::{InputError, run_json};
 use glam::{DMat4, DVec2, DVec3};
-use io::{InputError, run_json};
+use multiview::calibrate::{Calibration, Correction};
 use render::Camera;
 use serde::{Deserialize, Serialize};
 

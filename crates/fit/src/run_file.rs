@@ -3,20 +3,18 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use dataset::{
-    BackgroundEstimate, Dataset, LoadOptions, SphereSource, Unread, View, check_places,
-    surroundings,
-};
+use dataset::{Dataset, LoadOptions, Unread, View};
+use field::BackgroundPerCamera;
 use field::Sphere;
+use files::{ARGUMENTS, Check, InputError, SPHERE, atomic_write, is_sphere};
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
-use io::{ARGUMENTS, Check, InputError, SPHERE, atomic_write, is_sphere};
-use render::BackgroundPerCamera;
+use inspect::{BackgroundEstimate, SphereSource, check_places, surroundings};
 use serde::{Deserialize, Serialize};
 
 use crate::options::FitOptions;
 use crate::split::Split;
-use photometry::{
+use loss::photometry::{
     BackgroundChoice, BackgroundKind, BackgroundModel, ExposureModel, MaskUse, put_over_black,
 };
 
@@ -256,7 +254,7 @@ impl RunFile {
     /// sphere or of the background is out of range.
     pub fn load(run: &Path) -> Result<Self, InputError> {
         let path = run.join("fit.toml");
-        let text = io::read_text(&path, "run", "the folder of a fit")?;
+        let text = files::read_text(&path, "run", "the folder of a fit")?;
         let file: RunFile = toml::from_str(&text).map_err(|e| {
             InputError::new(&path, key_of(&text, &e), e.message(), "the entries of a fit.toml")
         })?;

@@ -1,7 +1,8 @@
 //! The solid of a run: its model in its bounding sphere, as pictures and meshes show it.
 
+use field::BackgroundPerCamera;
 use field::{Clipped, Field, Sphere, may_reach};
-use render::{BackgroundPerCamera, Camera, Scene};
+use render::{Camera, Scene};
 
 use crate::model::Model;
 use crate::run::SLOPE_POINTS;

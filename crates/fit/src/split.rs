@@ -1,7 +1,7 @@
 //! The views of a run.
 
 use dataset::{Dataset, Unread};
-use io::InputError;
+use files::InputError;
 use render::Camera;
 use serde::{Deserialize, Serialize};
 

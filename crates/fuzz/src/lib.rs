@@ -1,6 +1,8 @@
 #![doc = include_str!("../README.md")]
 
+pub mod campaign;
 mod case;
+mod child;
 mod formats;
 mod layout;
 mod lines;

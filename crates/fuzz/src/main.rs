@@ -1,15 +1,19 @@
-//! The program of a campaign: generates cases and reads them, one after the other. The crate
-//! `stress` starts it with limits, and starts it again after a crash.
+//! The program of a campaign: generates cases and reads them, one after the other. `fuzz::campaign`
+//! starts it with limits, and starts it again after a crash.
 //!
 //! `fuzz cases READER FOLDER MEBIBYTES SEED FIRST COUNT` generates cases in FOLDER.
 //! `fuzz kept READER FOLDER MEBIBYTES CORPUS FIRST COUNT` takes them from the folders of CORPUS.
 //! Before each case it prints `case N`, after it `accepted`, `refused` or `wrong MESSAGE`. After a
 //! wrong message it ends.
+//! `fuzz campaigns SECONDS SEED OUTPUT CORPUS [READER]` runs campaigns of these processes.
 //! `fuzz dsdf ARGUMENTS` is `dsdf`, and `fuzz readers` lists the readers.
+
+mod campaigns;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 
@@ -34,6 +38,15 @@ fn run(arguments: &[String]) -> anyhow::Result<()> {
     if arguments[0] == "readers" {
         READERS.iter().for_each(|reader| println!("{}", reader.name));
         return Ok(());
+    }
+    if arguments[0] == "campaigns" {
+        return campaigns::run(&campaigns::Options {
+            time: Duration::try_from_secs_f64(arguments[1].parse().context("seconds")?)?,
+            seed: arguments[2].parse().context("a seed")?,
+            output: arguments[3].clone().into(),
+            corpus: arguments[4].clone().into(),
+            reader: arguments[5].clone(),
+        });
     }
     let reader = reader(&arguments[1]).with_context(|| format!("no reader {}", arguments[1]))?;
     let folder = Path::new(&arguments[2]);

@@ -6,14 +6,14 @@ use anyhow::Context;
 use dataset::{Dataset, LoadOptions, View};
 use estimate::Registry;
 use film::Film;
+use film::{image_size, read_image, read_npy};
 use fit::{Fit, Model, RunFile};
 use glam::{DVec2, DVec3};
-use io::{image_size, read_image, read_npy};
 use mesh::{read_mesh, read_points};
 use proptest::strategy::BoxedStrategy;
 use render::Camera;
 use scene::SceneFile;
-use sweep_report::{Sweep, compare};
+use sweep::report::{Sweep, compare};
 
 use crate::case::{Case, damaged};
 use crate::formats::{
@@ -151,8 +151,8 @@ fn read_scene(folder: &Path) -> anyhow::Result<()> {
 
 fn read_dataset(folder: &Path) -> anyhow::Result<()> {
     let dataset = dataset::load(folder, &LoadOptions::default())?;
-    let found = dataset::surroundings(&dataset, None, true);
-    dataset::check_cameras(&dataset, &found.sphere)?;
+    let found = inspect::surroundings(&dataset, None, true);
+    inspect::check_cameras(&dataset, &found.sphere)?;
     inspect::inspect(&dataset, &found.sphere, &found.background, "estimate");
     Ok(())
 }

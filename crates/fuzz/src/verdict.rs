@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use io::InputError;
-use sweep_report::Refusal;
+use files::InputError;
+use sweep::report::Refusal;
 
 /// The most characters of a message, beyond the path of the folder.
 const LONGEST: usize = 2500;

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use stress::campaign::{Campaign, Cases, Limits};
+use fuzz::campaign::{Campaign, Cases, Limits};
 
 /// The seed of the new cases.
 const SEED: u64 = 13;

@@ -1,6 +1,7 @@
 //! The spread of the exposures of photographs.
 
-use dataset::{BackgroundEstimate, View};
+use crate::BackgroundEstimate;
+use dataset::View;
 use field::Sphere;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -50,7 +51,7 @@ const SAMPLES: f64 = 4096.0;
 /// Measured by the sphere's image: 0.05 for `spot`, 0.07 for `ridged`, 0.07 for DTU scan 65, 0.05
 /// for a cow in a room, and 0.21 for the same views with exposures of a true spread of 0.19. By the
 /// background: 0 for `bob`.
-pub(crate) const MOST_SPREAD: f64 = 0.12;
+pub const MOST_SPREAD: f64 = 0.12;
 
 /// The spread of the exposures of `views`; `None` if they do not show it.
 ///

@@ -1,18 +1,28 @@
 #![doc = include_str!("../README.md")]
 
-mod accuracy;
+mod backdrop;
+mod background;
+mod bounds;
+mod carve;
+mod cloud;
+mod distant;
 mod exposure;
 mod overlay;
+#[cfg(test)]
+mod real_tests;
 mod report;
-mod surface;
+#[cfg(test)]
+mod surroundings_tests;
+#[cfg(test)]
+mod test_ball;
 #[cfg(test)]
 mod tests;
 mod text;
-mod verdict;
 
-pub use accuracy::sampled_psnr;
-pub use exposure::{Exposure, ExposureSource, exposure_spread, exposures_differ};
+pub use background::BackgroundEstimate;
+pub use bounds::{
+    SphereSource, Surroundings, check_cameras, check_places, looks_away, surroundings,
+};
+pub use exposure::{Exposure, ExposureSource, MOST_SPREAD, exposure_spread, exposures_differ};
 pub use overlay::overlay;
 pub use report::{Report, inspect};
-pub use surface::{SurfaceShares, surface_shares};
-pub use verdict::{Evidence, Fault, Verdict};

@@ -4,7 +4,8 @@ use field::{Sphere, fibonacci_direction};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use dataset::{BackgroundEstimate, Dataset, Distortion, MaskKind, View, looks_away};
+use crate::{BackgroundEstimate, looks_away};
+use dataset::{Dataset, Distortion, MaskKind, View};
 
 use crate::exposure::{Exposure, MOST_SPREAD, exposure_spread};
 

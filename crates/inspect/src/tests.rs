@@ -1,6 +1,7 @@
 //! The report on views with known figures, and the drawn outline against rays that meet the sphere.
 
-use dataset::{BackgroundEstimate, Dataset, Distortion, Mask, MaskKind, View};
+use crate::BackgroundEstimate;
+use dataset::{Dataset, Distortion, Mask, MaskKind, View};
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3};

@@ -185,7 +185,7 @@ fn a_textured_glb_file_has_its_image_inside_and_reads_as_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     std::fs::write(&path, png).unwrap();
-    let (image, _) = io::read_image(&path).unwrap();
+    let (image, _) = film::read_image(&path).unwrap();
     assert_eq!(bytes_of(&image), bytes_of(&texture.image));
 }
 
@@ -201,7 +201,7 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
     let material = &materials.unwrap()[models[0].mesh.material_id.unwrap()];
     let image = material.diffuse_texture.as_ref().unwrap();
     assert_eq!(image, "a shape_texture.png");
-    let (image, _) = io::read_image(&folder.path().join(image)).unwrap();
+    let (image, _) = film::read_image(&folder.path().join(image)).unwrap();
     assert_eq!(bytes_of(&image), bytes_of(&texture.image));
     let read = &models[0].mesh;
     assert_eq!(read.indices, mesh.faces.as_flattened());
@@ -220,7 +220,7 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
     std::fs::write(folder.path().join("b_texture.png"), "mine").unwrap();
     for (name, word) in [("b.obj", "b_texture.png"), (" c.obj", "name"), ("-s 1.obj", "name")] {
         let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
-        assert!(error.is::<io::InputError>() && error.to_string().contains(word), "{error}");
+        assert!(error.is::<files::InputError>() && error.to_string().contains(word), "{error}");
         assert!(!folder.path().join(name).exists());
     }
     for name in ["a.ply", "a.stl"] {
@@ -259,7 +259,7 @@ fn an_stl_file_has_triangles_that_merge_to_the_mesh() {
     }
     let far = Mesh { origin: DVec3::splat(1e6), ..mesh };
     let error = export_mesh(Path::new("a.stl"), &far, &Export::default()).unwrap_err();
-    assert!(error.is::<io::InputError>() && error.to_string().contains("single precision"));
+    assert!(error.is::<files::InputError>() && error.to_string().contains("single precision"));
 }
 
 #[test]

@@ -17,7 +17,7 @@ fn tetrahedron() -> Mesh {
 }
 
 /// Reads a file of the given name and content.
-fn read_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, io::InputError> {
+fn read_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, files::InputError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
@@ -41,7 +41,7 @@ fn meshes_that_are_written_and_read_are_equal() {
         assert_eq!((&obj.vertices, &obj.faces), (&mesh.vertices, &mesh.faces));
     }
     let error = write_mesh(Path::new("a.off"), &tetrahedron()).unwrap_err();
-    assert!(error.is::<io::InputError>());
+    assert!(error.is::<files::InputError>());
 }
 
 /// Digits of single precision would leave steps of 0.06 units at this distance.
@@ -233,7 +233,7 @@ proptest! {
             let mut bytes = written(name, &tetrahedron());
             let length = bytes.len();
             changes.iter().for_each(|(at, byte)| bytes[at % length] = *byte);
-            let check = |read: Result<Mesh, io::InputError>| match read {
+            let check = |read: Result<Mesh, files::InputError>| match read {
                 Ok(mesh) => {
                     prop_assert!(mesh.vertices.iter().all(|v| v.is_finite()));
                     let count = mesh.vertices.len();

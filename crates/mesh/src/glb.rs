@@ -67,7 +67,7 @@ pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> an
     let whole = mesh;
     let split = export.texture.map(|texture| texture.split(whole));
     let mesh = split.as_ref().unwrap_or(whole);
-    let mut image = export.texture.map_or(Ok(Vec::new()), |texture| io::png(&texture.image))?;
+    let mut image = export.texture.map_or(Ok(Vec::new()), |texture| film::png(&texture.image))?;
     image.resize(image.len().next_multiple_of(4), 0);
     let parts = Parts {
         vertices: &mesh.vertices,

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use files::InputError;
 use glam::{DMat4, DQuat, DVec3};
-use io::InputError;
 use rustc_hash::FxHashMap;
 use serde::Deserialize;
 
@@ -234,7 +234,7 @@ impl<'a> Reader<'a> {
             .flat_map(|(mesh, _)| self.document.meshes[*mesh].primitives.iter())
             .fold(0u64, |sum, p| sum.saturating_add(of_primitive(p)));
         let bytes = items.saturating_mul(MEMORY_PER_ITEM);
-        io::check_memory(self.path, "mesh", format!("{items} vertices and indices"), bytes)
+        files::check_memory(self.path, "mesh", format!("{items} vertices and indices"), bytes)
     }
 
     /// Adds the triangles of a primitive.

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use io::{InputError, atomic_write};
+use files::{InputError, atomic_write};
 
 use crate::write::{is_far, srgb};
 use crate::{Mesh, Texture};
@@ -39,7 +39,7 @@ fn names_beside(path: &Path) -> Result<[String; 2], InputError> {
 pub fn check_textured_obj(path: &Path) -> anyhow::Result<()> {
     let beside = names_beside(path)?.map(|name| path.with_file_name(name));
     for file in &beside {
-        io::check_output(file)?;
+        files::check_output(file)?;
     }
     let is_own = std::fs::read(&beside[0]).is_ok_and(|b| b.starts_with(MATERIAL.as_bytes()));
     match beside.iter().find(|file| file.symlink_metadata().is_ok()) {
@@ -59,7 +59,7 @@ pub(crate) fn write_obj(path: &Path, mesh: &Mesh, texture: Option<&Texture>) -> 
     };
     check_textured_obj(path)?;
     let [material, image] = names_beside(path)?;
-    io::write_image(&path.with_file_name(&image), &texture.image)?;
+    film::write_image(&path.with_file_name(&image), &texture.image)?;
     atomic_write(&path.with_file_name(&material), |out| {
         // Without highlights: the image has the light of the photographs in it.
         Ok(writeln!(out, "{MATERIAL}Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {image}")?)

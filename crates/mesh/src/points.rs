@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use files::{InputError, extension};
 use glam::DVec3;
-use io::{InputError, extension};
 
 use crate::read::parse_ply;
 
@@ -21,7 +21,7 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>, InputError> {
         let found = format!("extension \"{extension}\"");
         return Err(InputError::new(path, "points", found, ".ply"));
     }
-    let bytes = io::read(path, "points", "a .ply file with points")?;
+    let bytes = files::read(path, "points", "a .ply file with points")?;
     let cloud = parse_ply(path, &bytes)?;
     if !cloud.faces.is_empty() {
         let found = format!("{} of them", cloud.faces.len());

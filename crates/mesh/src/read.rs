@@ -3,8 +3,8 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use files::{InputError, extension};
 use glam::DVec3;
-use io::{InputError, extension};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{
     Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyDef, PropertyType,
@@ -41,7 +41,7 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, InputError> {
             return Err(InputError::new(path, "mesh", found, FORMATS));
         }
     };
-    let bytes = io::read(path, "mesh", FORMATS)?;
+    let bytes = files::read(path, "mesh", FORMATS)?;
     let mesh = parse(path, &bytes)?;
     check(path, &mesh)?;
     Ok(mesh)
@@ -159,7 +159,7 @@ fn check_counts(path: &Path, header: &Header, length: usize) -> Result<(), Input
         count += element.count as u64;
     }
     let memory = count.saturating_mul(MEMORY_PER_ELEMENT);
-    io::check_memory(path, "mesh", format!("{count} elements"), memory)
+    files::check_memory(path, "mesh", format!("{count} elements"), memory)
 }
 
 /// The fewest bytes of a property: a digit and a blank in text, a list without entries in binary.

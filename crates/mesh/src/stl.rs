@@ -5,8 +5,8 @@
 use std::io::{Cursor, Write};
 use std::path::Path;
 
+use files::InputError;
 use glam::DVec3;
-use io::InputError;
 
 use crate::Mesh;
 use crate::bytes::little_endian;

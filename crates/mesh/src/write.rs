@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::path::Path;
 
+use files::{InputError, atomic_write, extension};
 use film::srgb_encode;
 use glam::{DVec3, Vec3};
-use io::{InputError, atomic_write, extension};
 
 use crate::bytes::little_endian;
 use crate::glb::write_glb;

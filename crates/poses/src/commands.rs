@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
-use io::InputError;
+use files::InputError;
 
 use crate::photographs::Photographs;
 use crate::program::Help;
@@ -273,7 +273,7 @@ pub(crate) fn arguments(
 /// The threads for which half of the memory suffices.
 fn threads_for(pixels: u64) -> usize {
     let need = MEMORY_PER_PIXEL * pixels.max(1);
-    io::memory_limit().map_or(usize::MAX, |limit| (limit / 2 / need).max(1) as usize)
+    files::memory_limit().map_or(usize::MAX, |limit| (limit / 2 / need).max(1) as usize)
 }
 
 /// A command line that grows.

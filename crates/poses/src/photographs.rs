@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use io::{
-    FocalLength, InputError, check_image, extension, focal_length, image_size, refuse_unconverted,
-};
+use files::{InputError, extension};
+use film::{FocalLength, check_image, focal_length, image_size, refuse_unconverted};
 use serde::{Deserialize, Serialize};
 
 /// Extensions of photographs, in lower case.
@@ -158,7 +157,7 @@ fn found_in(folder: &Path, photographs: usize, other: &[String]) -> String {
 
 /// The length of a file in bytes, and the checksum of its content.
 fn length_and_checksum(path: &Path) -> Result<(u64, u32), InputError> {
-    let bytes = io::read(path, "image", "a readable file")?;
+    let bytes = files::read(path, "image", "a readable file")?;
     Ok((bytes.len() as u64, crc32fast::hash(&bytes)))
 }
 

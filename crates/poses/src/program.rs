@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use anyhow::Context;
-use io::InputError;
+use files::InputError;
 
 /// Ways to get COLMAP.
 const HOW_TO_GET: &str = "install it by `apt install colmap` (Debian, Ubuntu), `brew install \
@@ -279,13 +279,13 @@ mod tests {
     fn the_lock_lasts_as_long_as_the_program() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lock");
-        let lock = io::lock(&path).unwrap().unwrap();
+        let lock = files::lock(&path).unwrap().unwrap();
         let mut child =
             Command::new("sleep").arg("100").stdin(lock.try_clone().unwrap()).spawn().unwrap();
         drop(lock);
-        assert!(io::lock(&path).unwrap().is_none());
+        assert!(files::lock(&path).unwrap().is_none());
         end(&mut child);
-        assert!(io::lock(&path).unwrap().is_some());
+        assert!(files::lock(&path).unwrap().is_some());
     }
 
     #[test]

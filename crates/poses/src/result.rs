@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use readers::{SparseModel, sparse_model};
+use dataset::readers::{SparseModel, sparse_model};
 use serde::{Deserialize, Serialize};
 
 use crate::advice::{FEW, remedies};
@@ -117,7 +117,7 @@ impl Poses {
         let (all, registered) = (photographs.count(), model.images.len());
         let is_few = (registered as f64) < FEW * all as f64;
         let advice = if is_few { remedies(options.matching_of(all)) } else { Vec::new() };
-        let camera = |c: &readers::SparseCamera| Camera {
+        let camera = |c: &dataset::readers::SparseCamera| Camera {
             model: c.model.clone(),
             size: c.size,
             focal: c.parameters.first().copied().unwrap_or(0.0),

@@ -4,8 +4,8 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use io::InputError;
-use readers::sparse_model;
+use dataset::readers::sparse_model;
+use files::InputError;
 
 use crate::advice::remedies;
 use crate::commands::{DATABASE, Options, Places, arguments, list_name};
@@ -176,16 +176,16 @@ impl Job<'_> {
 
     /// Locks the folder for this process, and removes the temporary files of others that ended.
     fn lock(&self) -> anyhow::Result<File> {
-        io::check_output_folder(self.output)?;
+        files::check_output_folder(self.output)?;
         let work = self.output;
         fs::create_dir_all(work)
             .map_err(|e| InputError::new(work, "output", e, "a folder that can be written"))?;
-        let Some(lock) = io::lock(&work.join("lock"))? else {
+        let Some(lock) = files::lock(&work.join("lock"))? else {
             let found = "another `dsdf poses`, or a COLMAP that it started, at work in this folder";
             let expected = "a folder without one: wait for it, or choose another";
             return Err(InputError::new(work, "output", found, expected).into());
         };
-        io::remove_abandoned_temporary_files(work);
+        files::remove_abandoned_temporary_files(work);
         Ok(lock)
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use io::InputError;
+use files::InputError;
 use serde::{Deserialize, Serialize};
 
 use crate::photographs::{PhotoFile, Photographs};
@@ -53,7 +53,7 @@ impl State {
             let (colmap, done) = (String::new(), Vec::new());
             return Ok(State { colmap, photographs, started: None, done, result: None });
         }
-        let text = io::read_text(&path, "file", "a state of `dsdf poses`")?;
+        let text = files::read_text(&path, "file", "a state of `dsdf poses`")?;
         let state: State = serde_json::from_str(&text)
             .map_err(|e| InputError::new(&path, "state", e, "a state of `dsdf poses`"))?;
         state.refuse_others(&path, photographs)?;
@@ -94,7 +94,7 @@ impl State {
     /// If it cannot be written.
     pub(crate) fn save(&self, folder: &Path) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(self)?;
-        io::atomic_write(&folder.join(FILE), |out| Ok(writeln!(out, "{text}")?))
+        files::atomic_write(&folder.join(FILE), |out| Ok(writeln!(out, "{text}")?))
     }
 
     /// The number of steps, from the first one on, that are done with these settings.

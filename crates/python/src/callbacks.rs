@@ -1,10 +1,10 @@
 //! Python objects as a field and as a shader.
 
+use field::Shader;
 use field::{Field, Sphere, SurfaceAdjoint, SurfaceBatch};
 use glam::DVec3;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
-use render::Shader;
 
 use crate::arrays::{finite_result_rows, result_numbers, result_rows, rows};
 use crate::failure::{Failure, wrong};

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{current, park_timeout, spawn};
 use std::time::Duration;
 
-use messages::Host;
+use app::messages::Host;
 use pyo3::prelude::*;
 
 use crate::failure::of_anyhow;

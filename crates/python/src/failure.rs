@@ -14,13 +14,13 @@ create_exception!(
 );
 
 /// The exception of wrong input.
-pub(crate) fn wrong_input(error: io::InputError) -> PyErr {
+pub(crate) fn wrong_input(error: files::InputError) -> PyErr {
     of_anyhow(&error.into())
 }
 
 /// The exception of wrong input: `place` and `field` name it.
 pub(crate) fn wrong(place: &str, field: &str, found: impl ToString, expected: &str) -> PyErr {
-    wrong_input(io::InputError::new(place, field, found.to_string(), expected))
+    wrong_input(files::InputError::new(place, field, found.to_string(), expected))
 }
 
 /// The exception of an error, by its exit status: `InputError` for 2, `KeyboardInterrupt` for 130,

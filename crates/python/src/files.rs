@@ -22,18 +22,18 @@ fn image_array<'py>(py: Python<'py>, film: &Film) -> PyResult<Image<'py>> {
 /// Reads an image as linear RGB, height × width × 3.
 #[pyfunction]
 pub(crate) fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Image<'_>> {
-    let (film, _) = io::read_image(&path).map_err(wrong_input)?;
+    let (film, _) = film::read_image(&path).map_err(wrong_input)?;
     image_array(py, &film)
 }
 
 /// Refuses a path that no image can be written to.
 #[pyfunction]
 pub(crate) fn check_image(path: PathBuf) -> PyResult<()> {
-    if !["png", "exr", "npy"].contains(&io::extension(&path).as_str()) {
-        let found = format!("extension \"{}\"", io::extension(&path));
+    if !["png", "exr", "npy"].contains(&files::extension(&path).as_str()) {
+        let found = format!("extension \"{}\"", files::extension(&path));
         return Err(wrong(&path.to_string_lossy(), "output", found, ".png, .exr, .npy"));
     }
-    io::check_output(&path).map_err(|error| of_anyhow(&error))
+    files::check_output(&path).map_err(|error| of_anyhow(&error))
 }
 
 /// Writes an image: .png as sRGB, .exr and .npy linear.
@@ -49,7 +49,7 @@ pub(crate) fn write_image(path: PathBuf, image: &Bound<'_, PyAny>) -> PyResult<(
     };
     let pixels = numbers.chunks_exact(3).map(|p| [p[0] as f32, p[1] as f32, p[2] as f32]);
     let film = Film { width, height, pixels: pixels.collect() };
-    io::write_image(&path, &film).map_err(|error| of_anyhow(&error))
+    film::write_image(&path, &film).map_err(|error| of_anyhow(&error))
 }
 
 /// Vertices, n × 3 in the units of the file, and faces, m × 3.

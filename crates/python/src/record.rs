@@ -5,14 +5,13 @@ use estimate::{
     Batch, Discontinuity, Estimator, EstimatorOptions, Registry, SampleCounts, SilhouetteMask,
     Terms,
 };
+use field::{Background, BackgroundPerCamera, Shader, UniformBackground};
 use field::{PartialSum, SLOPE_POINTS, Sphere};
 use glam::{DVec2, DVec3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
-use render::{
-    Analytic, Background, BackgroundPerCamera, Formula, Pixel, Scene, Shader, UniformBackground,
-};
+use render::{Analytic, Formula, Pixel, Scene};
 use warp::WarpOptions;
 
 use crate::arrays::{numbers, read_finite_rows, read_numbers, rows, tuple};
@@ -168,7 +167,7 @@ pub(crate) fn record(
         let samples = estimator.record(&scene, &batch, &mut SilhouetteMask::default());
         (samples, estimator.unmodelled(&scene))
     })?;
-    let not_finite = |e| wrong_input(io::InputError::new("field", "value", e, "a finite field"));
+    let not_finite = |e| wrong_input(files::InputError::new("field", "value", e, "a finite field"));
     Ok(Record {
         parts,
         samples: samples.map_err(not_finite)?,
@@ -261,8 +260,8 @@ fn read_background(
 fn read_bounds(value: &Bound<'_, PyAny>) -> PyResult<Sphere<f64>> {
     let numbers = read_numbers(value, "bounds", 4)?;
     let bounds = [numbers[0], numbers[1], numbers[2], numbers[3]];
-    if !io::is_sphere(bounds) {
-        return Err(wrong(ARGUMENTS, "bounds", value, io::SPHERE));
+    if !files::is_sphere(bounds) {
+        return Err(wrong(ARGUMENTS, "bounds", value, files::SPHERE));
     }
     let [x, y, z, radius] = bounds;
     Ok(Sphere { center: DVec3::new(x, y, z), radius })

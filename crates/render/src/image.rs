@@ -107,8 +107,8 @@ fn render_pixels<R: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Analytic, Camera, Formula, UniformBackground};
-    use field::{Shape, Sphere};
+    use crate::{Analytic, Camera, Formula};
+    use field::{Shape, Sphere, UniformBackground};
     use glam::{DVec2, DVec3};
 
     #[test]

@@ -1,22 +1,24 @@
 #![doc = include_str!("../README.md")]
 
-mod background;
 mod camera;
+mod direction;
 mod image;
 mod invalid;
+mod preview;
 mod primary;
 mod sample;
 mod scene;
 mod shader;
 mod slope;
+mod turntable;
 
-pub use background::{
-    Background, BackgroundPerCamera, BackgroundRay, RayAdjoint, UniformBackground,
-};
 pub use camera::{Camera, CameraAdjoint};
+pub use direction::{named, snapped};
 pub use image::{Render, render};
 pub use invalid::InvalidField;
+pub use preview::{comparison, difference};
 pub use primary::{Hit, Primary, Surface, TracedRay, TracedSample, normals, retain_flagged};
 pub use sample::{Pixel, Sample, pixel_samples};
 pub use scene::{Scene, Tracing};
-pub use shader::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
+pub use shader::{Analytic, Formula, Light, MAX_LIGHTS, Shadowed};
+pub use turntable::{around, turntable, upwards};

@@ -1,11 +1,9 @@
 //! A field, its appearance, and the cameras that look at it.
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Background, BackgroundRay, Field, Real, Shader, Sphere, Vector3};
 
-use crate::background::{Background, BackgroundRay};
 use crate::camera::Camera;
 use crate::sample::Sample;
-use crate::shader::Shader;
 
 /// A field, its appearance, and the cameras that look at it.
 #[derive(Clone, Copy)]

@@ -2,9 +2,10 @@
 
 use std::sync::Mutex;
 
+use field::UniformBackground;
 use field::{Field, Shape, Sphere};
 use glam::{DVec2, DVec3};
-use render::{Analytic, Camera, Formula, Scene, UniformBackground, render};
+use render::{Analytic, Camera, Formula, Scene, render};
 
 /// A ball whose evaluations fail after a number of calls.
 struct Failing {

@@ -1,8 +1,9 @@
 //! Samples that are dealt to parts and joined again are the same samples.
 
+use field::UniformBackground;
 use field::{Shape, Sphere};
 use glam::{DVec2, DVec3};
-use render::{Analytic, Camera, Formula, Primary, Sample, Scene, UniformBackground};
+use render::{Analytic, Camera, Formula, Primary, Sample, Scene};
 
 fn scene_of<T>(run: impl FnOnce(&Scene<'_, f64>) -> T) -> T {
     let ball = Shape::<f64>::sphere([0.1, 0.0, 0.0], 0.5);

@@ -47,7 +47,7 @@ struct Line {
 /// # Errors
 /// If the file cannot be read.
 pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
-    let bytes = io::read(path, "metrics", "the metrics of a run")?;
+    let bytes = files::read(path, "metrics", "the metrics of a run")?;
     let (whole, last) = bytes.split_at(bytes.iter().rposition(|b| *b == b'\n').unwrap_or(0));
     let all = || whole.split(|b| *b == b'\n').filter(|line| !line.trim_ascii().is_empty());
     let read = |line| serde_json::from_slice::<Line>(line).ok();

@@ -1,9 +1,13 @@
 #![doc = include_str!("../README.md")]
 
+mod accuracy;
 mod curves;
+mod examine;
 mod page;
 mod solid;
+mod surface;
 mod tables;
+mod verdict;
 mod views;
 
 use std::path::Path;
@@ -11,7 +15,11 @@ use std::path::Path;
 use curves::Metrics;
 use dataset::Dataset;
 use fit::{Budget, Model, RunFile};
-use inspect::Verdict;
+
+pub use accuracy::sampled_psnr;
+pub use examine::{examine, modelled};
+pub use surface::{SurfaceShares, surface_shares};
+pub use verdict::{Evidence, Fault, Verdict};
 
 /// A run, with all that its page shows.
 pub struct Run<'a> {

@@ -1,14 +1,14 @@
 //! The surface of a run as buffers for the page.
 
-use bake::bake;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use export::bake::bake;
 use film::srgb_encode;
 use fit::Solid;
 use glam::{DVec3, Vec3};
 use mesh::{Mesh, decimate, extract};
-use pictures::upwards;
 use render::Camera;
+use render::upwards;
 use serde::Serialize;
 
 use crate::{Detail, Run};

@@ -1,7 +1,7 @@
 //! The tables of a page, as HTML.
 
+use crate::surface::SurfaceShares;
 use fit::{RunCameras, RunExposures};
-use inspect::SurfaceShares;
 
 use crate::page::escaped;
 use crate::{Run, State};

@@ -9,7 +9,7 @@ use fit::Solid;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use metrics::psnr_where;
-use pictures::difference;
+use render::difference;
 use render::{Camera, render};
 use serde::Serialize;
 

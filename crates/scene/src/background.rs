@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use background::{Extent, Volume};
+use field::{Background, Precision, UniformBackground};
 use field::{Sphere, Vector3};
+use files::InputError;
+use files::json::Object;
 use glam::DVec3;
-use io::InputError;
-use io::json::Object;
-use render::{Background, Precision, UniformBackground};
+use sdf_nn::Passes;
+use sdf_nn::background::{Extent, Volume};
 use serde_json::Value;
 
 /// The background of a scene file.
@@ -67,7 +68,7 @@ impl BackgroundModel {
         sphere: Option<Sphere<f64>>,
     ) -> Result<Self, InputError> {
         let path = folder.join(object.string("weights")?);
-        let bytes = io::read(&path, "weights", "a background file")?;
+        let bytes = files::read(&path, "weights", "a background file")?;
         let extent = volume::<f64>(&path, &bytes)?.extent();
         let expected = if sphere.is_some() { Extent::Volume } else { Extent::Direction };
         if extent != expected {
@@ -78,7 +79,7 @@ impl BackgroundModel {
     }
 
     /// Builds the background in single or double precision, for points relative to `origin`.
-    pub(crate) fn build<R: Precision>(
+    pub(crate) fn build<R: Precision + Passes>(
         &self,
         origin: DVec3,
     ) -> Result<Box<dyn Background<R>>, InputError> {
@@ -107,7 +108,7 @@ impl BackgroundModel {
 }
 
 /// Builds a volume from the bytes of a background file; `path` is for error messages.
-fn volume<R: Precision>(path: &Path, bytes: &[u8]) -> Result<Volume<R>, InputError> {
+fn volume<R: Precision + Passes>(path: &Path, bytes: &[u8]) -> Result<Volume<R>, InputError> {
     Volume::from_safetensors(bytes)
         .map_err(|e| InputError::new(path, "weights", e, "a background file"))
 }

@@ -3,8 +3,8 @@
 use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 
-use io::InputError;
-use io::json::{Object, numbers};
+use files::InputError;
+use files::json::{Object, numbers};
 use render::Camera;
 
 type Result<T> = std::result::Result<T, InputError>;

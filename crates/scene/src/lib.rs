@@ -5,6 +5,7 @@ mod background;
 mod camera;
 mod precision;
 mod sdf;
+pub mod synth;
 
 use std::path::Path;
 
@@ -17,9 +18,10 @@ pub use background::BackgroundModel;
 pub use precision::ScenePrecision;
 pub use sdf::{Sdf, network};
 
-use io::InputError;
-use io::json::Object;
-use render::{Background, Camera, Precision, Shader};
+use field::{Background, Precision, Shader};
+use files::InputError;
+use files::json::Object;
+use render::Camera;
 
 /// The content of a scene file.
 ///
@@ -66,7 +68,7 @@ impl SceneFile {
     /// If the file, or a model file that it names, is missing or wrong. The error holds the place
     /// in the file, the value found and the value expected.
     pub fn load(path: &Path) -> Result<SceneFile> {
-        Self::from_value(path, &io::json::read(path)?)
+        Self::from_value(path, &files::json::read(path)?)
     }
 
     /// Reads a scene from parsed JSON.

@@ -1,7 +1,8 @@
 //! The parts of a scene in single and in double precision, compiled once.
 
+use field::{Background, Precision, Shader};
 use field::{Clipped, Field};
-use render::{Background, Precision, Shader};
+use sdf_nn::Passes;
 
 use crate::{Result, SceneFile, in_precision};
 
@@ -9,7 +10,7 @@ use crate::{Result, SceneFile, in_precision};
 ///
 /// Its functions are compiled in this crate. Generic functions would be compiled again, with every
 /// shape and shader, in each crate that builds a scene.
-pub trait ScenePrecision: Precision {
+pub trait ScenePrecision: Precision + Passes {
     /// [`SceneFile::field`].
     ///
     /// # Errors

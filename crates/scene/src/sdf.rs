@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere, may_reach};
 use glam::DVec3;
-use sdf_nn::Network;
+use sdf_nn::{Network, Passes};
 
-use io::InputError;
-use io::json::Object;
-use render::Precision;
+use field::Precision;
+use files::InputError;
+use files::json::Object;
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -100,7 +100,7 @@ impl Sdf {
     /// Reads a model file and checks that it describes a signed distance.
     fn read_network(object: &Object<'_>, folder: &Path) -> Result<Self> {
         let path = folder.join(object.string("weights")?);
-        let bytes = io::read(&path, "weights", "a model file")?;
+        let bytes = files::read(&path, "weights", "a model file")?;
         let network = network::<f64>(&path, &bytes)?;
         let clipped = network.bounds().is_some_and(|ball| may_reach(&network, &ball));
         Ok(Sdf::Neural { path, bytes, clipped })
@@ -110,7 +110,7 @@ impl Sdf {
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub(crate) fn build<R: Precision>(&self, origin: DVec3) -> Result<Box<dyn Field<R>>> {
+    pub(crate) fn build<R: Precision + Passes>(&self, origin: DVec3) -> Result<Box<dyn Field<R>>> {
         Ok(match self {
             Sdf::Shape(kind, parameters) => {
                 Box::new(Shape::<R>::about(origin.to_array(), *kind, parameters))
@@ -184,7 +184,7 @@ impl Sdf {
 ///
 /// # Errors
 /// If the bytes are not a model file of a signed distance.
-pub fn network<R: Precision>(path: &Path, bytes: &[u8]) -> Result<Network<R>> {
+pub fn network<R: Precision + Passes>(path: &Path, bytes: &[u8]) -> Result<Network<R>> {
     Network::from_safetensors(bytes)
         .map_err(|e| InputError::new(path, "weights", e, "a model file of a signed distance"))
 }

@@ -1,7 +1,7 @@
 //! The description of a network without its parameters.
 
+use crate::grids::SplineSize;
 use glam::DVec3;
-use grids::SplineSize;
 
 /// The nonlinearity σ(z) of every hidden layer.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! The features of a grid of splines for a block of positions, and their derivatives.
 
+use crate::grids::{Jet, Splines};
 use field::{Real, TableSum};
-use grids::{Jet, Splines};
 
 use lanes::{Isa, LANES, Lane, Pass, Row, fma};
 

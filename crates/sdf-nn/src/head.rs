@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
+use crate::grids::Grids;
 use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
-use grids::Grids;
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};

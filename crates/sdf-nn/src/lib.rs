@@ -5,17 +5,20 @@
 )]
 
 mod architecture;
+pub mod background;
 mod encode;
 mod few_points;
 mod grid;
+pub mod grids;
 mod head;
 mod init;
 mod mlp;
 mod model_file;
 mod network;
 mod passes;
+mod shader;
 
-pub use grids::{Degree, SplineSize};
+pub use crate::grids::{Degree, SplineSize};
 pub use lanes::{Instructions, Lane};
 
 pub use architecture::{Activation, Architecture, Encoding, Transform};

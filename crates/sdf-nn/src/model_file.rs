@@ -3,10 +3,10 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use glam::DVec3;
-use grids::{
+use crate::grids::{
     Degree, FEATURES, Grids, MOST_CELLS, MOST_COEFFICIENTS, MOST_FEATURES, MOST_LEVELS, SplineSize,
 };
+use glam::DVec3;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::architecture::{Activation, Architecture, Encoding, Transform};

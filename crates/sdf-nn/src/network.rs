@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
+use crate::grids::Splines;
 use field::{Field, PartialSum, Real, Sphere, TableSum, Vector3};
 use glam::DVec3;
-use grids::Splines;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};

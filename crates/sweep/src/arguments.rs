@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::report::{Cell, Refusal, Sweep};
 use clap::Args;
-use sweep_report::{Cell, Refusal, Sweep};
 
 use crate::program_check::check_package;
 
@@ -60,7 +60,7 @@ impl Ablate {
             }
             None => {
                 check_package(sweep, file)?;
-                measure::dsdf::build_package(&sweep.package, sweep.profile.name())
+                crate::measure::dsdf::build_package(&sweep.package, sweep.profile.name())
             }
         }
     }

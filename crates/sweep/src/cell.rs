@@ -4,11 +4,11 @@
 
 use std::path::Path;
 
+use crate::report::Cell;
+use crate::report::files::write_whole;
+use crate::report::results::{CellResult, finished};
 use anyhow::Context;
 use serde_json::Value;
-use sweep_report::Cell;
-use sweep_report::files::write_whole;
-use sweep_report::results::{CellResult, finished};
 
 use crate::fit_metrics::add_fit_metrics;
 use crate::fit_stage::wait_for_fit;

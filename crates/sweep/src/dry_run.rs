@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use sweep_report::Cell;
-use sweep_report::results::finished;
+use crate::report::Cell;
+use crate::report::results::finished;
 
 use crate::console::print;
 use crate::folder::SweepFolder;

@@ -3,8 +3,8 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
+use crate::report::results::CellResult;
 use serde_json::Value;
-use sweep_report::results::CellResult;
 
 /// Parts of a fit over which losses are averaged.
 const WINDOWS: usize = 20;

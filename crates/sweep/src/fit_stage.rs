@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::report::Cell;
+use crate::report::schema::Limits;
 use anyhow::Context;
 use serde_json::Value;
-use sweep_report::Cell;
-use sweep_report::schema::Limits;
 
 use crate::fit_metrics::last_line;
 use crate::process::{self, ProcessFailure, StageError};

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::report::files::{read_if_present, read_text, write_whole};
+use crate::report::results::{CellResult, finished};
+use crate::report::schema::DataSet;
+use crate::report::{Cell, Refusal, Sweep, write_report};
 use anyhow::Context;
-use sweep_report::files::{read_if_present, read_text, write_whole};
-use sweep_report::results::{CellResult, finished};
-use sweep_report::schema::DataSet;
-use sweep_report::{Cell, Refusal, Sweep, write_report};
 
 use crate::console::print;
 use crate::inputs;

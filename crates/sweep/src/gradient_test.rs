@@ -3,14 +3,14 @@
 
 use std::path::Path;
 
+use crate::measure::dsdf::{RunDsdf, gradient};
+use crate::measure::image::{Image, SquaredError};
+use crate::measure::reference::{GAUSSIAN, gaussian_filtered};
+use crate::report::Cell;
+use crate::report::files::write_whole;
+use crate::report::options::{flag, text};
 use anyhow::Context;
-use measure::dsdf::{RunDsdf, gradient};
-use measure::image::{Image, SquaredError};
-use measure::reference::{GAUSSIAN, gaussian_filtered};
 use serde_json::{Value, json};
-use sweep_report::Cell;
-use sweep_report::files::write_whole;
-use sweep_report::options::{flag, text};
 
 use crate::process::LimitedProgram;
 use crate::runner::CellRunner;

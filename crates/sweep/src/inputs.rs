@@ -4,10 +4,10 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::report::Refusal;
+use crate::report::files::{read, read_if_present, write_whole};
+use crate::report::schema::DataSet;
 use serde_json::Value;
-use sweep_report::Refusal;
-use sweep_report::files::{read, read_if_present, write_whole};
-use sweep_report::schema::DataSet;
 
 /// A 64-bit FNV-1a hash, the same on every machine: G. Fowler, L. C. Noll, K.-P. Vo and
 /// D. Eastlake, "The FNV Non-Cryptographic Hash Algorithm".
@@ -182,9 +182,9 @@ pub(crate) fn this_machine(cores: usize, given: bool) -> String {
     let program = if given {
         "a program given".to_owned()
     } else {
-        format!("dsdf {}", measure::host::revision())
+        format!("dsdf {}", crate::measure::host::revision())
     };
-    format!("{}, {cores} cores, {program}", measure::host::processor())
+    format!("{}, {cores} cores, {program}", crate::measure::host::processor())
 }
 
 /// Adds machines to those of a folder, each once.

@@ -9,24 +9,26 @@ mod fit_stage;
 mod folder;
 mod gradient_test;
 mod inputs;
+pub mod measure;
 mod pool;
 mod prepared;
 mod process;
 mod program_check;
+pub mod report;
 mod runner;
 mod slurm;
 
 use std::path::{Path, PathBuf};
 
+pub use crate::report::Refusal;
 pub use arguments::Ablate;
-pub use sweep_report::Refusal;
 
+use crate::report::Sweep;
+use crate::report::files::write_whole;
 use console::print;
 use folder::SweepFolder;
 use prepared::PreparedSweep;
 use slurm::Shard;
-use sweep_report::Sweep;
-use sweep_report::files::write_whole;
 
 /// Runs `cargo xtask ablate`: compares two sweeps, merges shards, lists the cells, writes a Slurm
 /// script, or runs the cells and writes a report.
@@ -58,7 +60,7 @@ pub fn run(arguments: &Ablate) -> anyhow::Result<()> {
 
 /// Prints the comparison of two sweeps, and keeps it in the output folder if there is one.
 fn compare(a: &Path, b: &Path, arguments: &Ablate) -> anyhow::Result<()> {
-    let page = sweep_report::compare(a, b)?;
+    let page = report::compare(a, b)?;
     if arguments.output.is_some() {
         write_whole(&arguments.output_folder()?.join("compare.md"), &page)?;
     }

@@ -4,10 +4,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
+use crate::report::Cell;
+use crate::report::metrics::metric;
+use crate::report::results::{CellResult, finished};
 use indicatif::{ProgressBar, ProgressStyle};
-use sweep_report::Cell;
-use sweep_report::metrics::metric;
-use sweep_report::results::{CellResult, finished};
 
 use crate::runner::CellRunner;
 

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use sweep_report::files::write_whole;
-use sweep_report::results::finished;
-use sweep_report::{Cell, Refusal, Sweep, absolute};
+use crate::report::files::write_whole;
+use crate::report::results::finished;
+use crate::report::{Cell, Refusal, Sweep, absolute};
 
 use crate::arguments::{Ablate, make_folder};
 use crate::console::print;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::report::schema::Limits;
 use anyhow::Context;
 use serde_json::Value;
-use sweep_report::schema::Limits;
 
 /// A failure of the program itself, which becomes the cell's result.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -76,7 +76,7 @@ pub(crate) struct LimitedProgram<'a> {
     pub(crate) log: &'a Path,
 }
 
-impl measure::dsdf::RunDsdf for LimitedProgram<'_> {
+impl crate::measure::dsdf::RunDsdf for LimitedProgram<'_> {
     fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value> {
         let arguments: Vec<String> = arguments.iter().map(|&a| a.to_owned()).collect();
         run(self.program, &arguments, self.limits, self.log, &|| {})
@@ -180,7 +180,8 @@ fn exceeded(process: u32, seconds: f64, limits: &Limits) -> Option<ProcessFailur
     if seconds > limits.seconds {
         return Some(ProcessFailure::time(limits.seconds));
     }
-    let used = measure::dsdf::memory(process, "VmRSS:").filter(|used| *used > limits.mebibytes)?;
+    let used =
+        crate::measure::dsdf::memory(process, "VmRSS:").filter(|used| *used > limits.mebibytes)?;
     let reason = format!("{used:.0} MiB of {} in use", limits.mebibytes);
     Some(ProcessFailure { status: "memory", reason })
 }
@@ -230,7 +231,7 @@ mod tests {
 
     #[test]
     fn faults_of_the_machine_are_told_from_failures_of_the_program() {
-        use measure::dsdf::RunDsdf;
+        use crate::measure::dsdf::RunDsdf;
         let folder = tempfile::tempdir().unwrap();
         let (program, log) = (Path::new("sh"), folder.path().join("log"));
         let program = LimitedProgram { program, limits: &LIMITS, log: &log };

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use sweep_report::options::{flag, text};
-use sweep_report::schema::DataSet;
-use sweep_report::{Refusal, Sweep};
+use crate::report::options::{flag, text};
+use crate::report::schema::DataSet;
+use crate::report::{Refusal, Sweep};
 
 /// Options of `dsdf fit` that a sweep may not set, with the key or option to use instead.
 const RESERVED: [(&str, &str); 13] = [
@@ -26,7 +26,7 @@ const RESERVED: [(&str, &str); 13] = [
 
 /// Refuses a package that the workspace does not have.
 pub(crate) fn check_package(sweep: &Sweep, file: &Path) -> anyhow::Result<()> {
-    let packages = measure::dsdf::packages()?;
+    let packages = crate::measure::dsdf::packages()?;
     if !packages.contains(&sweep.package) {
         let expected = format!("one of {}", packages.join(", "));
         return Err(Refusal::new(file, "package", &sweep.package, expected).into());

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::report::{Cell, Sweep};
 use serde_json::Value;
-use sweep_report::{Cell, Sweep};
 
 use crate::process::{self, StageError};
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use sweep_report::{Refusal, Sweep};
+use crate::report::{Refusal, Sweep};
 
 /// A part of a sweep's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,7 +115,8 @@ impl JobArray {
         let out = output.to_string_lossy();
         // Slurm expands % in the names of logs.
         let [root, out, logs] =
-            [&measure::dsdf::root().to_string_lossy(), &out, &*out.replace('%', "%%")].map(quote);
+            [&crate::measure::dsdf::root().to_string_lossy(), &out, &*out.replace('%', "%%")]
+                .map(quote);
         // The number of shards is fixed here: if some tasks are submitted again, Slurm counts only
         // those.
         let shard = format!("--shard \"$SLURM_ARRAY_TASK_ID/{shards}\"");

@@ -58,7 +58,7 @@ impl Kind {
 /// The same source, kind and seed give the same files. `progress` receives the fraction done.
 ///
 /// # Errors
-/// An [`io::InputError`] if the source is no data set, if a view has no mask, if the uncovered
+/// An [`files::InputError`] if the source is no data set, if a view has no mask, if the uncovered
 /// pixels of the source differ in colour, or if `output` is not a new or empty folder. Other errors
 /// if a file cannot be written.
 pub fn compose(
@@ -83,7 +83,7 @@ pub fn compose(
                 output::write_straight_alpha(&output.join(&file), &layers)?;
             } else {
                 let image = backdrop.photograph(&setting, &view.camera, &layers);
-                io::write_image(&output.join(&file), &image)?;
+                film::write_image(&output.join(&file), &image)?;
                 output::write_mask(&output.join("masks").join(&file), &layers)?;
             }
             records.push(setting.record(&file));

@@ -4,9 +4,10 @@ use std::io::Cursor;
 use std::path::Path;
 
 use dataset::View;
+use files::{InputError, atomic_write, check_output_folder};
+use film::write_image;
 use film::{Film, srgb_decode, srgb_encode};
 use image::{ImageFormat, RgbaImage};
-use io::{InputError, atomic_write, check_output_folder, write_image};
 use serde_json::{Value, json};
 
 use super::Kind;
@@ -107,7 +108,7 @@ pub(super) fn copy_meshes(from: &Path, to: &Path) -> anyhow::Result<()> {
         let path = entry?.path();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         if let Some(name) = path.file_name().filter(|_| MESHES.contains(&extension)) {
-            let bytes = io::read(&path, "mesh", "a readable file")?;
+            let bytes = files::read(&path, "mesh", "a readable file")?;
             atomic_write(&to.join(name), |out| Ok(out.write_all(&bytes)?))?;
         }
     }

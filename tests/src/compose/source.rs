@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use dataset::{Dataset, LoadOptions, View, load};
+use files::InputError;
 use film::srgb_encode;
-use io::InputError;
 
 /// The largest difference between uncovered pixels, in display space (sRGB in [0, 1]): two steps of
 /// 8 bits.

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use measure::dsdf;
-use measure::image::SquaredError;
 use serde::Serialize;
+use sweep::measure::dsdf;
+use sweep::measure::image::SquaredError;
 
 use super::scenes::disc;
 

@@ -16,9 +16,9 @@ use serde_json::Value;
 
 use accuracy::Accuracy;
 use growth::Growth;
-use measure::host::{processor, revision};
-use measure::{cargo_command, dsdf};
 use programs::CommandCost;
+use sweep::measure::host::{processor, revision};
+use sweep::measure::{cargo_command, dsdf};
 
 /// All measurements, as the JSON file has them.
 #[derive(Serialize)]
@@ -48,10 +48,13 @@ struct Machine {
 impl Machine {
     /// Runs the bench in the profile for benches; its table goes to standard error.
     fn measure() -> anyhow::Result<Self> {
-        let output = cargo_command(&["bench", "--package", "sdf-nn", "--bench", "machine"])
+        let output = cargo_command(&["bench", "--package", "dsdf-sdf-nn", "--bench", "machine"])
             .stderr(Stdio::inherit())
             .output()?;
-        ensure!(output.status.success(), "cargo bench --package sdf-nn --bench machine failed");
+        ensure!(
+            output.status.success(),
+            "cargo bench --package dsdf-sdf-nn --bench machine failed"
+        );
         Ok(serde_json::from_slice(&output.stdout)?)
     }
 }

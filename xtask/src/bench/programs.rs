@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, ensure};
-use measure::dsdf;
 use serde::Serialize;
 use serde_json::Value;
+use sweep::measure::dsdf;
 
 use super::scenes::{disc, network, photographs};
 

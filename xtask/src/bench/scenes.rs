@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use measure::dsdf;
-use measure::suite;
 use serde_json::{Value, json};
+use sweep::measure::dsdf;
+use sweep::measure::suite;
 
 /// A ball of constant radiance on a film of `size` × `size` pixels. It covers the same part of
 /// every film.

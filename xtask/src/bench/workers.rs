@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use anyhow::ensure;
-use measure::{cargo_command, dsdf};
 use serde_json::{Value, json};
+use sweep::measure::{cargo_command, dsdf};
 
 /// The scene, as the sweep `detail` has it: a slab with ridges.
 const SCENE: &str = "xtask/sweeps/scenes/ridges.json";
@@ -57,7 +57,7 @@ pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()>
 
 /// Runs the bench `workers` of `fit` on a run.
 fn simulate(run: &str, workers: usize) -> anyhow::Result<Value> {
-    let arguments = ["bench", "--package", "fit", "--bench", "workers", "--"];
+    let arguments = ["bench", "--package", "dsdf-fit", "--bench", "workers", "--"];
     let output = cargo_command(&[&arguments[..], &[run, &workers.to_string(), SIMULATED]].concat())
         .stderr(Stdio::inherit())
         .output()?;

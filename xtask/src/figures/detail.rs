@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use measure::dsdf;
-use measure::plot::{Curve, Panel, svg};
+use sweep::measure::dsdf;
+use sweep::measure::plot::{Curve, Panel, svg};
 
 /// Data sets of renders, in the folder `shared/data` beside the workspace: a smooth solid, and one
 /// with ridges.

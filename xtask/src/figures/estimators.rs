@@ -3,12 +3,12 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use measure::dsdf::gradient;
-use measure::image::Image;
-use measure::plot::{Curve, Panel, svg};
-use measure::reference::{box_filtered, gaussian_filtered};
-use measure::suite::{Case, cases, scene};
 use serde_json::Value;
+use sweep::measure::dsdf::gradient;
+use sweep::measure::image::Image;
+use sweep::measure::plot::{Curve, Panel, svg};
+use sweep::measure::reference::{box_filtered, gaussian_filtered};
+use sweep::measure::suite::{Case, cases, scene};
 
 /// The estimators, each with whether its pixels are Gaussian-filtered.
 const ESTIMATORS: [(&str, bool); 8] = [

@@ -8,11 +8,11 @@ use std::path::Path;
 
 use anyhow::Context;
 use image::{Rgb, RgbImage};
-use measure::dsdf::gradient;
-use measure::image::Image;
-use measure::reference::box_filtered;
-use measure::suite::scene;
 use serde_json::{Value, json};
+use sweep::measure::dsdf::gradient;
+use sweep::measure::image::Image;
+use sweep::measure::reference::box_filtered;
+use sweep::measure::suite::scene;
 
 /// Runs of every estimator.
 const SEEDS: u32 = 32;

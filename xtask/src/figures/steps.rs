@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use measure::dsdf::gradient;
-use measure::plot::{Curve, Panel, svg};
-use measure::reference::box_filtered;
-use measure::suite::scene;
+use sweep::measure::dsdf::gradient;
+use sweep::measure::plot::{Curve, Panel, svg};
+use sweep::measure::reference::box_filtered;
+use sweep::measure::suite::scene;
 
 /// Points along a ray.
 const STEPS: [u32; 5] = [6, 10, 22, 64, 200];

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use serde_json::Value;
 
-use measure::dsdf::{root, run_json};
+use sweep::measure::dsdf::{root, run_json};
 
 /// Options of `dsdf fit` under a name.
 pub(super) struct FitSetting {

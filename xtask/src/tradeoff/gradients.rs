@@ -6,10 +6,10 @@ use std::path::Path;
 use anyhow::ensure;
 use serde_json::Value;
 
-use measure::dsdf::gradient;
-use measure::image::{Image, SquaredError};
-use measure::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
-use measure::suite::{cases, scene};
+use sweep::measure::dsdf::gradient;
+use sweep::measure::image::{Image, SquaredError};
+use sweep::measure::reference::{GAUSSIAN, box_filtered, gaussian_filtered};
+use sweep::measure::suite::{cases, scene};
 
 /// A parameter of `dsdf gradient` with the values to measure.
 pub(super) struct Axis {

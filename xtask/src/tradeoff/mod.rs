@@ -12,9 +12,9 @@ use anyhow::Context;
 use crate::figures::write;
 use fits::{FitOutcome, NETWORKS, PRESETS};
 use gradients::{AXES, Axis, AxisMeasurements, GradientScenes, Measurement, SPP};
-use measure::dsdf;
-use measure::plot::{Curve, Panel, front, svg};
-use measure::reference::GAUSSIAN;
+use sweep::measure::dsdf;
+use sweep::measure::plot::{Curve, Panel, front, svg};
+use sweep::measure::reference::GAUSSIAN;
 
 /// Index in [`SPP`] of the samples per pixel in tables of one number.
 const SHOWN: usize = 2;

@@ -6,13 +6,13 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use crate::messages::{Console, Progress};
 use dataset::Dataset;
 use estimate::Registry;
+use files::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
 use fit::{Model, RunCameras, RunExposures, RunFile, align, match_exposures};
-use io::{InputError, check_memory, check_output, check_output_folder, is_hidden, printable};
-use messages::{Console, Progress};
 
-pub(super) use io::ARGUMENTS;
+pub(super) use files::ARGUMENTS;
 
 /// Flags of every command.
 #[derive(Args, Clone, Debug)]
@@ -116,7 +116,7 @@ pub(crate) enum PrecisionArg {
 
 /// Checks that the extension of an output file is one of `extensions`.
 fn check_extension(path: &Path, extensions: &[&str]) -> Result<(), InputError> {
-    let found = io::extension(path);
+    let found = files::extension(path);
     if extensions.contains(&found.as_str()) {
         return Ok(());
     }

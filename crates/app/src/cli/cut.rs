@@ -4,17 +4,19 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use cut::{CutReport, Cutter, PlaneReport, Region, Step, ground, inside_masks, seen_vertices};
+use export::cut::{
+    CutReport, Cutter, PlaneReport, Region, Step, ground, inside_masks, seen_vertices,
+};
 use glam::DVec3;
 
 use super::common::{ARGUMENTS, Global};
 use ::mesh::{Components, Mesh, keep_components};
 use dataset::Dataset;
+use files::InputError;
 use fit::{Model, RunCameras, RunFile, Solid};
-use io::InputError;
 use metrics::SurfacePoint;
-use pictures::upwards;
 use render::Camera;
+use render::upwards;
 
 /// The faces that photographs cut off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -186,7 +188,7 @@ impl<'a> Cutting<'a> {
             subject,
             dataset,
             global,
-            vertices: cut::vertices_with_normals(mesh),
+            vertices: export::cut::vertices_with_normals(mesh),
             seen: None,
             cutter: Cutter::new(mesh),
             reports: Vec::new(),

@@ -17,8 +17,8 @@ use ::mesh::{read_mesh, write_mesh};
 use ::report::State;
 use ::scene::SceneFile;
 use dataset::{Dataset, LoadOptions};
-use pictures::write_preview;
-use synth::{Options, synthesise};
+use fit::write_preview;
+use scene::synth::{Options, synthesise};
 
 /// The embedded scene: a rounded solid with a hole through it, and a ball cut out of its side.
 const SCENE: &str = include_str!("demo_scene.json");
@@ -36,7 +36,7 @@ pub(crate) struct Demo {
     #[arg(short, long, default_value = "dsdf-demo")]
     output: PathBuf,
     /// Wall time of the fit, for example 90 (seconds) or 10m
-    #[arg(long, default_value = "160s", value_parser = ::io::parse_duration)]
+    #[arg(long, default_value = "160s", value_parser = ::files::parse_duration)]
     time: Duration,
     /// Number of training views
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(3..=1000))]
@@ -120,7 +120,7 @@ impl Demo {
         let bar = global.progress("views");
         synthesise(&scene, &source, data, &options, &bar.mover())?;
         bar.finish_and_clear();
-        io::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
+        files::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
     }
 }
 

@@ -6,15 +6,16 @@ mod views;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use cut::CutReport;
+use export::cut::CutReport;
 use serde::Serialize;
 
 use super::common::{Global, as_fitted, option_error};
 use super::cut::{CullOptions, Subject, views_of_run};
 use super::mesh::mesh_of_run;
-use dataset::{Dataset, surroundings};
+use dataset::Dataset;
+use files::InputError;
 use fit::{MaskUse, Model, RunFile};
-use io::InputError;
+use inspect::surroundings;
 use mesh::{Mesh, read_mesh};
 use metrics::compare;
 use points::PointOptions;

@@ -9,12 +9,12 @@ use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, option_error};
 use super::cut::Subject;
-use bake::{bake, paint, unwrap};
+use export::bake::{bake, paint, unwrap};
+use files::extension;
 use fit::{RunCameras, RunFile, Solid};
-use io::extension;
 use mesh::{Mesh, Texture, check_textured_obj, decimate, export_mesh};
-use pictures::{named, snapped, upwards};
 use render::Camera;
+use render::{named, snapped, upwards};
 
 /// Bytes of memory for each texel of a texture, while it is painted.
 const MEMORY_PER_TEXEL: u64 = 144;
@@ -152,7 +152,7 @@ impl Export {
             return Err(option_error("texture", found, "a .glb or an .obj file").into());
         }
         let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
-        io::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
+        files::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
         if extension(output) == "obj" {
             check_textured_obj(output)?;
         }

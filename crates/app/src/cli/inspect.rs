@@ -9,9 +9,11 @@ use serde::Serialize;
 use super::common::{FROM_RUN, Global, as_fitted};
 use super::fit::read_for;
 use super::query::slope_of;
-use ::inspect::{Report, Verdict, inspect, overlay};
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, examine, modelled};
-use io::write_image;
+use ::inspect::{Report, inspect, overlay};
+use ::report::Verdict;
+use film::write_image;
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
+use report::{examine, modelled};
 
 /// Arguments of `dsdf inspect`.
 #[derive(Args, Debug)]
@@ -22,7 +24,7 @@ pub(crate) struct Inspect {
     #[arg(short, long, default_value = "inspect.png")]
     output: PathBuf,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
-    #[arg(long, value_parser = ::io::parse_bounds, allow_hyphen_values = true)]
+    #[arg(long, value_parser = ::files::parse_bounds, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
     /// Read images at 1/N of their width and height [default: that of the run, or that of a fit
     /// with default options]

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use cut::CutReport;
+use export::cut::CutReport;
 use serde::Serialize;
 
 use super::common::Global;
 use super::cut::{CutOptions, Subject};
 use super::export::{Export, Exported};
+use files::{InputError, extension};
 use fit::{Model, RunFile};
-use io::{InputError, extension};
 use mesh::{check_stl, extract};
 
 /// Arguments of `dsdf mesh`.

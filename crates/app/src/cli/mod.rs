@@ -23,9 +23,9 @@ use std::sync::Arc;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use crate::messages::{Console, Host};
 use ::fit::FitOptions;
 use estimate::Registry;
-use messages::{Console, Host};
 
 use crate::error::{Interrupted, WrongArguments, exit_status};
 
@@ -142,7 +142,7 @@ pub fn run_in_host(
 /// An error and its causes, in one line.
 pub fn error_line(error: &anyhow::Error) -> String {
     let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
-    io::printable(&chain.join(": "))
+    files::printable(&chain.join(": "))
 }
 
 fn parse_and_execute(

@@ -6,8 +6,8 @@ use clap::Args;
 
 use super::common::Global;
 use crate::error::Interrupted;
+use crate::messages::Progress;
 use ::poses::{Event, Job, Options, Photographs, Program, run};
-use messages::Progress;
 
 /// Arguments of `dsdf poses`.
 #[derive(Args, Debug)]

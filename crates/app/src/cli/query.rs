@@ -9,7 +9,8 @@ use sdf_nn::Network;
 use serde::Serialize;
 
 use super::common::Global;
-use io::{InputError, read_npy, write_npy};
+use files::InputError;
+use film::{read_npy, write_npy};
 use scene::network;
 
 /// Arguments of `dsdf query`.
@@ -45,7 +46,7 @@ pub(super) fn slope_of(network: &Network<f32>) -> f32 {
 impl Query {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["npy"])?;
-        let bytes = io::read(&self.model, "model", "a model file")?;
+        let bytes = files::read(&self.model, "model", "a model file")?;
         let network = network::<f32>(&self.model, &bytes)?;
         let points = self.read_points()?;
         let n = points.len();

@@ -8,10 +8,11 @@ use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, option_error};
+use files::InputError;
+use film::write_image;
 use fit::{Model, RunFile, Solid};
-use io::{InputError, write_image};
-use pictures::{around, turntable, upwards};
 use render::{Scene, render};
+use render::{around, turntable, upwards};
 use scene::{SceneFile, ScenePrecision};
 
 /// Arguments of `dsdf render`.

@@ -9,10 +9,12 @@ use serde::Serialize;
 
 use super::common::{Global, as_fitted};
 use super::fit::read_for;
-use ::inspect::{Verdict, inspect};
+use ::inspect::inspect;
+use ::report::Verdict;
 use ::report::{Detail, Run, State, page};
 use dataset::Dataset;
-use fit::{Fit as Fitting, FitOptions, Model, RunFile, examine, modelled};
+use fit::{Fit as Fitting, FitOptions, Model, RunFile};
+use report::{examine, modelled};
 
 /// Arguments of `dsdf report`.
 #[derive(Args, Debug)]
@@ -93,7 +95,7 @@ pub(super) fn write_whole(run: &Run<'_>, path: &Path, global: &Global) -> anyhow
 }
 
 fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
-    io::atomic_write(path, |out| Ok(out.write_all(html.as_bytes())?))?;
+    files::atomic_write(path, |out| Ok(out.write_all(html.as_bytes())?))?;
     Ok(html.len())
 }
 

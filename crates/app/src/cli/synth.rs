@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, RENDER_BYTES, check_film};
 use scene::SceneFile;
-use synth::{Options, synthesise};
+use scene::synth::{Options, synthesise};
 
 /// Arguments of `dsdf synth`.
 #[derive(Args, Debug)]

@@ -6,8 +6,8 @@ use glam::{DQuat, DVec3};
 
 use super::forms::resized;
 use super::{assert_same_camera, ball, cameras, in_order, photograph, refused, world_to_camera};
-use crate::{LoadOptions, Surroundings, load, surroundings};
-use io::write_image;
+use crate::{LoadOptions, load};
+use film::write_image;
 use render::Camera;
 
 /// The number of image i. Image numbers have gaps, and do not have the order of the names.
@@ -139,25 +139,6 @@ fn text_and_binary_models_are_read_from_every_folder() {
             }
         }
     }
-}
-
-#[test]
-fn points_give_the_sphere_if_the_background_is_clutter() {
-    let all = cameras(9);
-    let folder = tempfile::tempdir().unwrap();
-    write_images(folder.path(), &all);
-    write_text(folder.path(), &all, "PINHOLE", &pinhole_of(&all[0]));
-    let mut dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    for view in &mut dataset.train {
-        let clutter = view.image.pixels.iter_mut().enumerate();
-        clutter.for_each(|(i, p)| {
-            *p = [(i % 7) as f32 / 7.0, (i % 11) as f32 / 11.0, (i % 5) as f32 / 5.0]
-        });
-    }
-    let Surroundings { sphere: bounds, background, .. } = surroundings(&dataset, None, false);
-    assert!(background.confidence < 0.3, "{background:?}");
-    assert!((bounds.center - ball().center).length() < 0.1, "{bounds:?}");
-    assert!((1.0..1.3).contains(&(bounds.radius / ball().radius)), "{bounds:?}");
 }
 
 #[test]

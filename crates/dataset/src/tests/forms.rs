@@ -325,3 +325,10 @@ fn forms_without_a_reader_are_named_with_a_way_to_convert_them() {
     std::fs::write(folder.path().join("a.csv"), "#name,x,y,alt,heading,pitch,roll,f\n").unwrap();
     refused(folder.path(), &["ns-process-data realitycapture"]);
 }
+
+#[test]
+fn folders_without_cameras_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    refused(folder.path(), &["no camera file", "transforms.json", "COLMAP"]);
+    refused(&folder.path().join("nowhere"), &["nowhere"]);
+}

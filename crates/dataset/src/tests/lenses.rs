@@ -277,3 +277,19 @@ fn metashape_lenses_are_undistorted() {
         assert_undistorted(folder.path(), kind);
     }
 }
+
+#[test]
+fn lenses_of_no_camera_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = write_nerf(folder.path(), "transforms.json", &cameras(9));
+    for (key, number, words) in [
+        ("fl_x", 1e300, ["focal length", "1e300"]),
+        ("fl_x", 1e-9, ["focal length", "1e-9"]),
+        ("cx", 1e30, ["principal point", "1e30"]),
+    ] {
+        let mut json = json.clone();
+        json[key] = number.into();
+        write_json(&folder.path().join("transforms.json"), &json);
+        refused(folder.path(), &[&words[..], &["pixels"]].concat());
+    }
+}

@@ -8,16 +8,15 @@ mod middlebury;
 mod nerf;
 mod nerfstudio;
 mod neus;
-mod real;
-mod surroundings;
 
 use std::path::Path;
 
 use approx::assert_relative_eq;
 use field::Sphere;
+use files::InputError;
 use film::Film;
+use film::write_image;
 use glam::{DMat3, DMat4, DVec2, DVec3};
-use io::{InputError, write_image};
 use render::Camera;
 use serde_json::{Value, json};
 

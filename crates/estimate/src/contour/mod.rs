@@ -11,9 +11,9 @@ use render::{InvalidField, Pixel, Scene};
 use crate::crossing::{has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, in_both_precisions};
+use crate::record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
 use cell::{Piece, pieces};
 use edge::{Event, EventKind, GridEdge};
-use record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
 
 /// A reference: silhouettes as polygons on a grid of cells, and the smooth part along the lines of
 /// the grid.

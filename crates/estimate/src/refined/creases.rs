@@ -6,7 +6,7 @@ use render::Scene;
 
 use super::face_changes::FaceChange;
 use super::line_places::FaceHit;
-use record::{FilmLine, Record};
+use crate::record::{FilmLine, Record};
 
 /// Creases between faces whose normals have a smaller sine than this between them are left out: the
 /// jump of the radiance is as small.

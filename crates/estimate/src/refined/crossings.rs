@@ -9,7 +9,7 @@ use super::probes::{Place, Probes};
 use super::search::{KnownTangencies, SAME_DEPTH, Searches, first_reach, is_same};
 use super::visibility::visible;
 use crate::crossing::{Crossing, tolerance};
-use record::FilmLine;
+use crate::record::FilmLine;
 use trace::{Start, Tangency};
 
 /// Crossings of lines with visible silhouettes, and the number of rays of the search.

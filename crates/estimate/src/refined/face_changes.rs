@@ -10,7 +10,7 @@ use super::line_places::{FaceHit, LinePlaces, Place, trace};
 use super::neighbours::Neighbours;
 use super::unseen_faces::unseen_faces;
 use crate::crossing::{Crossing, Rim, is_grazing, tolerance};
-use record::{FilmLine, Record};
+use crate::record::{FilmLine, Record};
 
 /// A part of a line whose ends hit different faces.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use render::{InvalidField, Sample, Scene};
 
 use super::visibility::INSIDE;
 use crate::crossing::{Crossing, tolerance};
-use record::{FilmLine, Record};
+use crate::record::{FilmLine, Record};
 
 /// The visible surface at one place of a line.
 #[derive(Clone, Copy, Debug)]

@@ -21,10 +21,12 @@ use render::{InvalidField, Pixel, Scene};
 use crate::crossing::{Crossing, has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
 use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms, in_both_precisions};
+use crate::record::{
+    FilmLine, Record, SegmentEnd, SilhouettePoint, Stratification, add_smooth_part,
+};
 use creases::add_crease;
 use crossings::{Crossings, crossings};
 use face_changes::{FaceChanges, face_changes};
-use record::{FilmLine, Record, SegmentEnd, SilhouettePoint, Stratification, add_smooth_part};
 use survey::{mark_corners, sample_unmarked};
 
 /// Area samples in pixels without silhouettes, and random lines on the film in the others.

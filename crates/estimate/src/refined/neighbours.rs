@@ -10,7 +10,7 @@ use trace::{Start, Tangency};
 
 use super::search::{KnownTangencies, LineTangency, Searches, first_reach};
 use crate::crossing::tolerance;
-use record::FilmLine;
+use crate::record::FilmLine;
 
 /// The order of the lines of each pixel along each axis.
 pub(super) struct Neighbours {

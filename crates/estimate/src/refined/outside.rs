@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use render::{Primary, Scene, Surface};
 
 use super::search::LineTangency;
-use record::FilmLine;
+use crate::record::FilmLine;
 
 /// A hit is moved if the cosine between the reversed ray and its normal is below this. At the
 /// distance s from the surface's own silhouette, cos² = 2 s/r. So the others are 0.05 pixels or

@@ -7,8 +7,8 @@ use trace::Start;
 use super::search::{Searches, first_reach};
 use super::visibility::VisibleCrossing;
 use crate::crossing::tolerance;
+use crate::record::FilmLine;
 use crate::silhouette_margin::GRAZING;
-use record::FilmLine;
 
 /// The depth of the surface at one place of a line: from a ray, or beside a crossing.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@ use render::Scene;
 use trace::{RayFamily, Start, Tangency, tangencies};
 
 use crate::crossing::tolerance;
-use record::FilmLine;
+use crate::record::FilmLine;
 
 /// Searches, each with its start and its line.
 pub(super) struct Searches<R> {

@@ -10,8 +10,8 @@ use trace::Outcome;
 use super::crease_margin::near_creases;
 use crate::crossing::has_visible_creases;
 use crate::estimator::{Batch, SilhouetteMask};
+use crate::record::{Area, Record, Share};
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
-use record::{Area, Record, Share};
 
 /// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels
 /// at the corner: every point of a pixel is within √½ pixels of a corner. At 0.5 and 1.5 the errors

@@ -9,7 +9,7 @@ use super::face_changes::FaceChange;
 use super::line_places::{LinePlaces, Part, Place};
 use super::neighbours::{Neighbours, meeting};
 use crate::crossing::tolerance;
-use record::FilmLine;
+use crate::record::FilmLine;
 
 /// The largest number of places of one line, for fields that have a new face everywhere.
 const MAX_PLACES: usize = 64;

@@ -8,7 +8,7 @@ use trace::{Outcome, Tangency};
 use super::outside::move_grazing_hits;
 use super::search::{LineTangency, SAME_DEPTH};
 use crate::crossing::{Crossing, Rim, grazing_samples, tolerance};
-use record::FilmLine;
+use crate::record::FilmLine;
 
 /// A crossing with the depths on both of its sides.
 pub(super) struct VisibleCrossing<R: Real> {

@@ -4,9 +4,9 @@
 //! Steps with random pixels lead around an optimum. The mean of the places is nearer to it than the
 //! last one.
 
-use checkpoint::Average;
+use crate::checkpoint::Average;
+use loss::schedule::is_averaged;
 use rayon::prelude::*;
-use schedule::is_averaged;
 
 use super::Fit;
 

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use checkpoint::State;
-use io::{ARGUMENTS, InputError};
+use crate::checkpoint::State;
+use files::{ARGUMENTS, InputError};
 
 use super::Fit;
 use crate::model::Model;

@@ -1,10 +1,10 @@
 //! Cameras that are adjusted before the fit, from places of the same points in the photographs.
 
-use calibrate::{
+use glam::DVec2;
+use multiview::calibrate::{
     Calibration, CameraDecision, Freedom, Matching, Observation, RefineCameras, Track, off_views,
 };
-use glam::DVec2;
-use stereo::{HALF_PATCH, Places};
+use multiview::stereo::{HALF_PATCH, Places};
 
 use super::Fit;
 use crate::cameras::{Corrections, calibration};

@@ -1,8 +1,11 @@
 //! Pictures of a fit while it runs.
 
+use std::path::Path;
+
 use dataset::View;
+use film::{Film, write_image};
 use metrics::psnr_where;
-use pictures::write_preview;
+use render::{Scene, comparison, render};
 
 use super::Fit;
 use crate::exposure::match_exposures;
@@ -66,4 +69,23 @@ mod tests {
         let sizes = [[320, 320], [512, 256], [513, 256], [640, 480], [4032, 3024], [200_000, 1]];
         assert_eq!(sizes.map(reduction), [1, 1, 2, 2, 10, 2]);
     }
+}
+
+/// Renders one view, and writes its [`comparison`] with the photograph `target` to `path`. Returns
+/// the rendered image.
+///
+/// # Errors
+/// If the field gives a NaN or an infinity along a ray, or the picture cannot be written.
+///
+/// # Panics
+/// If the scene has no camera of this number.
+pub fn write_preview(
+    path: &Path,
+    scene: &Scene<'_, f32>,
+    camera: usize,
+    target: &Film,
+) -> anyhow::Result<Film> {
+    let render = render(scene, camera, 1, 0, &|_| {})?;
+    write_image(path, &comparison(target, &render))?;
+    Ok(render.film)
 }

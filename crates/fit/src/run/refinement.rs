@@ -1,11 +1,11 @@
 //! The start of the refinement of cameras: at once, or after a trial on a copy.
 
-use calibrate::{Calibration, CameraDecision, Freedom, RefineCameras, Trial};
-use checkpoint::{Optimised, Refinement};
+use crate::checkpoint::{Optimised, Refinement};
+use files::InputError;
 use glam::Vec3;
-use io::InputError;
-use objective::{Gradient, Workspace};
-use photometry::{Gains, Pixel, photometric, without_gains};
+use loss::photometry::{Gains, Pixel, photometric, without_gains};
+use loss::{Gradient, Workspace};
+use multiview::calibrate::{Calibration, CameraDecision, Freedom, RefineCameras, Trial};
 use random::{Purpose, Stream};
 use render::{InvalidField, Sample};
 
@@ -180,7 +180,7 @@ impl Fit {
     }
 
     fn trial_pixels(&self, draws: std::ops::Range<u64>, stream: Stream) -> Vec<Pixel> {
-        let every = schedule::background_group(1.0);
+        let every = loss::schedule::background_group(1.0);
         draws.map(|i| self.levels[0].draw(i, every, stream)).collect()
     }
 

@@ -1,10 +1,10 @@
 //! Surveys of the surface: once it is sharp, few of the pixels far from it are drawn, and nodes of
 //! fine levels of the field's grid are free near it only.
 
-use checkpoint::Survey;
+use crate::checkpoint::Survey;
 use field::Field;
+use files::InputError;
 use glam::DVec3;
-use io::InputError;
 use optim::Adam;
 use rayon::prelude::*;
 use render::{InvalidField, Sample};
@@ -31,7 +31,7 @@ const NEAR: f64 = 1.5;
 impl Fit {
     /// Surveys the surface, if it is time. The bits do not depend on the number of threads.
     pub(super) fn survey_surface(&mut self) -> anyhow::Result<()> {
-        let number = schedule::surveys(self.progress(), self.file.options.soft());
+        let number = loss::schedule::surveys(self.progress(), self.file.options.soft());
         let done = self.survey.as_ref().map_or(0, |survey| survey.number);
         if number <= done {
             return Ok(());
@@ -137,7 +137,7 @@ impl Fit {
         let pixels = self.levels[level].photograph_pixels() as usize;
         check("is_far", is_far.len(), if trained { pixels } else { 0 })?;
         check("is_free", is_free.len(), self.model.fine_nodes())?;
-        let due = schedule::surveys(self.progress(), self.file.options.soft());
+        let due = loss::schedule::surveys(self.progress(), self.file.options.soft());
         self.free_nodes(&is_free)?;
         self.set_survey(Survey { number: number.min(due), is_far, is_free });
         Ok(())

@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use fit::{
     BackgroundKind, ExposureModel, FitOptions, MaskUse, Model, ModelBackground, RunFile, Split,
 };
-use grids::GridLevels;
 use proptest::prelude::*;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
+use sdf_nn::grids::GridLevels;
 use serde_json::{Value, json};
 
 use crate::case::Case;

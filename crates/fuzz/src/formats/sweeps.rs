@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use serde_json::Value;
-use sweep_report::{SHIPPED, shipped};
+use sweep::report::{SHIPPED, shipped};
 
 use crate::case::Case;
 use crate::lines::Lines;

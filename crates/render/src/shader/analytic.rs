@@ -1,8 +1,6 @@
 //! Shaders in closed form: constant radiance, Lambertian reflection, and the normal as a colour.
 
-use field::{Dual, Real, Scalar, SurfaceAdjoint, SurfaceBatch, Vector3};
-
-use super::shaded::{Precision, Shader};
+use field::{Dual, Precision, Real, Scalar, Shader, SurfaceAdjoint, SurfaceBatch, Vector3};
 
 /// A light of a Lambertian scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,10 @@
 //! A Lambertian shader with shadows.
 
-use field::{Field, Real, Scalar, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3};
+use field::{
+    Field, Precision, Real, Scalar, Shader, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3,
+};
 
 use super::analytic::{ALL_LIT, Analytic, Formula, Light};
-use super::shaded::{Precision, Shader};
 
 /// A Lambertian shader whose lights are blocked by the solid itself.
 ///

@@ -6,11 +6,12 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use field::{Field, Real, Sphere};
+use field::{Precision, Shader};
+use files::InputError;
+use files::json::Object;
 use glam::DVec3;
-use io::InputError;
-use io::json::Object;
-use render::{Analytic, Formula, Light, MAX_LIGHTS, Precision, Shader, Shadowed};
-use sdf_nn::RadianceHead;
+use render::{Analytic, Formula, Light, MAX_LIGHTS, Shadowed};
+use sdf_nn::{Passes, RadianceHead};
 
 type Result<T> = std::result::Result<T, InputError>;
 
@@ -103,7 +104,7 @@ impl AppearanceModel {
     ///
     /// # Errors
     /// If a model file cannot be used.
-    pub(crate) fn build<'a, R: Precision>(
+    pub(crate) fn build<'a, R: Precision + Passes>(
         &self,
         origin: DVec3,
         occluders: &'a dyn Field<R>,
@@ -179,14 +180,16 @@ fn read_light(light: Object<'_>, parameters: &mut Parameters) -> Result<Light> {
 /// Reads a model file and checks that it describes a radiance head.
 fn read_head(object: &Object<'_>, folder: &Path) -> Result<Appearance> {
     let path = folder.join(object.string("weights")?);
-    let bytes = io::read(&path, "weights", "a model file")?;
+    let bytes = files::read(&path, "weights", "a model file")?;
     let appearance = Appearance::Neural { path, bytes };
     radiance_head::<f32>(&appearance)?;
     Ok(appearance)
 }
 
 /// The network of a neural appearance; `None` for the others.
-fn radiance_head<R: Precision>(appearance: &Appearance) -> Result<Option<RadianceHead<R>>> {
+fn radiance_head<R: Precision + Passes>(
+    appearance: &Appearance,
+) -> Result<Option<RadianceHead<R>>> {
     let Appearance::Neural { path, bytes } = appearance else { return Ok(None) };
     let head = RadianceHead::from_safetensors(bytes)
         .map_err(|e| InputError::new(path, "weights", e, "a model file of a radiance head"))?;

@@ -1,9 +1,10 @@
 use super::*;
+use estimate::gradient::{Direction, Sampling, differentiate};
 use estimate::{Discontinuity, SampleCounts};
+use field::UniformBackground;
 use field::{Kind, Shape, Sphere};
 use glam::{DVec2, DVec3};
-use gradient::{Direction, Sampling, differentiate};
-use render::{Analytic, Camera, Formula, UniformBackground};
+use render::{Analytic, Camera, Formula};
 
 /// The derivative of the area of a ball on the film by its radius, in square pixels per world unit.
 fn disc(radius: f64, distance: f64, focal: f64) -> f64 {

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::EvalReport;
 use crate::cli::common::ARGUMENTS;
 use ::mesh::{Mesh, read_points};
-use io::{InputError, check_memory};
+use files::{InputError, check_memory};
 use metrics::{compare_to_cloud, points_drawn};
 
 /// The default spacing, in bounding radii. That of NeuS's cameras on DTU is about 165 mm, so this

@@ -10,7 +10,7 @@ use dataset::View;
 use film::Film;
 use fit::{Model, RunFile, Solid};
 use metrics::{mask_iou, psnr_where, ssim};
-use pictures::comparison;
+use render::comparison;
 use render::{Render, render};
 
 /// The errors of one held-out view.
@@ -98,7 +98,7 @@ fn write_picture(path: &Path, render: &Render, view: &View) -> anyhow::Result<()
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create {}", folder.display()))?;
-    io::write_image(path, &comparison(&view.image, render))
+    film::write_image(path, &comparison(&view.image, render))
 }
 
 /// The errors as a table, one view a line.

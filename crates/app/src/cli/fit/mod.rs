@@ -16,11 +16,12 @@ use super::common::{Global, as_fitted, with_flag};
 use super::eval::{SAMPLES, compare_views};
 use super::report::{Live, PAGE};
 use crate::error::Interrupted;
-use ::inspect::Verdict;
 use ::report::State;
+use ::report::Verdict;
 use dataset::Dataset;
-use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile, examine};
-use io::InputError;
+use files::InputError;
+use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile};
+use report::examine;
 
 pub(crate) use options::Fit;
 pub(super) use run_folder::{lock, refuse_occupied};
@@ -81,7 +82,7 @@ impl Fit {
             return global.report(&valid, || "the options are valid".to_owned());
         }
         if self.report && self.output.is_dir() {
-            io::check_output(&self.output.join(PAGE))?;
+            files::check_output(&self.output.join(PAGE))?;
         }
         let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };

@@ -1,8 +1,8 @@
 //! The progress of a fit.
 
 use crate::cli::common::Global;
+use crate::messages::Progress;
 use fit::{Fit, Metrics};
-use messages::Progress;
 
 /// The progress of a fit on standard error: a bar on a terminal, else a line about every ten
 /// seconds; nothing with `--quiet`.

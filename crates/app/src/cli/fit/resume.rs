@@ -6,8 +6,8 @@ use super::options::Fit;
 use super::run_folder::{absolute, refuse_without_checkpoint};
 use crate::cli::common::{ARGUMENTS, FROM_RUN, Global, option_error};
 use dataset::Dataset;
+use files::InputError;
 use fit::{RunCameras, RunFile, check_masks};
-use io::InputError;
 
 /// The options that a resumed run may change.
 const BUDGET: [&str; 2] = ["time", "iterations"];

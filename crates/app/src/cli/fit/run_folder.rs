@@ -3,8 +3,8 @@
 use std::fs::{File, create_dir_all};
 use std::path::{Path, PathBuf};
 
+use files::InputError;
 use fit::RunFile;
-use io::InputError;
 
 use crate::cli::common::Global;
 
@@ -94,13 +94,13 @@ fn refuse_links(run: &Path) -> Result<(), InputError> {
 /// would replace each other's files. Also removes the temporary files of killed fits there.
 pub(in crate::cli) fn lock(run: &Path) -> Result<File, InputError> {
     refuse_links(run)?;
-    let Some(lock) = io::lock(&run.join("lock"))? else {
+    let Some(lock) = files::lock(&run.join("lock"))? else {
         let found = "another fit that is writing this folder";
         let expected = "a folder without a running fit: wait for it, or choose another";
         return Err(InputError::new(run, "run", found, expected));
     };
-    io::remove_abandoned_temporary_files(run);
-    SUBFOLDERS.iter().for_each(|name| io::remove_abandoned_temporary_files(&run.join(name)));
+    files::remove_abandoned_temporary_files(run);
+    SUBFOLDERS.iter().for_each(|name| files::remove_abandoned_temporary_files(&run.join(name)));
     Ok(lock)
 }
 

@@ -6,8 +6,8 @@ use super::options::Fit;
 use super::run_folder::absolute;
 use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use dataset::{Dataset, LoadOptions, Unread};
+use files::InputError;
 use fit::{FitOptions, MaskChoice, RunFile};
-use io::InputError;
 
 impl Fit {
     /// The data set and the `fit.toml` of a new run, and the origin of its bounding sphere in
@@ -44,7 +44,7 @@ pub(in crate::cli) fn new_run(
     let options = FitOptions { downscale: Some(downscale), ..options.clone() };
     let (file, source) =
         RunFile::of_dataset(absolute(path), &dataset, &options).map_err(with_flag)?;
-    dataset::check_cameras(&dataset, &file.world_sphere())?;
+    inspect::check_cameras(&dataset, &file.world_sphere())?;
     Ok((file.prepare(dataset), file, source.to_string()))
 }
 

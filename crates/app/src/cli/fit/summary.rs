@@ -1,7 +1,8 @@
 //! The summary of a fit before its first iteration.
 
 use dataset::Dataset;
-use fit::{ExposureModel, RunFile, modelled};
+use fit::{ExposureModel, RunFile};
+use report::modelled;
 
 use crate::cli::common::Global;
 

@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use estimate::EstimatorPrecision;
+use estimate::gradient::finite_difference;
 use field::{Counted, Evaluations, Field, SLOPE_POINTS};
+use files::InputError;
 use film::Film;
-use gradient::finite_difference;
-use io::InputError;
 use render::{Scene, render};
 use scene::{SceneFile, ScenePrecision};
 use serde_json::Value;
@@ -29,7 +29,7 @@ impl Gradient {
     /// Computes central differences (I(+h) − I(−h))/2h of the image and writes them: a number of
     /// the scene file is changed by ±h, and both images have the same random samples.
     ///
-    /// The error is of second order in h; see `gradient::finite_difference` for the noise. The
+    /// The error is of second order in h; see `estimate::gradient::finite_difference` for the noise. The
     /// report has the evaluations of the changed scenes.
     pub(super) fn differences<R: EstimatorPrecision + ScenePrecision>(
         &self,
@@ -40,7 +40,7 @@ impl Gradient {
         // Refuse a pointer that names no parameter, as with any other estimator.
         self.directions(file)?;
         let start = Instant::now();
-        let value = io::json::read(&self.scene)?;
+        let value = files::json::read(&self.scene)?;
         let pixel = file.camera.pixel_angle() * surface_distance(file)?;
         let evaluations = RefCell::new(Evaluations::default());
         let mut derivatives = Vec::new();

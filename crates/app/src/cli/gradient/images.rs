@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use estimate::gradient::{Derivative, Direction, differentiate};
 use estimate::{Estimator, EstimatorPrecision};
 use field::Evaluations;
-use gradient::{Derivative, Direction, differentiate};
-use io::{InputError, write_image};
+use files::InputError;
+use film::write_image;
 use render::Scene;
 use scene::{SceneFile, Sdf};
 

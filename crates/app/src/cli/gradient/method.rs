@@ -1,7 +1,7 @@
 //! The choice of the estimator by `--estimator` and `--filter`.
 
 use estimate::{Entry, Filter, Registry};
-use io::InputError;
+use files::InputError;
 
 use super::options::Gradient;
 use crate::cli::common::ARGUMENTS;

@@ -9,7 +9,7 @@ mod target;
 
 use estimate::{Discontinuity, EstimatorPrecision};
 use field::{Counted, SLOPE_POINTS};
-use io::InputError;
+use files::InputError;
 use render::Scene;
 use scene::{Appearance, SceneFile, ScenePrecision};
 

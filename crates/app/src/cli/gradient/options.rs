@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{ArgMatches, Args};
+use estimate::gradient::Sampling;
 use estimate::{EstimatorOptions, SampleCounts};
 use field::Real;
-use gradient::Sampling;
-use io::InputError;
+use files::InputError;
 use warp::WarpOptions;
 
 use crate::cli::common::{PrecisionArg, option_error};

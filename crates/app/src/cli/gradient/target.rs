@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::time::Instant;
 
+use estimate::gradient::target_gradient;
 use estimate::{Estimator, EstimatorPrecision};
 use field::Evaluations;
+use files::{InputError, atomic_write};
 use film::Film;
-use gradient::target_gradient;
-use io::{InputError, atomic_write, read_image};
+use film::read_image;
 use render::Scene;
-use scene::{SceneFile, Sdf};
+use scene::{SceneFile, ScenePrecision, Sdf};
 
 use super::options::Gradient;
 use super::report::GradientReport;
@@ -19,7 +20,7 @@ impl Gradient {
     /// each weight is replaced by the derivative of the loss by it.
     ///
     /// The caller completes the report, as that of derivative images.
-    pub(super) fn target_gradient<R: EstimatorPrecision>(
+    pub(super) fn target_gradient<R: EstimatorPrecision + ScenePrecision>(
         &self,
         file: &SceneFile,
         scene: &Scene<'_, R>,

@@ -1,0 +1,150 @@
+//! Progress on standard error: a bar on a terminal, else a line about every ten seconds.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::messages::Console;
+
+/// Seconds between two lines.
+const EVERY: u64 = 10;
+
+/// The length of the bar: it moves in steps of 0.01 %.
+const LENGTH: u64 = 10_000;
+
+/// The progress of a step of a command: on standard error, or for the host.
+pub struct Progress {
+    name: String,
+    bar: ProgressBar,
+    /// The lines in place of a bar that is not drawn; `None` with a bar, and with `--quiet`.
+    lines: Option<Lines>,
+    console: Console,
+}
+
+impl Progress {
+    /// See [`Console::progress`].
+    pub(crate) fn new(name: &str, template: &str, quiet: bool, console: &Console) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(LENGTH) };
+        let bar = match ProgressStyle::with_template(template) {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        };
+        let lines = (!quiet && bar.is_hidden()).then(|| {
+            let (clock, start) = (console.clock.clone(), Instant::now());
+            Lines { clock, start, first: OnceLock::new() }
+        });
+        bar.set_message(name.to_owned());
+        Progress { name: name.to_owned(), bar, lines, console: console.clone() }
+    }
+
+    /// Shows a fraction between 0 and 1, and a text.
+    pub fn show(&self, fraction: f64, text: &dyn Fn() -> String) {
+        if self.lines.is_none() && !self.console.is_hosted() {
+            self.bar.set_message(text());
+        }
+        self.advance(fraction, text);
+    }
+
+    /// A callback that shows a fraction between 0 and 1, on any thread.
+    pub fn mover(&self) -> impl Fn(f64) + Sync + '_ {
+        |fraction| self.advance(fraction, &String::new)
+    }
+
+    fn advance(&self, fraction: f64, text: &dyn Fn() -> String) {
+        let fraction = fraction.clamp(0.0, 1.0);
+        self.console.tell_host(&self.name, fraction, text);
+        self.bar.set_position((fraction * LENGTH as f64) as u64);
+        let Some(lines) = &self.lines else { return };
+        let (elapsed, first) = (lines.start.elapsed(), *lines.first.get_or_init(|| fraction));
+        if lines.clock.is_due(lines.clock.start.elapsed()) {
+            let times = times(first, fraction, elapsed);
+            let (text, percent) = (text(), 100.0 * fraction);
+            let text = if text.is_empty() { text } else { format!(", {text}") };
+            let line = format!("{}: {percent:.0} %, {times}{text}", self.name);
+            eprintln!("{}", files::printable(&line));
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish_and_clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// The time of the next line of a command, whatever step it is in.
+#[derive(Clone, Debug)]
+pub(crate) struct Clock {
+    start: Instant,
+    /// The time of the next line, in seconds from the start.
+    next: Arc<AtomicU64>,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Clock { start: Instant::now(), next: Arc::new(AtomicU64::new(EVERY)) }
+    }
+}
+
+impl Clock {
+    /// True if a line is due at this time after the start. Of several threads that ask at the same
+    /// time, one gets true.
+    fn is_due(&self, elapsed: Duration) -> bool {
+        let (seconds, next) = (elapsed.as_secs(), self.next.load(Ordering::Relaxed));
+        let after = seconds + EVERY;
+        seconds >= next
+            && self.next.compare_exchange(next, after, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+    }
+}
+
+/// The times of lines of a step.
+struct Lines {
+    clock: Clock,
+    start: Instant,
+    /// The fraction that was shown first.
+    first: OnceLock<f64>,
+}
+
+/// The elapsed time, and the remaining time if it is known. `first` is the fraction at the start: a
+/// resumed fit starts above 0.
+fn times(first: f64, fraction: f64, elapsed: Duration) -> String {
+    let (done, left) = (fraction - first, 1.0 - fraction);
+    let elapsed = elapsed.as_secs_f64();
+    let remaining = (done > 0.0).then(|| format!(", {} left", clock(elapsed * left / done)));
+    format!("{} elapsed{}", clock(elapsed), remaining.unwrap_or_default())
+}
+
+/// A time as hours, minutes and seconds, the hours only from one hour on.
+fn clock(seconds: f64) -> String {
+    let seconds = seconds as u64;
+    let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    match hours {
+        0 => format!("{minutes}:{seconds:02}"),
+        _ => format!("{hours}:{minutes:02}:{seconds:02}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_due_every_ten_seconds_and_once() {
+        let lines = Clock::default();
+        let due: Vec<u64> =
+            (0..35).filter(|second| lines.is_due(Duration::from_secs(*second))).collect();
+        assert_eq!(due, [10, 20, 30]);
+        assert!(!lines.is_due(Duration::from_secs(35)));
+        // After a long step, the next line is ten seconds later again.
+        assert!(lines.is_due(Duration::from_secs(99)) && !lines.is_due(Duration::from_secs(108)));
+    }
+
+    #[test]
+    fn the_remaining_time_counts_from_the_start_of_the_process() {
+        let text = |first, fraction, seconds| times(first, fraction, Duration::from_secs(seconds));
+        assert_eq!(text(0.0, 0.25, 30), "0:30 elapsed, 1:30 left");
+        assert_eq!(text(0.5, 0.75, 3700), "1:01:40 elapsed, 1:01:40 left");
+        assert_eq!(text(0.5, 0.5, 12), "0:12 elapsed");
+    }
+}

@@ -1,0 +1,115 @@
+//! The notes that every format has: missing images, reduced images, orientations, fisheye lenses.
+
+use std::path::{Path, PathBuf};
+
+use crate::readers::{Recognised, Result, UnreadView};
+use files::{InputError, printable};
+use film::{TurnedByExif, turned_by_exif};
+
+/// Missing images that a note names.
+const NAMED: usize = 3;
+
+/// The most characters of a note.
+const LONGEST: usize = 400;
+
+/// Adds the notes on missing images, reduced images, orientations and fisheye lenses.
+///
+/// # Errors
+/// If more than half of the images to fit are missing; `path` is the data set.
+pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
+    let missing = missing(recognised, path)?;
+    let views = || recognised.train.iter().chain(recognised.test.iter().flatten());
+    let notes = [missing, reduced(views()), orientations(views()), fisheye(views())];
+    recognised.notes.extend(notes.into_iter().flatten());
+    // Notes have names from files.
+    for note in &mut recognised.notes {
+        *note = printable(note).chars().take(LONGEST).collect();
+    }
+    Ok(())
+}
+
+/// The note on missing images.
+fn missing(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
+    let Recognised { train, missing, missing_test, .. } = recognised;
+    if train.len() < missing.len() {
+        let (all, first) = (train.len() + missing.len(), missing[0].display());
+        let text = format!("{} of {all} missing: no such file {first}", missing.len());
+        return Err(InputError::new(path, "images", text, "at least half of the images"));
+    }
+    let missing: Vec<&PathBuf> = missing.iter().chain(missing_test).collect();
+    if missing.is_empty() {
+        return Ok(None);
+    }
+    let all = train.len() + recognised.test.as_ref().map_or(0, Vec::len) + missing.len();
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
+    let name = |image: &&PathBuf| image.strip_prefix(folder).unwrap_or(image).display().to_string();
+    let names: Vec<String> = missing.iter().take(NAMED).map(name).collect();
+    let more = if missing.len() > NAMED { ", …" } else { "" };
+    let (count, names) = (missing.len(), names.join(", "));
+    let verb = if count == 1 { "is" } else { "are" };
+    Ok(Some(format!("{count} of {all} images {verb} missing and left out: {names}{more}")))
+}
+
+/// The note on images smaller than those of the camera file.
+fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let (view, [from, to]) = views.find_map(|view| Some((view, [view.full_size?, view.size()])))?;
+    let folder = view.path.parent().and_then(Path::file_name).unwrap_or_default();
+    Some(format!(
+        "the images of {} are smaller than in the camera file: the intrinsics are scaled from \
+         {} x {} to {} x {} pixels",
+        folder.display(),
+        from[0],
+        from[1],
+        to[0],
+        to[1],
+    ))
+}
+
+/// The note on EXIF orientations of which the size cannot tell whether the cameras expect them.
+fn orientations<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let is_unknown = |view: &&UnreadView| match turned_by_exif(&view.path) {
+        None => false,
+        Some(TurnedByExif::OtherSize) => view.size_source.is_none(),
+        Some(TurnedByExif::SameSize) => true,
+    };
+    let turned: Vec<_> = views.filter(is_unknown).collect();
+    let (count, first) = (turned.len(), turned.first()?);
+    let images = if count == 1 { "image has" } else { "images have" };
+    Some(format!(
+        "{count} {images} an EXIF orientation, and the size cannot tell whether the poses are for \
+         the upright image: the pixels are read as stored. If the poses are for upright images, \
+         turn the files first. The first one is {}",
+        first.name,
+    ))
+}
+
+/// The note on fisheye lenses, with the largest field of view that is kept.
+fn fisheye<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let mut kept: Option<[f64; 2]> = None;
+    let mut last = None;
+    for view in views.filter(|view| view.lens.is_fisheye()) {
+        let camera = (view.camera.focal, view.camera.principal, view.size(), view.lens);
+        // Photographs of one lens have one result.
+        if last.replace(camera) == Some(camera) {
+            continue;
+        }
+        if let Some(ideal) = view.lens.pinhole(&view.camera) {
+            let angle = |length: u32, principal: f64, focal: f64| {
+                let ends = [principal / focal, (f64::from(length) - principal) / focal];
+                ends.map(f64::atan).iter().sum::<f64>().to_degrees()
+            };
+            let found = [
+                angle(ideal.width, ideal.principal.x, ideal.focal.x),
+                angle(ideal.height, ideal.principal.y, ideal.focal.y),
+            ];
+            let kept = kept.get_or_insert(found);
+            *kept = [kept[0].max(found[0]), kept[1].max(found[1])];
+        }
+    }
+    kept.map(|[x, y]| {
+        format!(
+            "photographs of a fisheye lens are made into pinhole images of {x:.0} x {y:.0} \
+             degrees; the rest of each is cut off"
+        )
+    })
+}

@@ -1,0 +1,32 @@
+#![doc = include_str!("../README.md")]
+
+mod atomic;
+mod bounds;
+mod check;
+mod duration;
+mod error;
+pub mod json;
+mod lock;
+mod memory;
+mod regular;
+pub mod run_json;
+pub mod seconds;
+
+pub use atomic::{
+    atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,
+    remove_own_temporary_files,
+};
+pub use bounds::{SPHERE, is_sphere, parse_bounds};
+pub use check::Check;
+pub use duration::parse_duration;
+pub use error::{ARGUMENTS, InputError, is_hidden, printable};
+pub use lock::lock;
+pub use memory::{check_memory, memory_limit};
+pub use regular::{open, read, read_text};
+
+use std::path::Path;
+
+/// The extension of a path in lower case, empty if there is none.
+pub fn extension(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
+}

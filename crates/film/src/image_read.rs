@@ -1,0 +1,334 @@
+//! Reading images, with errors that tell missing, cut, damaged and foreign files apart.
+
+use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read};
+use std::path::Path;
+
+use files::{InputError, check_memory, extension, open, read};
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
+
+use crate::exif::{self, FocalLength};
+use crate::film::Film;
+use crate::heif::{refuse, refuse_unconverted};
+use crate::npy::read_npy;
+use crate::srgb::srgb_decode;
+
+/// The files that can be read, for messages.
+pub(crate) const IMAGE: &str = "a PNG, JPEG, EXR or NPY image";
+
+/// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
+/// single precision, and its alpha channel.
+const MEMORY_PER_PIXEL: u64 = 48;
+
+/// The same for a JPEG image: the file, 3 bytes as decoded, and 12 in single precision.
+const MEMORY_PER_JPEG_PIXEL: u64 = 16;
+
+/// Bytes of memory for each pixel while [`read_image`] reads this file, by its extension.
+pub fn reading_memory(path: &Path) -> u64 {
+    memory_per_pixel(["jpg", "jpeg"].contains(&extension(path).as_str()))
+}
+
+fn memory_per_pixel(is_jpeg: bool) -> u64 {
+    if is_jpeg { MEMORY_PER_JPEG_PIXEL } else { MEMORY_PER_PIXEL }
+}
+
+/// The width and height of an image file as stored, in pixels. An EXIF orientation is ignored.
+///
+/// Reads the header only, except for NPY, where the whole file is read.
+///
+/// # Errors
+/// If the file is missing or is no image. A HEIF file is refused with the name of a converter, also
+/// in place of a missing image.
+pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
+    if extension(path) == "npy" {
+        return read_npy_image(path).map(|film| (film.width, film.height));
+    }
+    let (file, _) = open(path, "image", IMAGE).or_else(|e| missing(path, e))?;
+    let unreadable = |e| InputError::new(path, "image", e, "a readable file");
+    let mut file = BufReader::new(file);
+    refuse(path, file.fill_buf().map_err(unreadable)?)?;
+    let reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
+    reader.into_dimensions().map_err(|e| undecodable(path, e))
+}
+
+/// The error of an image that cannot be opened: that of a HEIF file in its place, or else `error`.
+fn missing<T>(path: &Path, error: InputError) -> Result<T, InputError> {
+    if !path.exists() {
+        refuse_unconverted(path)?;
+    }
+    Err(error)
+}
+
+/// Reads an image as linear RGB, and its alpha channel if it has one.
+///
+/// The alpha channel has width · height values from 0 to 1, in the order of the pixels. It is not
+/// multiplied into the colours.
+///
+/// PNG and JPEG (8 or 16 bits per channel, grey or colour) are taken as sRGB. EXR and NPY are taken
+/// as linear. An NPY array has the shape height × width × 3, or height × width (× 1) for grey. The
+/// content of the file decides its format, not the extension; NPY alone is recognised by the
+/// extension. The pixels are those of the file: an EXIF orientation is ignored.
+///
+/// # Errors
+/// If the file is missing, is cut short or is no image. A HEIF file is refused with the name of a
+/// converter, also in place of a missing image.
+pub fn read_image(path: &Path) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    read_turned(path, None)
+}
+
+/// Like [`read_image`], for the image of a camera of this width and height in pixels.
+///
+/// Some programs write cameras for the pixels as stored, others for the image as its EXIF
+/// orientation shows it. The size tells the two apart: the image is turned if it has the camera's
+/// size then, and not as stored.
+///
+/// # Errors
+/// As [`read_image`]. Another size is no error.
+pub fn read_image_of(
+    path: &Path,
+    size: (u32, u32),
+) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    read_turned(path, Some(size))
+}
+
+/// Reads an image, turned by its EXIF orientation if it has the size `expected` only then.
+fn read_turned(
+    path: &Path,
+    expected: Option<(u32, u32)>,
+) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    if extension(path) == "npy" {
+        return read_npy_image(path).map(|film| (film, None));
+    }
+    let (image, format) = decoded_file(path, expected)?;
+    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+}
+
+/// Decodes a PNG, JPEG or EXR file, and drops the image.
+///
+/// # Errors
+/// As those of [`read_image`].
+pub fn check_image(path: &Path) -> Result<(), InputError> {
+    decoded_file(path, None).map(drop)
+}
+
+/// The image of a file, turned as [`read_turned`] says, and its format.
+fn decoded_file(
+    path: &Path,
+    expected: Option<(u32, u32)>,
+) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
+    let bytes = read(path, "image", IMAGE).or_else(|e| missing(path, e))?;
+    if bytes.is_empty() {
+        return Err(InputError::new(path, "image", "an empty file", IMAGE));
+    }
+    refuse(path, &bytes)?;
+    decoded(path, &bytes, expected)
+}
+
+/// The image of a file with this content, turned as [`read_turned`] says, and its format.
+fn decoded(
+    path: &Path,
+    bytes: &[u8],
+    expected: Option<(u32, u32)>,
+) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
+    let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let unreadable = |e| InputError::new(path, "image", e, "a readable file");
+    let format = reader().map_err(unreadable)?.format();
+    if !is_whole(bytes, format) {
+        return Err(InputError::new(path, "image", "an image that is cut short", "a whole image"));
+    }
+    if format == Some(ImageFormat::Png) && !has_whole_palette(bytes) {
+        let found = "a damaged image (a palette whose length is no multiple of 3)";
+        return Err(InputError::new(path, "image", found, IMAGE));
+    }
+    let decoder = reader().map_err(unreadable)?.into_decoder();
+    let mut decoder = decoder.map_err(|e| undecodable(path, e))?;
+    let (width, height) = decoder.dimensions();
+    let memory_per_pixel = memory_per_pixel(format == Some(ImageFormat::Jpeg));
+    let memory = u64::from(width).saturating_mul(u64::from(height) * memory_per_pixel);
+    check_memory(path, "size", format!("{width} x {height} pixels"), memory)?;
+    let may_turn = width != height && expected == Some((height, width));
+    // The orientation may be damaged although the pixels are whole.
+    let orientation = if may_turn { decoder.orientation().ok() } else { None };
+    drop(decoder);
+    let decoded = reader().map_err(unreadable)?.decode();
+    let mut image = decoded.map_err(|e| undecodable(path, e))?;
+    if let Some(orientation) = orientation.filter(|o| swaps_sides(*o)) {
+        image.apply_orientation(orientation);
+    }
+    Ok((image, format))
+}
+
+/// The bytes at the start of a file in which an EXIF block is looked for.
+const HEAD: u64 = 1 << 18;
+
+/// Whether an image has an EXIF orientation that changes its pixels, and how: by another size as
+/// shown than as stored, or with the same size.
+///
+/// `None` if it has no such orientation, or if the start of the file cannot be read.
+pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
+    let head = head_of(path)?;
+    let mut decoder = decoder_of(&head)?;
+    let (width, height) = decoder.dimensions();
+    match decoder.orientation().ok()? {
+        Orientation::NoTransforms => None,
+        turned if width != height && swaps_sides(turned) => Some(TurnedByExif::OtherSize),
+        _ => Some(TurnedByExif::SameSize),
+    }
+}
+
+/// The focal length in the EXIF block of an image; `None` if it has none, or if the start of the
+/// file cannot be read.
+pub fn focal_length(path: &Path) -> Option<FocalLength> {
+    let head = head_of(path)?;
+    exif::focal_length(&decoder_of(&head)?.exif_metadata().ok()??)
+}
+
+/// The first bytes of a file.
+fn head_of(path: &Path) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    open(path, "image", IMAGE).ok()?.0.take(HEAD).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
+/// The decoder of an image that starts with these bytes.
+fn decoder_of(head: &[u8]) -> Option<impl ImageDecoder> {
+    ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?.into_decoder().ok()
+}
+
+/// The size of an image as its EXIF orientation shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TurnedByExif {
+    /// Width and height are exchanged: a camera's size tells whether it is for the shown image.
+    OtherSize,
+    /// The size is that of the stored pixels: turned by 180 degrees, mirrored, or a square.
+    SameSize,
+}
+
+/// Whether an image of this orientation is shown with its width as height.
+fn swaps_sides(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
+}
+
+/// The linear film and the alpha channel of a decoded image.
+fn linear(image: DynamicImage, is_linear: bool) -> (Film, Option<Vec<f32>>) {
+    let (width, height, color) = (image.width(), image.height(), image.color());
+    if color.bytes_per_pixel() == color.channel_count() {
+        let (pixels, alpha) = linear_of_bytes(image.as_bytes(), color);
+        return (Film { width, height, pixels }, alpha);
+    }
+    let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
+    let rgba = color.has_alpha().then(|| image.to_rgba32f());
+    let alpha = rgba.map(|rgba| rgba.pixels().map(|p| p.0[3]).collect());
+    let pixels = image.into_rgb32f().pixels().map(|p| p.0.map(decode)).collect();
+    (Film { width, height, pixels }, alpha)
+}
+
+/// The linear pixels and the alpha channel of sRGB samples of 8 bits, without the copies in single
+/// precision that other samples need.
+fn linear_of_bytes(samples: &[u8], color: ColorType) -> (Vec<[f32; 3]>, Option<Vec<f32>>) {
+    let of_byte = |v: u8| f32::from(v) / 255.0;
+    let table: Vec<f32> = (0..=255).map(|v| srgb_decode(of_byte(v))).collect();
+    let decode = |v: u8| table[usize::from(v)];
+    let all = samples.chunks_exact(color.channel_count().into());
+    let blue = if color.has_color() { 2 } else { 0 };
+    let pixels = all.clone().map(|p| [p[0], p[blue / 2], p[blue]].map(decode)).collect();
+    let alpha = color.has_alpha().then(|| all.map(|p| of_byte(p[p.len() - 1])).collect());
+    (pixels, alpha)
+}
+
+/// Whether the end of a PNG or JPEG file is there. Other formats count as whole here; their
+/// decoders report a missing part.
+fn is_whole(bytes: &[u8], format: Option<ImageFormat>) -> bool {
+    match format {
+        Some(ImageFormat::Jpeg) => is_whole_jpeg(bytes),
+        Some(ImageFormat::Png) => is_whole_png(bytes),
+        _ => true,
+    }
+}
+
+/// A PNG file ends with the chunk IEND: four letters, then a checksum of four bytes.
+fn is_whole_png(bytes: &[u8]) -> bool {
+    bytes.windows(4).rposition(|w| w == b"IEND").is_some_and(|at| at + 8 <= bytes.len())
+}
+
+/// Whether every palette of a PNG file (chunk PLTE) has three bytes a colour. The decoder panics
+/// at a palette that ends within a colour.
+///
+/// A chunk has its length (four bytes, the highest first), its name (four letters), its content,
+/// and a checksum of four bytes. The first one starts at byte 8.
+fn has_whole_palette(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    while let Some((length, after)) = rest.split_first_chunk() {
+        let length = u32::from_be_bytes(*length) as usize;
+        if after.starts_with(b"PLTE") && !length.is_multiple_of(3) {
+            return false;
+        }
+        rest = after.get(length.saturating_add(8)..).unwrap_or_default();
+    }
+    true
+}
+
+/// Whether the last scan of a JPEG file (ITU-T T.81) is complete.
+///
+/// The decoder fills the missing part of a scan with grey and reports no error. In a whole file the
+/// last start of scan (FF DA) is followed by an end of image (FF D9), a pair of bytes that cannot
+/// occur within a scan.
+fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
+    matches!((last(0xda), last(0xd9)), (Some(scan), Some(end)) if scan < end)
+}
+
+/// The error of a file that the decoder refused: no image, a cut one or a damaged one.
+fn undecodable(path: &Path, error: ImageError) -> InputError {
+    if let ImageError::Unsupported(_) = error {
+        return InputError::new(path, "image", format!("no image ({error})"), IMAGE);
+    }
+    let (found, expected) = if is_cut_short(&error) {
+        ("an image that is cut short", "a whole image")
+    } else {
+        ("a damaged image", IMAGE)
+    };
+    InputError::new(path, "image", format!("{found} ({error})"), expected)
+}
+
+/// Whether an end of file is in the chain of causes. Decoders report missing bytes either with the
+/// kind `UnexpectedEof` or in the text of an error only.
+fn is_cut_short(error: &ImageError) -> bool {
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(error) = cause {
+        let is_end = error
+            .downcast_ref::<std::io::Error>()
+            .is_some_and(|e| e.kind() == ErrorKind::UnexpectedEof);
+        let text = error.to_string();
+        let says_end = ["unexpected end of file", "failed to fill whole buffer", "missing bytes"]
+            .iter()
+            .any(|t| text.contains(t));
+        if is_end || says_end {
+            return true;
+        }
+        cause = error.source();
+    }
+    false
+}
+
+fn read_npy_image(path: &Path) -> Result<Film, InputError> {
+    let (shape, data) = read_npy(path)?;
+    let shape_error =
+        |expected: &str| InputError::new(path, "shape", format!("{shape:?}"), expected);
+    let (size, channels) = match shape.as_slice() {
+        &[height, width] | &[height, width, 1] => ([width, height], 1),
+        &[height, width, 3] => ([width, height], 3),
+        _ => return Err(shape_error("[height, width, 3], or 1 for grey")),
+    };
+    let [Ok(width), Ok(height)] = size.map(u32::try_from) else {
+        return Err(shape_error("a width and height below 2^32"));
+    };
+    if width == 0 || height == 0 {
+        return Err(shape_error("a width and height of 1 or more"));
+    }
+    // For one channel all three indices are 0; for three channels they are 0, 1 and 2.
+    let pixels =
+        data.chunks_exact(channels).map(|p| [p[0], p[channels / 2], p[channels - 1]]).collect();
+    Ok(Film { width, height, pixels })
+}

@@ -1,0 +1,339 @@
+//! The state of a fit between two iterations, in one safetensors file.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+
+use files::{InputError, atomic_write};
+
+/// The state of a fit between two iterations. Random numbers are functions of the seed and the
+/// iteration, so there is no random generator in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// The number of finished iterations.
+    pub iteration: u64,
+    /// Wall time of all sessions, in seconds.
+    pub seconds: f64,
+    /// The part of it that searches for depths took.
+    pub searching: f64,
+    /// The running mean of the gradient's norm; 0 before the first step.
+    pub usual_norm: f32,
+    /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
+    pub held_out_psnr: Option<f64>,
+    /// The parameters of the field, then those of the radiance head, then the trained ones of the
+    /// background.
+    pub parameters: Vec<f32>,
+    /// The mean of the parameters over the last part of the budget, if it has begun.
+    pub average: Option<Average>,
+    /// Adam's first moments, one per parameter.
+    pub first: Vec<f32>,
+    /// Adam's second moments, one per parameter.
+    pub second: Vec<f32>,
+    /// The number of Adam's steps.
+    pub steps: u64,
+    /// The refinement of the cameras.
+    pub refinement: Refinement,
+    /// The exposures of the photographs, if they are fitted.
+    pub exposures: Option<Optimised>,
+    /// The last survey of the surface, if there was one.
+    pub survey: Option<Survey>,
+}
+
+/// A mean of the parameters over steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Average {
+    /// The mean, one number per parameter.
+    pub parameters: Vec<f32>,
+    /// The number of steps.
+    pub steps: u64,
+}
+
+/// Where the surface was at some time of a fit.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Survey {
+    /// The number of surveys so far, this one included.
+    pub number: u64,
+    /// For each pixel of the photographs at the traced size, view after view, row-major, whether
+    /// it is far from the surface. Empty if it does not matter.
+    pub is_far: Vec<bool>,
+    /// For each node of the fine levels of the field's grid, level after level, whether it is
+    /// free. Empty without such levels.
+    pub is_free: Vec<bool>,
+}
+
+/// Parameters in double precision with their optimiser.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Optimised {
+    /// The parameters, then the first and the second moments of Adam.
+    pub numbers: Vec<f64>,
+    /// The number of Adam's steps.
+    pub steps: u64,
+}
+
+impl Optimised {
+    /// The state of parameters, of both moments, and the number of steps.
+    pub fn new((parameters, first, second, steps): (&[f64], &[f64], &[f64], u64)) -> Self {
+        Optimised { numbers: [parameters, first, second].concat(), steps }
+    }
+
+    /// The parameters and both moments.
+    pub fn parts(&self) -> [&[f64]; 3] {
+        let n = self.numbers.len() / 3;
+        [0, 1, 2].map(|i| &self.numbers[i * n..(i + 1) * n])
+    }
+}
+
+/// The state of the refinement of cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Refinement {
+    /// It is not decided yet whether cameras are refined.
+    #[default]
+    Undecided,
+    /// The cameras stay as given.
+    Given,
+    /// The cameras are refined: the parameters of their calibration.
+    Refined(Optimised),
+    /// The cameras were adjusted before the fit and stay: the same parameters.
+    Adjusted(Optimised),
+}
+
+/// The name of the tensor of [`Refinement::Refined`], and of the metadata entry of the refinement.
+const CAMERAS: &str = "cameras";
+
+/// The name of the tensor of [`State::average`].
+const AVERAGE: &str = "average";
+
+/// The name of the tensor of [`State::exposures`].
+const EXPOSURES: &str = "exposures";
+
+/// The metadata entry of the number of [`State::survey`].
+const SURVEY: &str = "survey";
+
+/// The name of the tensor of [`Survey::is_far`].
+const IS_FAR: &str = "is_far";
+
+/// The name of the tensor of [`Survey::is_free`].
+const IS_FREE: &str = "is_free";
+
+/// The metadata entry of the number of steps of a tensor of [`Optimised`] or [`Average`].
+fn steps_of(name: &str) -> String {
+    format!("{name}_steps")
+}
+
+/// The most iterations: 2^53, the integers that double precision holds.
+const MOST_STEPS: u64 = 1 << 53;
+
+/// The metadata entry of [`State::held_out_psnr`].
+const HELD_OUT_PSNR: &str = "held_out_psnr";
+
+impl State {
+    /// Writes the state to `path`. The file is replaced as a whole: an interrupted write leaves the
+    /// old file.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> anyhow::Result<()> {
+        let mut tensors = vec![
+            ("parameters", &self.parameters),
+            ("first", &self.first),
+            ("second", &self.second),
+        ];
+        tensors.extend(self.average.as_ref().map(|average| (AVERAGE, &average.parameters)));
+        let mut views: Vec<_> = tensors
+            .iter()
+            .map(|(name, data)| {
+                TensorView::new(Dtype::F32, vec![data.len()], bytemuck::cast_slice(data))
+                    .map(|view| (*name, view))
+            })
+            .collect::<Result<_, _>>()?;
+        let mut metadata = HashMap::from([
+            ("iteration".to_owned(), self.iteration.to_string()),
+            ("seconds".to_owned(), self.seconds.to_string()),
+            ("searching".to_owned(), self.searching.to_string()),
+            ("usual_norm".to_owned(), self.usual_norm.to_string()),
+            ("steps".to_owned(), self.steps.to_string()),
+        ]);
+        if let Some(Average { steps, .. }) = self.average {
+            metadata.insert(steps_of(AVERAGE), steps.to_string());
+        }
+        if let Some(psnr) = self.held_out_psnr {
+            metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
+        }
+        let (word, cameras) = match &self.refinement {
+            Refinement::Undecided => ("undecided", None),
+            Refinement::Given => ("given", None),
+            Refinement::Refined(cameras) => ("refined", Some(cameras)),
+            Refinement::Adjusted(cameras) => ("adjusted", Some(cameras)),
+        };
+        metadata.insert(CAMERAS.to_owned(), word.to_owned());
+        for (name, optimised) in [(CAMERAS, cameras), (EXPOSURES, self.exposures.as_ref())] {
+            let Some(Optimised { numbers, steps }) = optimised else { continue };
+            let (shape, data) = (vec![numbers.len()], bytemuck::cast_slice(numbers));
+            views.push((name, TensorView::new(Dtype::F64, shape, data)?));
+            metadata.insert(steps_of(name), steps.to_string());
+        }
+        if let Some(Survey { number, is_far, is_free }) = &self.survey {
+            for (name, flags) in [(IS_FAR, is_far), (IS_FREE, is_free)] {
+                let (shape, data) = (vec![flags.len()], bytemuck::cast_slice(flags));
+                views.push((name, TensorView::new(Dtype::BOOL, shape, data)?));
+            }
+            metadata.insert(SURVEY.to_owned(), number.to_string());
+        }
+        let bytes = safetensors::serialize(views, Some(metadata))?;
+        atomic_write(path, |out| Ok(out.write_all(&bytes)?))
+    }
+
+    /// Reads a state. `count` gives the number of parameters for a number of free nodes of
+    /// [`Survey::is_free`].
+    ///
+    /// # Errors
+    /// If the file cannot be read, is cut short, has another number of parameters, or has a number
+    /// that is not finite or out of range.
+    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> anyhow::Result<State> {
+        let error = |field: &str, found: String, expected: &str| {
+            InputError::new(path, field, found, expected)
+        };
+        let bytes = files::read(path, "checkpoint", "a checkpoint of this run")?;
+        let corrupt = |e: safetensors::SafeTensorError| {
+            error("checkpoint", e.to_string(), "a whole checkpoint")
+        };
+        let tensors = SafeTensors::deserialize(&bytes).map_err(corrupt)?;
+        let (_, header) = SafeTensors::read_metadata(&bytes).map_err(corrupt)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let text = |key: &str| metadata.get(key).map_or("nothing", String::as_str);
+        let count_of = |key: &str| read_count(path, key, &metadata);
+        let number = |key: &str| {
+            let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
+            number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
+        };
+        let has = |name: &str| tensors.names().contains(&name);
+        let read_survey = || read_survey(path, &metadata, &tensors);
+        let survey = metadata.contains_key(SURVEY).then(read_survey).transpose()?;
+        let is_free = survey.iter().flat_map(|survey| &survey.is_free);
+        let count = count(is_free.filter(|free| **free).count());
+        let vector = |name: &str, least: f32, expected: &str| {
+            let view = tensors.tensor(name).map_err(corrupt)?;
+            if view.dtype() != Dtype::F32 || view.shape() != [count] {
+                let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+                return Err(error(
+                    name,
+                    found,
+                    &format!("F32 of shape [{count}], according to fit.toml"),
+                ));
+            }
+            let numbers: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
+            match numbers.iter().position(|v| !(v.is_finite() && *v >= least)) {
+                Some(i) => Err(error(name, format!("{} at element {i}", numbers[i]), expected)),
+                None => Ok(numbers),
+            }
+        };
+        let average = || -> Result<Average, InputError> {
+            let parameters = vector(AVERAGE, f32::MIN, "finite numbers")?;
+            Ok(Average { parameters, steps: count_of(&steps_of(AVERAGE))? })
+        };
+        Ok(State {
+            iteration: count_of("iteration")?,
+            seconds: number("seconds")?,
+            searching: number("searching")?,
+            usual_norm: number("usual_norm")? as f32,
+            held_out_psnr: read_held_out_psnr(path, &metadata)?,
+            parameters: vector("parameters", f32::MIN, "finite numbers")?,
+            average: has(AVERAGE).then(average).transpose()?,
+            first: vector("first", f32::MIN, "finite numbers")?,
+            second: vector("second", 0.0, "finite numbers, 0 or more")?,
+            steps: count_of("steps")?,
+            refinement: read_refinement(path, &metadata, &tensors)?,
+            exposures: has(EXPOSURES)
+                .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
+                .transpose()?,
+            survey,
+        })
+    }
+}
+
+/// The number of steps of this name in a checkpoint.
+fn read_count(
+    path: &Path,
+    key: &str,
+    metadata: &HashMap<String, String>,
+) -> Result<u64, InputError> {
+    let text = metadata.get(key).map_or("nothing", String::as_str);
+    let number = text.parse::<u64>().ok().filter(|n| *n <= MOST_STEPS);
+    number.ok_or_else(|| InputError::new(path, key, text, "an integer from 0 to 2^53"))
+}
+
+/// The PSNR of the last preview of a held-out view in a checkpoint.
+fn read_held_out_psnr(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+) -> Result<Option<f64>, InputError> {
+    let Some(text) = metadata.get(HELD_OUT_PSNR) else { return Ok(None) };
+    let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e30);
+    let error = || InputError::new(path, HELD_OUT_PSNR, text, "a PSNR in dB");
+    number.map(Some).ok_or_else(error)
+}
+
+/// The refinement of the cameras in a checkpoint.
+fn read_refinement(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<Refinement, InputError> {
+    let cameras = || read_optimised(path, CAMERAS, metadata, tensors);
+    match metadata.get(CAMERAS).map_or("nothing", String::as_str) {
+        "undecided" => Ok(Refinement::Undecided),
+        "given" => Ok(Refinement::Given),
+        "refined" => Ok(Refinement::Refined(cameras()?)),
+        "adjusted" => Ok(Refinement::Adjusted(cameras()?)),
+        other => {
+            Err(InputError::new(path, CAMERAS, other, "undecided, given, refined or adjusted"))
+        }
+    }
+}
+
+/// The tensor of this name of a checkpoint, with the number of its steps.
+fn read_optimised(
+    path: &Path,
+    name: &str,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<Optimised, InputError> {
+    let error = |field: &str, found: &str, expected| InputError::new(path, field, found, expected);
+    let steps = read_count(path, &steps_of(name), metadata)?;
+    let expected = "F64 of shape [3 n]";
+    let view = tensors.tensor(name).map_err(|e| error(name, &e.to_string(), expected))?;
+    let n = view.data().len() / size_of::<f64>();
+    if view.dtype() != Dtype::F64 || n == 0 || !n.is_multiple_of(3) {
+        let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+        return Err(error(name, &found, expected));
+    }
+    Ok(Optimised { numbers: bytemuck::allocation::pod_collect_to_vec(view.data()), steps })
+}
+
+/// The survey of a checkpoint.
+fn read_survey(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<Survey, InputError> {
+    let flags = |name: &str| {
+        let error = |found: &str, expected| InputError::new(path, name, found, expected);
+        let view = tensors.tensor(name).map_err(|e| error(&e.to_string(), "a tensor"))?;
+        if view.dtype() != Dtype::BOOL || view.shape().len() != 1 {
+            let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+            return Err(error(&found, "BOOL of shape [n]"));
+        }
+        let flag = |byte: &u8| match byte {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(error(&other.to_string(), "0 or 1")),
+        };
+        view.data().iter().map(flag).collect()
+    };
+    let number = read_count(path, SURVEY, metadata)?;
+    Ok(Survey { number, is_far: flags(IS_FAR)?, is_free: flags(IS_FREE)? })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! The bending term: a prior for even surfaces where the photographs are even.
+//!
+//! Where photographs show no pattern, the radiance of the head can explain any shape, and flat
+//! surfaces got dents. The term is the change of ∇f over a short step, ρ(∇f(x + h t) − ∇f(x)) with
+//! ρ(v) = √(|v|² + δ²) − δ: a total variation of normals, which allows creases. The normal
+//! smoothness of Oechsle, Peng and Geiger, "UNISURF", ICCV 2021, section 3.4, has the norm of the
+//! same difference; the weight by the contrast of the photograph is that of disparities in Godard,
+//! Mac Aodha and Brostow, "Unsupervised Monocular Depth Estimation with Left-Right Consistency",
+//! CVPR 2017, section 3.3, with a rational function in the place of the exponential.
+
+use crate::photometry::Pixel;
+use estimate::record::PointAdjoint;
+use film::Film;
+use glam::Vec3;
+use random::{Purpose, Stream};
+
+use crate::eikonal::{NearPoint, in_ball};
+use crate::part::Part;
+
+/// The term is evaluated at one of this many points of the surface, with this many times its
+/// weight.
+const EVERY: usize = 4;
+
+/// The step h, in bounding radii. docs/detail.md has other steps.
+const STEP: f32 = 0.06;
+
+/// δ: changes below it count less.
+const ROUNDING: f32 = 0.02;
+
+/// The contrast at which the weight is a half.
+const CONTRAST: f32 = 0.05;
+
+/// Radiance that is added to the mean in a contrast: dark pixels are noisy.
+const DARK: f32 = 0.02;
+
+/// The places around a pixel that its contrast is taken over.
+const AROUND: [(i32, i32); 9] =
+    [(0, 0), (-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, 1), (1, -1), (-1, 1)];
+
+impl Part<'_> {
+    /// Adds the term at points of the surface.
+    pub(crate) fn add_bending(&mut self, surface: &[NearPoint]) {
+        if self.batch.bending == 0.0 {
+            return;
+        }
+        let step = STEP * self.batch.scene.bounding_ball().radius;
+        let weight = self.batch.bending * self.share * EVERY as f32;
+        let start = Stream::new(self.seed, Purpose::BendingHits).bits() as usize % EVERY;
+        let directions = Stream::new(self.seed, Purpose::BendingDirections);
+        let (mut points, mut weights) = (Vec::new(), Vec::new());
+        for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
+            let direction = in_ball(directions.at(i as u64)).normalize_or_zero();
+            points.extend([near.x, near.x + direction * step]);
+            weights.push(weight * near.weight * self.evenness(&self.pixels[near.pixel]));
+        }
+        let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
+        self.batch.scene.field.value_gradient(&points, &mut f, &mut g);
+        for ((ends, g), weight) in points.chunks(2).zip(g.chunks(2)).zip(weights) {
+            let c = bending_slope(g[1] - g[0]) * weight;
+            self.adjoints.push(PointAdjoint { pixel: 0, x: ends[0], alpha: 0.0, c: -c });
+            self.adjoints.push(PointAdjoint { pixel: 0, x: ends[1], alpha: 0.0, c });
+        }
+    }
+
+    /// How even the photograph is around a pixel, from 0 to 1.
+    fn evenness(&self, pixel: &Pixel) -> f32 {
+        let image = &self.batch.level.photographs[pixel.view as usize].image;
+        1.0 / (1.0 + (contrast(image, pixel) / CONTRAST).powi(2))
+    }
+}
+
+/// The derivative of ρ at a change of ∇f.
+fn bending_slope(change: Vec3) -> Vec3 {
+    change / (change.length_squared() + ROUNDING * ROUNDING).sqrt()
+}
+
+/// The largest difference around a pixel over the mean: that of the channel where it is largest.
+fn contrast(image: &Film, pixel: &Pixel) -> f32 {
+    let (mut low, mut high, mut sum) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Vec3::ZERO);
+    for (dx, dy) in AROUND {
+        let place = |v: u16, d: i32, side: u32| (i32::from(v) + d).clamp(0, side as i32 - 1) as u32;
+        let (x, y) = (place(pixel.x, dx, image.width), place(pixel.y, dy, image.height));
+        let rgb = Vec3::from(image.at(x, y));
+        (low, high, sum) = (low.min(rgb), high.max(rgb), sum + rgb);
+    }
+    ((high - low) / (sum / AROUND.len() as f32 + DARK)).max_element()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_derivative_of_the_term_matches_differences() {
+        let rho = |v: Vec3| f64::from(v.length_squared() + ROUNDING * ROUNDING).sqrt();
+        for change in [Vec3::ZERO, Vec3::new(0.01, -0.02, 0.005), Vec3::new(-0.5, 0.2, 0.9)] {
+            let slope = bending_slope(change);
+            assert!(slope.length() < 1.0);
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                let h = 1e-3;
+                let difference = (rho(change + axis * h) - rho(change - axis * h)) / 2e-3;
+                assert!((f64::from(slope.dot(axis)) - difference).abs() < 2e-3, "{change} {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_contrast_of_an_edge_is_large_and_that_of_an_even_part_is_zero() {
+        let pixel = |x, y| Pixel { view: 0, x, y, count: 1 };
+        let mut image = Film { width: 16, height: 16, pixels: vec![[0.3, 0.5, 0.4]; 256] };
+        for y in 0..16 {
+            image.pixels[16 * y + 12..16 * (y + 1)].fill([0.6, 0.5, 0.4]);
+        }
+        assert_eq!(contrast(&image, &pixel(4, 0)), 0.0);
+        // Three of the nine places show 0.6, the others 0.3.
+        let expected = 0.3 / (0.3 + 0.1 + DARK);
+        assert!((contrast(&image, &pixel(11, 8)) - expected).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,4 @@
+#![doc = include_str!("../README.md")]
+
+pub mod calibrate;
+pub mod stereo;

@@ -1,0 +1,19 @@
+//! Depth maps of photographs, and keypoint matches between them.
+
+mod align;
+mod carve;
+mod check;
+mod choice;
+mod depth;
+mod guide;
+mod patch;
+mod photo;
+mod search;
+mod tracks;
+
+pub use align::HALF_PATCH;
+pub use carve::pushes;
+pub use choice::StereoChoice;
+pub use depth::{DepthMap, Stereo, View};
+pub use guide::{Guide, GuidedRay, guide};
+pub use tracks::Places;

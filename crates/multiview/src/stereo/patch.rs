@@ -1,0 +1,208 @@
+//! Comparison of a patch of one photograph with its image in others, for a plane in space.
+
+use glam::{Vec2, Vec3};
+
+use crate::stereo::photo::Photo;
+
+/// Half of the side of a patch, in pixels: 7 × 7 pixels, of which every second is compared.
+const HALF: i32 = 3;
+
+/// The number of compared pixels of a patch.
+const PIXELS: usize = 25;
+
+/// The same, with pixels without weight up to a whole number of vectors.
+const LANES: usize = 28;
+
+/// The difference of grey values at which a pixel has half of its weight: pixels of other
+/// brightness than the middle are probably on another surface.
+const GREY_SCALE: f32 = 0.15;
+
+/// The distance from the middle at which a pixel has half of its weight, in pixels.
+const PIXEL_SCALE: f32 = 3.0;
+
+/// The least variance of grey values: a patch without a pattern can be anywhere.
+const LEAST_VARIANCE: f32 = 1e-5;
+
+/// The least share of the pattern across its main direction: 4 det/trace² of the structure tensor,
+/// 0 for stripes and 1 for a pattern without a direction.
+///
+/// On the skull of docs/rooms.md, this leaves out a fifth of the depths, and all of its outline.
+const LEAST_ACROSS: f32 = 0.18;
+
+/// The cost of a comparison that is not possible: that of opposite patterns.
+pub(crate) const WORST: f32 = 2.0;
+
+/// The number of neighbours whose costs count: the object can be hidden from the others.
+const BEST: usize = 2;
+
+/// The largest number of neighbours of a photograph.
+pub(crate) const NEIGHBOURS: usize = 4;
+
+/// The least and the largest area of a pixel's image in a neighbour, in pixels.
+const AREAS: [f32; 2] = [0.1, 8.0];
+
+/// The longest side of a pixel's image in a neighbour, in pixels.
+const LONGEST: f32 = 4.0;
+
+/// A plane through a point of a pixel's ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plane {
+    /// The depth along the optical axis at the middle of the pixel.
+    pub(crate) depth: f32,
+    /// The unit normal, towards the camera.
+    pub(crate) normal: Vec3,
+}
+
+impl Plane {
+    /// The depth at another film position: `ray` is that of the plane's own pixel.
+    pub(crate) fn depth_at(&self, ray: Vec3, other: Vec3) -> f32 {
+        self.depth * self.normal.dot(ray) / self.normal.dot(other)
+    }
+}
+
+/// The pixels around the middle of a patch, with their weights.
+pub(crate) struct Patch {
+    middle: Vec2,
+    /// Offsets from the middle, in pixels.
+    x: [f32; LANES],
+    y: [f32; LANES],
+    /// Weights, with the sum 1.
+    weights: [f32; LANES],
+    /// Weights times grey values less their mean.
+    weighted: [f32; LANES],
+    variance: f32,
+}
+
+/// The structure tensor of a patch: sums of products of differences of grey values.
+///
+/// Harris and Stephens, "A Combined Corner and Edge Detector", Alvey Vision Conference 1988.
+pub(crate) struct Pattern {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+}
+
+/// The pattern of the patch around a pixel; `None` if the patch with one more pixel leaves the
+/// film.
+pub(crate) fn pattern(photo: &Photo, x: usize, y: usize) -> Option<Pattern> {
+    let reach = HALF as usize + 1;
+    if x < reach || y < reach || x + reach >= photo.width || y + reach >= photo.height {
+        return None;
+    }
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for y in y + 1 - reach..y + reach {
+        for x in x + 1 - reach..x + reach {
+            let dx = photo.grey(x + 1, y) - photo.grey(x - 1, y);
+            let dy = photo.grey(x, y + 1) - photo.grey(x, y - 1);
+            (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
+        }
+    }
+    Some(Pattern { xx, xy, yy })
+}
+
+impl Pattern {
+    /// Whether it has one direction only, or is none.
+    ///
+    /// The outline of a smooth solid is another curve of its surface in each photograph. A
+    /// comparison of photographs puts it behind the surface, and other photographs agree.
+    pub(crate) fn is_ambiguous(&self) -> bool {
+        4.0 * (self.xx * self.yy - self.xy * self.xy) <= LEAST_ACROSS * (self.xx + self.yy).powi(2)
+    }
+
+    /// The strength across its main direction: det/trace, about the smaller eigenvalue.
+    pub(crate) fn across(&self) -> f32 {
+        let trace = (self.xx + self.yy).max(f32::MIN_POSITIVE);
+        (self.xx * self.yy - self.xy * self.xy) / trace
+    }
+}
+
+impl Patch {
+    /// The patch around a pixel; `None` if it leaves the film or has no pattern.
+    pub(crate) fn of(photo: &Photo, x: usize, y: usize) -> Option<Self> {
+        let half = HALF as usize;
+        if x < half || y < half || x + half >= photo.width || y + half >= photo.height {
+            return None;
+        }
+        let center = photo.grey(x, y);
+        let (mut dx, mut dy) = ([0.0; LANES], [0.0; LANES]);
+        let (mut values, mut weights) = ([0.0; LANES], [0.0; LANES]);
+        let places = (-HALF..=HALF).flat_map(|j| (-HALF..=HALF).map(move |i| (i, j)));
+        for (k, (i, j)) in places.filter(|(i, j)| (i + j) % 2 == 0).take(PIXELS).enumerate() {
+            let (column, row) =
+                (x.wrapping_add_signed(i as isize), y.wrapping_add_signed(j as isize));
+            (dx[k], dy[k], values[k]) = (i as f32, j as f32, photo.grey(column, row));
+            let distance = (i * i + j * j) as f32 / (PIXEL_SCALE * PIXEL_SCALE);
+            let difference = ((values[k] - center) / GREY_SCALE).powi(2);
+            weights[k] = ((1.0 + distance) * (1.0 + difference)).recip();
+        }
+        let sum: f32 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= sum);
+        let mean: f32 = values.iter().zip(&weights).map(|(v, w)| v * w).sum();
+        let weighted: [f32; LANES] = std::array::from_fn(|k| weights[k] * (values[k] - mean));
+        let variance: f32 = weighted.iter().zip(&values).map(|(w, v)| w * (v - mean)).sum();
+        let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        (variance > LEAST_VARIANCE).then_some(Patch {
+            middle,
+            x: dx,
+            y: dy,
+            weights,
+            weighted,
+            variance,
+        })
+    }
+
+    /// The cost of a plane: 1 less the mean of the largest normalised cross-correlations of the
+    /// patch with its images in the neighbours, 0 (equal) to 2 (opposite).
+    pub(crate) fn cost(&self, photo: &Photo, neighbours: &[&Photo], plane: &Plane) -> f32 {
+        let ray = photo.ray(self.middle);
+        let at = |offset: Vec2| {
+            let ray_there = photo.ray(self.middle + offset);
+            photo.eye + ray_there * plane.depth_at(ray, ray_there)
+        };
+        let points = [at(Vec2::ZERO), at(Vec2::X), at(Vec2::Y)];
+        let mut best = [WORST; BEST];
+        for neighbour in neighbours {
+            let cost = self.cost_in(neighbour, points);
+            if cost < best[0] {
+                best = [cost, best[0]];
+            } else if cost < best[1] {
+                best[1] = cost;
+            }
+        }
+        best.iter().sum::<f32>() / BEST as f32
+    }
+
+    /// The cost in one neighbour. `points` are the points of the plane in the middle of the patch,
+    /// and one pixel to the right and below it: in the neighbour, the patch is a parallelogram.
+    #[inline(always)]
+    fn cost_in(&self, photo: &Photo, points: [Vec3; 3]) -> f32 {
+        let [Some(middle), Some(right), Some(below)] = points.map(|x| photo.project(x)) else {
+            return WORST;
+        };
+        let (right, below) = (right - middle, below - middle);
+        let (area, side) = (right.perp_dot(below).abs(), right.abs().max(below.abs()));
+        let reach = (right.abs() + below.abs()).max_element() * HALF as f32;
+        let fits = area > AREAS[0] && area < AREAS[1] && side.max_element() < LONGEST;
+        if !fits || !photo.has_around(middle, reach) {
+            return WORST;
+        }
+        let (x, y) = (&self.x, &self.y);
+        let u: [f32; LANES] = std::array::from_fn(|k| middle.x + right.x * x[k] + below.x * y[k]);
+        let v: [f32; LANES] = std::array::from_fn(|k| middle.y + right.y * x[k] + below.y * y[k]);
+        let values = photo.sample(&u, &v);
+        // Four sums side by side: a vector.
+        let (mut means, mut squares, mut products) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for k in (0..LANES).step_by(4) {
+            for l in 0..4 {
+                let (value, own) = (values[k + l], self.weights[k + l] * values[k + l]);
+                means[l] += own;
+                squares[l] += own * value;
+                products[l] += self.weighted[k + l] * value;
+            }
+        }
+        let [mean, square, product] =
+            [means, squares, products].map(|[a, b, c, d]: [f32; 4]| (a + b) + (c + d));
+        let variance = (square - mean * mean).max(LEAST_VARIANCE);
+        (1.0 - product / (variance * self.variance).sqrt()).clamp(0.0, WORST)
+    }
+}

@@ -1,0 +1,33 @@
+//! Running cargo in the workspace.
+
+use std::process::Command;
+
+use anyhow::{Context, bail};
+
+use crate::measure::dsdf;
+
+/// The command `cargo` with these arguments, to be run in the workspace's root.
+///
+/// The environment variable `CARGO` names the program, which makes nested calls use the same one.
+pub fn cargo_command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+    command.args(arguments).current_dir(dsdf::root());
+    command
+}
+
+/// Prints the command line to standard error and runs cargo.
+///
+/// `environment` holds variables and values that are added to those of this process.
+///
+/// # Errors
+/// If cargo cannot be started, or ends with a status other than 0.
+pub fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
+    let line = format!("cargo {}", arguments.join(" "));
+    eprintln!("$ {line}");
+    let status = cargo_command(arguments).envs(environment.iter().copied()).status();
+    let status = status.with_context(|| format!("cannot start {line}"))?;
+    if !status.success() {
+        bail!("{line} failed");
+    }
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! Building the `dsdf` binary, running its commands, and reading their JSON.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, bail, ensure};
+use serde_json::Value;
+
+use crate::measure::image::Image;
+use crate::measure::npy;
+
+/// The workspace's root folder.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).map(Path::to_owned).unwrap_or_default()
+}
+
+/// Builds `dsdf` in the profile `release` and returns its path.
+///
+/// # Errors
+/// If the build fails.
+pub fn build() -> anyhow::Result<PathBuf> {
+    build_package("dsdf", "release")
+}
+
+/// Builds the binary of a package in a profile of the workspace, and returns its path.
+///
+/// The binary of a package has its name, and that of `dsdf-fuzz` is `fuzz`.
+///
+/// # Errors
+/// If the build fails.
+pub fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
+    let name = package.strip_prefix("dsdf-").filter(|name| *name == "fuzz").unwrap_or(package);
+    crate::measure::cargo(
+        &["build", "--profile", profile, "--package", package, "--bin", name],
+        &[],
+    )?;
+    let target =
+        root().join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()));
+    // The folder of the profile `dev` has another name.
+    let folder = if profile == "dev" { "debug" } else { profile };
+    Ok(target.join(folder).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// The names of the workspace's packages.
+///
+/// # Errors
+/// If `cargo metadata` fails.
+pub fn packages() -> anyhow::Result<Vec<String>> {
+    let output = crate::measure::cargo_command(&["metadata", "--no-deps", "--format-version", "1"])
+        .output()?;
+    ensure!(
+        output.status.success(),
+        "cargo metadata: {}",
+        String::from_utf8_lossy(&output.stderr).trim()
+    );
+    let metadata: Value = serde_json::from_slice(&output.stdout)?;
+    let packages = metadata["packages"].as_array().context("packages")?;
+    Ok(packages.iter().filter_map(|package| package["name"].as_str().map(str::to_owned)).collect())
+}
+
+/// Runs a command of the binary, with `--json --quiet` added, and returns the JSON that it prints.
+///
+/// # Errors
+/// If the command fails, with its standard error as the message.
+pub fn run_json(binary: &Path, arguments: &[&str]) -> anyhow::Result<Value> {
+    let output = Command::new(binary).args(arguments).args(["--json", "--quiet"]).output()?;
+    if !output.status.success() {
+        bail!("dsdf {}: {}", arguments.join(" "), String::from_utf8_lossy(&output.stderr));
+    }
+    Ok(serde_json::from_slice(&output.stdout)?)
+}
+
+/// A number of `/proc/PROCESS/status`, in MiB, for a key like `"VmRSS:"`.
+///
+/// `None` if the process has ended, or if the system has no such file.
+pub fn memory(process: u32, key: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// A way to run commands of `dsdf`: a path runs them without limits, a sweep adds limits of time
+/// and memory.
+pub trait RunDsdf {
+    /// Runs a command and returns the JSON that it prints.
+    ///
+    /// # Errors
+    /// If the command fails.
+    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value>;
+}
+
+impl RunDsdf for Path {
+    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+        run_json(self, arguments)
+    }
+}
+
+/// The result of `dsdf gradient`: derivative images with their cost.
+pub struct DerivativeImages {
+    /// One image for each parameter, in the order of the parameters.
+    pub images: Vec<Image>,
+    /// Wall time of the computation, in seconds.
+    pub seconds: f64,
+    /// Field evaluations: values, gradients and Hessian–vector products, added up.
+    pub evaluations: u64,
+}
+
+/// Runs `dsdf gradient` on a scene.
+///
+/// `wrt` holds JSON pointers to the scene's parameters. `flags` are further options.
+///
+/// # Errors
+/// If the command fails, or if its files or its JSON are not of the expected form.
+pub fn gradient(
+    program: &(impl RunDsdf + ?Sized),
+    scene: &Value,
+    wrt: &[String],
+    flags: &[&str],
+) -> anyhow::Result<DerivativeImages> {
+    let folder = tempfile::tempdir()?;
+    let (file, out) = (folder.path().join("scene.json"), folder.path().join("g.npy"));
+    std::fs::write(&file, scene.to_string())?;
+    let (file_name, out_name) = (file.to_string_lossy(), out.to_string_lossy());
+    let mut arguments = vec!["gradient", &file_name, "-o", &out_name];
+    arguments.extend(wrt.iter().flat_map(|pointer| ["--wrt", pointer]));
+    arguments.extend(flags);
+    let report = program.run_json(&arguments)?;
+    // One parameter has the given file name; several have the pointer in their file names.
+    let image = |pointer: &String| {
+        if wrt.len() == 1 {
+            return npy::read_image(&out);
+        }
+        let suffix = pointer.trim_start_matches('/').replace('/', "_");
+        npy::read_image(&folder.path().join(format!("g.{suffix}.npy")))
+    };
+    let kinds = ["value", "gradient", "hessian_vector"];
+    Ok(DerivativeImages {
+        images: wrt.iter().map(image).collect::<anyhow::Result<_>>()?,
+        seconds: report["seconds"].as_f64().context("seconds in the report")?,
+        evaluations: kinds.iter().filter_map(|kind| report["evaluations"][kind].as_u64()).sum(),
+    })
+}
