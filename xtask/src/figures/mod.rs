@@ -24,7 +24,7 @@ pub(crate) enum Figure {
     /// Chamfer distance and error of normals against seconds of a fit, with and without a grid, on
     /// two data sets of renders that are not in the repository; the fits take 31 minutes
     Detail,
-    /// The drawings of the pages in docs/math, and derivative images of a disc against its closed form
+    /// The drawings of docs/math, and derivative images of a disc against its closed form
     Math,
 }
 
