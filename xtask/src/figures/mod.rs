@@ -3,6 +3,7 @@
 mod detail;
 mod estimators;
 mod filters;
+mod math;
 mod steps;
 
 use std::path::{Path, PathBuf};
@@ -23,6 +24,8 @@ pub(crate) enum Figure {
     /// Chamfer distance and error of normals against seconds of a fit, with and without a grid, on
     /// two data sets of renders that are not in the repository; the fits take 31 minutes
     Detail,
+    /// The drawings of docs/math, and derivative images of a disc against its closed form
+    Math,
 }
 
 /// Measures a figure and writes it into the folder `output`.
@@ -32,6 +35,7 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
         Figure::Steps => "steps",
         Figure::Filters => "filters",
         Figure::Detail => "detail",
+        Figure::Math => "math",
     };
     let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results").join(name));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
@@ -41,6 +45,7 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
         Figure::Steps => steps::run(&binary, &folder),
         Figure::Filters => filters::run(&binary, &folder),
         Figure::Detail => detail::run(&binary, &folder),
+        Figure::Math => math::run(&binary, &folder),
     }?;
     eprintln!("{}", folder.display());
     Ok(())
