@@ -1,15 +1,15 @@
 //! The gradient of an image loss against differences of the loss.
 
-use estimate::record::{Adjoints, Pass};
-use field::PartialSum;
-use film::Film;
-use render::{Scene, render};
 use estimate::gradient::{Direction, Sampling, differentiate, target_gradient};
+use estimate::record::{Adjoints, Pass};
 use estimate::{
     Baseline, Batch, Estimator, EstimatorOptions, Registry, SampleCounts, SilhouetteMask, Terms,
 };
+use field::PartialSum;
+use film::Film;
 use glam::DVec3;
 use render::Pixel;
+use render::{Scene, render};
 use scene::{BackgroundModel, SceneFile};
 use serde_json::json;
 use std::path::Path;
