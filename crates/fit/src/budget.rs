@@ -53,10 +53,22 @@ impl FitOptions {
         self.time.map_or(iterations, Budget::Time)
     }
 
-    /// The number of iterations of the budget. That of a budget of time is assumed, and depends on
-    /// the number of threads.
+    /// The same options with the number of threads that the schedule of a budget of time assumes:
+    /// the recorded number, or the threads of the current pool. The schedule of a run must not
+    /// change with the threads of a resumption.
+    #[must_use]
+    pub fn with_schedule(mut self) -> Self {
+        if self.time.is_some() {
+            self.schedule_threads.get_or_insert_with(rayon::current_num_threads);
+        }
+        self
+    }
+
+    /// The number of iterations of the budget. For a budget of time it is assumed, from the
+    /// recorded number of threads.
     pub(crate) fn assumed_iterations(&self) -> u64 {
-        let threads = rayon::current_num_threads().min(MOST_THREADS) as f64;
+        let threads = self.schedule_threads.unwrap_or_else(rayon::current_num_threads);
+        let threads = threads.min(MOST_THREADS) as f64;
         let rate = ITERATIONS_PER_SECOND * threads;
         match self.budget() {
             Budget::Time(time) => (time.as_secs_f64() * rate) as u64,
@@ -114,6 +126,22 @@ mod tests {
             [1.0, 1.0, 0.0]
         );
         assert_eq!(Budget::Iterations(18).progress(9, 70.0, 70.0), 0.5);
+    }
+
+    #[test]
+    fn the_schedule_of_a_time_does_not_depend_on_the_threads_of_a_resumption() {
+        let options = FitOptions { time: Some(Duration::from_secs(600)), ..FitOptions::default() };
+        let of_threads = |n: usize, options: &FitOptions| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+            pool.install(|| options.clone().with_schedule())
+        };
+        let [one, four] = [1, 4].map(|n| of_threads(n, &options));
+        assert_eq!([&one, &four].map(FitOptions::assumed_iterations), [30_000, 120_000]);
+        let resumed = of_threads(4, &one);
+        assert_eq!(resumed, one);
+        assert_eq!(resumed.soft_for(false), one.soft_for(false));
+        // A number of iterations needs no threads.
+        assert_eq!(FitOptions::default().with_schedule(), FitOptions::default());
     }
 
     #[test]

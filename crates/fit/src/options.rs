@@ -31,6 +31,11 @@ pub struct FitOptions {
     #[arg(long, conflicts_with = "iterations", value_parser = files::parse_duration)]
     #[serde(skip_serializing_if = "Option::is_none", with = "files::seconds")]
     pub time: Option<Duration>,
+    /// The number of threads that the schedule of a fit by time assumes: the threads of its start.
+    /// A resumed run keeps it, on any number of threads.
+    #[arg(skip)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub schedule_threads: Option<usize>,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
@@ -249,6 +254,7 @@ impl Default for FitOptions {
             warp: WarpOptions::FIT,
             eikonal: 0.1,
             bending: 0.1,
+            schedule_threads: None,
             soft: None,
             stereo: StereoChoice::Auto,
             checkpoint_every: 200,
@@ -383,6 +389,7 @@ impl FitOptions {
             Check::weight("eikonal", self.eikonal),
             Check::weight("bending", self.bending),
             Check::new("soft", soft, (0.0..1.0).contains(&soft), "at least 0, below 1"),
+            Check::at_least_one("schedule_threads", self.schedule_threads.unwrap_or(1) as u64),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),
         ]

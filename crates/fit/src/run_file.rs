@@ -60,6 +60,7 @@ impl RunFile {
         dataset: &Dataset,
         options: &FitOptions,
     ) -> Result<(Self, SphereSource), InputError> {
+        let options = &options.clone().with_schedule();
         let mut found = surroundings(dataset, options.bounds(), false);
         let arguments = Path::new(ARGUMENTS);
         // A background that the user models is there.

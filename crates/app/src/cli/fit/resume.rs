@@ -25,6 +25,7 @@ impl Fit {
             (file.options.time, file.options.iterations) =
                 (self.options.time, self.options.iterations);
         }
+        file.options = file.options.with_schedule();
         let toml = self.output.join("fit.toml");
         // The budget alone may be from the command line.
         let is_budget = |e: &InputError| BUDGET.contains(&e.field.as_str());
