@@ -1,124 +1,180 @@
-//! `cargo xtask style`: rules of the text that no other tool checks.
+//! `cargo xtask style`: facts about the code and its documentation that no other tool checks.
 
+mod circles;
+mod crates;
+mod markdown;
+mod modules;
+mod names;
+mod paths;
+mod quiet;
+mod results;
+mod source;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 
-/// The widest line of code, comments and Markdown, in characters.
-const WIDTH: usize = 100;
+use paths::Tree;
+use source::Source;
 
-/// First characters of lines of Markdown that may be wider: formulas, tables, names and pictures.
-const UNBROKEN: [char; 4] = ['$', '|', '`', '!'];
+/// Packages that a renderer can be built of without a network, and the packages that they therefore
+/// do not reach.
+const WITHOUT_NETWORKS: [&str; 4] =
+    ["dsdf-render", "dsdf-estimate", "dsdf-dataset", "dsdf-multiview"];
+const NETWORKS: [&str; 3] = ["dsdf-sdf-nn", "sdf-nn", "safetensors"];
 
-/// The most lines of a Rust file.
-const FILE_LINES: usize = 500;
+/// The crates that do no input or output, and read no clock and no environment. The invariants in
+/// the documentation promise it of the same ones.
+const QUIET: [&str; 13] = [
+    "boundary",
+    "estimate",
+    "field",
+    "inspect",
+    "lanes",
+    "loss",
+    "multiview",
+    "optim",
+    "random",
+    "render",
+    "sdf-nn",
+    "trace",
+    "warp",
+];
 
-/// The most lines of Rust in a crate.
-const CRATE_LINES: usize = 4000;
+/// The page about the crates and their invariants.
+const ARCHITECTURE: &str = "docs/architecture.md";
 
-/// Checks every tracked Rust and Markdown file, and lists the places that break a rule.
+/// Checks all facts, and lists the places that are wrong.
 ///
 /// # Errors
-/// If a rule is broken, or a file cannot be read.
+/// If a place is wrong, or a file cannot be read.
 pub(crate) fn run() -> anyhow::Result<()> {
-    let root = sweep::measure::dsdf::root();
-    let mut findings = Vec::new();
-    let mut crate_lines = std::collections::BTreeMap::<String, usize>::new();
-    for name in tracked(&root)? {
-        let text = std::fs::read_to_string(root.join(&name)).with_context(|| name.clone())?;
-        check_lines(&name, &text, &mut findings);
-        if let Some(package) = name.strip_prefix("crates/").and_then(|rest| rest.split('/').next())
-            && name.ends_with(".rs")
-        {
-            *crate_lines.entry(package.to_owned()).or_default() += text.lines().count();
-        }
-    }
-    for (package, lines) in crate_lines.into_iter().filter(|(_, lines)| *lines > CRATE_LINES) {
-        findings.push(format!("crates/{package}: {lines} lines, at most {CRATE_LINES}"));
-    }
+    let findings = Repository::read(&sweep::measure::dsdf::root())?.findings()?;
     if findings.is_empty() {
         return Ok(());
     }
     for finding in &findings {
         eprintln!("{finding}");
     }
-    bail!("{} places break a rule of the text", findings.len());
+    bail!("{} places are wrong", findings.len());
 }
 
-/// The Rust and Markdown files under version control, without generated results.
-fn tracked(root: &Path) -> anyhow::Result<Vec<String>> {
-    let output = Command::new("git")
-        .args(["ls-files", "*.rs", "*.md"])
-        .current_dir(root)
-        .output()
-        .context("cannot start git")?;
-    ensure!(output.status.success(), "git ls-files: {}", String::from_utf8_lossy(&output.stderr));
-    let names = String::from_utf8(output.stdout)?;
-    let written = |name: &&str| !name.starts_with("docs/results/");
-    Ok(names.lines().filter(written).map(str::to_owned).collect())
+/// The files under version control.
+struct Repository {
+    tree: Tree,
+    /// The text of files of Rust and Markdown, and of the programs beside them, by name.
+    texts: BTreeMap<String, String>,
+    /// The folders of the workspace's members.
+    members: BTreeSet<String>,
 }
 
-fn check_lines(name: &str, text: &str, findings: &mut Vec<String>) {
-    for (number, line) in text.lines().enumerate() {
-        let mut report = |rule: String| findings.push(format!("{name}:{}: {rule}", number + 1));
-        let width = line.chars().count();
-        let may_be_wide = name.ends_with(".md") && line.starts_with(UNBROKEN);
-        if width > WIDTH && !may_be_wide {
-            report(format!("{width} characters wide, at most {WIDTH}"));
-        }
-        let prose = if name.ends_with(".md") { Some(line) } else { comment(line) };
-        if prose.is_some_and(has_what_clause) {
-            report("a clause with \"what\" in place of a noun: name the thing".to_owned());
-        }
+impl Repository {
+    fn read(root: &Path) -> anyhow::Result<Self> {
+        let output = Command::new("git").arg("ls-files").current_dir(root).output();
+        let output = output.context("cannot start git")?;
+        let error = String::from_utf8_lossy(&output.stderr);
+        ensure!(output.status.success(), "git ls-files: {error}");
+        let names = String::from_utf8(output.stdout)?;
+        // A file that was removed is tracked until the next commit.
+        let names: Vec<&str> = names.lines().filter(|name| root.join(name).exists()).collect();
+        let is_text = |name: &&&str| TEXTS.iter().any(|end| name.ends_with(end));
+        let text = |name: &&str| {
+            let text = std::fs::read_to_string(root.join(name)).with_context(|| (*name).to_owned());
+            Ok(((*name).to_owned(), text?))
+        };
+        let texts = names.iter().filter(is_text).map(text).collect::<anyhow::Result<_>>()?;
+        Ok(Repository { tree: Tree::new(names), texts, members: crates::members()? })
     }
-    let lines = text.lines().count();
-    if name.ends_with(".rs") && lines > FILE_LINES {
-        findings.push(format!("{name}: {lines} lines, at most {FILE_LINES}"));
-    }
-}
 
-/// The text of a line that is a comment.
-fn comment(line: &str) -> Option<&str> {
-    let text = line.trim_start().strip_prefix("//")?;
-    Some(text.trim_start_matches(['/', '!']).trim_start())
-}
-
-/// Words before a clause whose subject or object is "what".
-const BEFORE_CLAUSE: [&str; 16] = [
-    "of", "on", "with", "from", "to", "by", "for", "in", "is", "are", "as", "and", "than", "like",
-    "at", "about",
-];
-
-/// Whether a line of prose has a clause with "what" in place of a noun.
-fn has_what_clause(prose: &str) -> bool {
-    let words: Vec<&str> = prose.split_whitespace().collect();
-    let what = |word: &str| word == "what" || word == "What";
-    let capitalised = |word: &str| word.chars().next().is_some_and(char::is_uppercase);
-    words.first().is_some_and(|first| what(first))
-        || words.windows(2).enumerate().any(|(i, pair)| {
-            let starts = i == 0 && capitalised(pair[0]);
-            what(pair[1]) && (starts || BEFORE_CLAUSE.contains(&pair[0]))
-        })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rules_are_reported_with_their_place() {
-        let text =
-            format!("/// Returns \u{77}hat is seen.\nlet ok = 1; // what\n{}\n", "é".repeat(101));
+    fn findings(&self) -> anyhow::Result<Vec<String>> {
         let mut findings = Vec::new();
-        check_lines("a.rs", &text, &mut findings);
-        assert_eq!(findings.len(), 2, "{findings:?}");
-        assert!(findings[0].starts_with("a.rs:1:") && findings[1].starts_with("a.rs:3:"));
-        findings.clear();
-        check_lines("a.md", "It depends on what it is for.\nIt says what.\n", &mut findings);
-        assert_eq!(findings.len(), 1, "{findings:?}");
-        findings.clear();
-        check_lines("a.rs", &"x\n".repeat(501), &mut findings);
-        assert_eq!(findings, ["a.rs: 501 lines, at most 500"]);
+        for package in WITHOUT_NETWORKS {
+            findings.extend(match crates::reached(package, &NETWORKS) {
+                Ok(reached) => {
+                    reached.into_iter().map(|to| format!("{package} reaches {to}")).collect()
+                }
+                Err(error) => vec![error.to_string()],
+            });
+        }
+        findings.extend(self.about_architecture()?);
+        findings.extend(self.about_modules());
+        for (name, text) in &self.texts {
+            findings.extend(self.about_text(name, text));
+        }
+        Ok(findings)
+    }
+
+    /// The table of crates, and the promise of no input and output.
+    fn about_architecture(&self) -> anyhow::Result<Vec<String>> {
+        let page = self.texts.get(ARCHITECTURE).context(ARCHITECTURE)?;
+        let mut findings = crates::table(page, &self.members);
+        let promised = quiet::promised(page);
+        let checked = BTreeSet::from(QUIET.map(str::to_owned));
+        let difference = promised.symmetric_difference(&checked);
+        findings.extend(difference.map(|name| {
+            let place = if checked.contains(name) {
+                "the page promises it not"
+            } else {
+                "QUIET in xtask/src/style.rs lacks it"
+            };
+            format!("`{name}` does no input or output: {place}")
+        }));
+        Ok(findings.into_iter().map(|finding| format!("{ARCHITECTURE}: {finding}")).collect())
+    }
+
+    /// The circles of files in each crate, and input and output in crates that promise none.
+    fn about_modules(&self) -> Vec<String> {
+        let mut findings = Vec::new();
+        for member in &self.members {
+            let start = format!("{member}/src/");
+            let files: BTreeMap<_, _> = self.texts.range(start.clone()..).collect();
+            let files = files.into_iter().take_while(|(name, _)| name.starts_with(&start));
+            let files = files.map(|(name, text)| (name.clone(), text.clone())).collect();
+            for root in ["lib.rs", "main.rs"].map(|file| format!("{start}{file}")) {
+                findings.extend(circles::circles(&files, &root));
+                if QUIET.iter().any(|name| *member == format!("crates/{name}")) {
+                    findings.extend(quiet::check(&files, &root));
+                }
+            }
+        }
+        findings
+    }
+
+    /// The links, paths and numbers of a file.
+    fn about_text(&self, name: &str, text: &str) -> Vec<String> {
+        // Measured results are written by programs. The changes name files of their time.
+        if name.starts_with("docs/results/") {
+            return Vec::new();
+        }
+        let is_markdown = name.ends_with(".md");
+        let mut findings = Vec::new();
+        if is_markdown {
+            findings.extend(paths::check_links(name, text, &self.tree));
+            findings.extend(results::check(name, text, |file| {
+                let path = sweep::measure::dsdf::root().join(file);
+                std::fs::read_to_string(path).with_context(|| file.to_owned())
+            }));
+        }
+        if name != "CHANGELOG.md" {
+            let of_rust = name.ends_with(".rs").then(|| Source::new(text).prose());
+            let prose = of_rust.as_deref().unwrap_or(text);
+            findings.extend(paths::check_paths(name, prose, &self.tree));
+            findings.extend(paths::check_crates(name, prose, &self.crates()));
+        }
+        findings
+    }
+
+    /// The names of the members and of the packages that they use.
+    fn crates(&self) -> BTreeSet<String> {
+        let folders = self.members.iter().filter_map(|folder| folder.rsplit('/').next());
+        let lock = self.texts.get("Cargo.lock").map_or("", String::as_str);
+        let packages =
+            lock.lines().filter_map(|line| line.strip_prefix("name = \"")?.strip_suffix('"'));
+        folders.chain(packages).map(str::to_owned).collect()
     }
 }
+
+/// The ends of the names of texts that are checked.
+const TEXTS: [&str; 5] = [".rs", ".md", ".sh", ".toml", "Cargo.lock"];

@@ -1,0 +1,119 @@
+//! The workspace's crates: the packages that they reach, and the table of the documentation.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Context, ensure};
+use serde_json::Value;
+
+/// The packages among `refused` that a package reaches by normal dependencies and by its own
+/// development dependencies, with its usual features.
+///
+/// # Errors
+/// If there is no such package.
+pub(crate) fn reached(package: &str, refused: &[&str]) -> anyhow::Result<Vec<String>> {
+    let arguments = [
+        "tree",
+        "--package",
+        package,
+        "--edges",
+        "normal,dev",
+        "--prefix",
+        "none",
+        "--format",
+        "{p}",
+    ];
+    let output = sweep::measure::cargo_command(&arguments).output().context("cannot start cargo tree")?;
+    let message = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "cargo tree --package {package}: {}", message.trim());
+    Ok(named(&String::from_utf8_lossy(&output.stdout), refused))
+}
+
+/// The packages among `refused` that the output of `cargo tree` has.
+fn named(tree: &str, refused: &[&str]) -> Vec<String> {
+    let packages = tree.lines().filter_map(|line| line.split_whitespace().next());
+    let found: BTreeSet<_> = packages.filter(|package| refused.contains(package)).collect();
+    found.into_iter().map(str::to_owned).collect()
+}
+
+/// The folders of the workspace's members, relative to its root.
+///
+/// # Errors
+/// If `cargo metadata` fails.
+pub(crate) fn members() -> anyhow::Result<BTreeSet<String>> {
+    let arguments = ["metadata", "--no-deps", "--format-version", "1"];
+    let output = sweep::measure::cargo_command(&arguments).output().context("cannot start cargo")?;
+    ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout)?;
+    let root = metadata["workspace_root"].as_str().context("workspace_root")?;
+    let packages = metadata["packages"].as_array().context("packages")?;
+    let folder = |package: &Value| {
+        let manifest = package["manifest_path"].as_str()?;
+        let folder = manifest.strip_prefix(root)?.strip_suffix("Cargo.toml")?;
+        Some(folder.trim_matches('/').to_owned())
+    };
+    packages.iter().map(|package| folder(package).context("manifest_path")).collect()
+}
+
+/// The differences between the members and the tables below the heading "Crates" of a page. A row
+/// stands for the crate, or the crates, whose folders are named in backticks in its first cell.
+pub(crate) fn table(page: &str, members: &BTreeSet<String>) -> Vec<String> {
+    let section = page.split("\n## ").find_map(|section| section.strip_prefix("Crates\n"));
+    let Some(section) = section else {
+        return vec!["no section \"## Crates\"".to_owned()];
+    };
+    let name = |folder: &str| folder.rsplit('/').next().unwrap_or_default().to_owned();
+    let members: BTreeSet<String> = members.iter().map(|folder| name(folder)).collect();
+    let first_cells = section.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
+    let rows = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).map(name);
+    let mut seen = BTreeSet::new();
+    let mut findings = Vec::new();
+    for row in rows {
+        if !members.contains(&row) {
+            findings.push(format!("the table of crates has `{row}`, which is no member"));
+        } else if !seen.insert(row.clone()) {
+            findings.push(format!("the table of crates has `{row}` twice"));
+        }
+    }
+    let missing = members.difference(&seen);
+    findings.extend(missing.map(|name| format!("the table of crates lacks `{name}`")));
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refused_packages_are_found_in_a_tree() {
+        let tree = "dsdf-render v0.1.0 (/here)\nglam v0.34.0\nsafetensors v0.8.0\nsafetensors v0.8.0 (*)\n";
+        assert_eq!(named(tree, &["sdf-nn", "safetensors"]), ["safetensors"]);
+        assert!(named(tree, &["sdf-nn"]).is_empty());
+        assert!(reached("no-such-package", &[]).is_err());
+        assert_eq!(reached("xtask", &["clap", "no-such-package"]).unwrap(), ["clap"]);
+    }
+
+    #[test]
+    fn the_members_are_folders() {
+        let members = members().unwrap();
+        assert!(members.contains("xtask") && members.contains("crates/trace"), "{members:?}");
+    }
+
+    #[test]
+    fn the_table_has_each_member_once() {
+        let members = BTreeSet::from(["crates/trace", "crates/warp", "xtask"].map(str::to_owned));
+        let page = |rows: &str| {
+            format!("# A\n\n## Crates\n\n| crate | content |\n| --- | --- |\n{rows}\n## B\n| `z` |")
+        };
+        let whole =
+            page("| [`trace`](../crates/trace) | `rays` |\n| `crates/warp`, `xtask` | x |\n");
+        assert!(table(&whole, &members).is_empty(), "{:?}", table(&whole, &members));
+        let wrong = page("| `trace` | x |\n| `trace` | x |\n| `film` | x |\n| `warp` | x |\n");
+        let expected = [
+            "the table of crates has `trace` twice",
+            "the table of crates has `film`, which is no member",
+            "the table of crates lacks `xtask`",
+        ];
+        assert_eq!(table(&wrong, &members), expected);
+        assert_eq!(table("# A\n", &members).len(), 1);
+    }
+}
