@@ -9,8 +9,8 @@
 # PYTHON       the interpreter [default: python3]
 # DSDF_TORCH   arguments of pip that install PyTorch; without it, the tests of PyTorch are skipped
 #              unless the package index has a build without CUDA for this machine
-# DSDF_PROGRAM the program whose bits the commands must repeat [default: target/debug/dsdf, which
-#              `cargo test --workspace --no-run` builds]; without it, these tests are skipped
+# DSDF_PROGRAM the program whose bits the commands must repeat [default: target/ci/dsdf, which
+#              `cargo build --profile ci` builds]; without it, these tests are skipped
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 out=$PWD/target/python
@@ -42,13 +42,13 @@ install() {
 
 build() {
   rm -rf "$out/wheels"
-  PYO3_PYTHON="$out/venv/bin/python" "$out/venv/bin/maturin" build --quiet --profile dev --locked \
+  PYO3_PYTHON="$out/venv/bin/python" "$out/venv/bin/maturin" build --quiet --profile ci --locked \
     --manifest-path crates/python/Cargo.toml --out "$out/wheels"
   pip install --force-reinstall --no-deps "$out"/wheels/*.whl
 }
 
 run_tests() {
-  export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/debug/dsdf}"
+  export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/ci/dsdf}"
   "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests
 }
 

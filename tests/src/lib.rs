@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod compose;
+pub mod corner;
 pub mod input;
 
 use std::ffi::OsStr;
@@ -30,6 +31,26 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     None
 }
 
+/// The first of these programs that works. A call is a program and its arguments, and must succeed.
+///
+/// If none works, the function prints a line to standard error and returns `None`.
+///
+/// # Panics
+/// If none can, and the environment has `DSDF_REQUIRE=programs`, as in `cargo xtask ci`.
+pub fn installed(name: &str, calls: &[&[&str]]) -> Option<String> {
+    let works = |call: &&&[&str]| {
+        let output = Command::new(call[0]).args(&call[1..]).output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    if let Some(call) = calls.iter().find(works) {
+        return Some(call[0].to_owned());
+    }
+    let required = std::env::var_os("DSDF_REQUIRE").is_some_and(|value| value == "programs");
+    assert!(!required, "{name} is not installed, and DSDF_REQUIRE asks for it");
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {name} is not installed");
+    None
+}
+
 /// The path of `dsdf`, built once in the profile of the tests.
 ///
 /// # Panics
@@ -48,19 +69,25 @@ pub fn program(package: &str) -> PathBuf {
     FOLDER.join(format!("{package}{}", std::env::consts::EXE_SUFFIX))
 }
 
-/// Builds all programs and returns their folder.
+/// Builds all programs in the profile of this test, and returns their folder.
 ///
 /// With the whole workspace and one of its tests, Cargo selects the features that `cargo test
 /// --workspace` has selected. Every library is there already.
 fn build() -> PathBuf {
+    // A test is target/PROFILE/deps/NAME.
+    let test = std::env::current_exe().unwrap_or_else(|e| panic!("the path of the test: {e}"));
+    let folder = test.ancestors().nth(2).unwrap_or_else(|| panic!("no folder above the test"));
+    let profile = match folder.file_name().and_then(OsStr::to_str) {
+        Some("debug") => "dev",
+        Some(profile) => profile,
+        None => panic!("{}: not the folder of a profile", folder.display()),
+    };
     let status = Command::new(env!("CARGO"))
-        .args(["build", "--workspace", "--bins", "--test", "bad_input"])
+        .args(["build", "--profile", profile, "--workspace", "--bins", "--test", "bad_input"])
         .current_dir(root())
         .status();
     assert!(status.is_ok_and(|s| s.success()), "cargo build of the programs");
-    let target = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root().join("target"), |dir| root().join(dir));
-    target.join("debug")
+    folder.to_owned()
 }
 
 /// Runs `dsdf` with these arguments and `--quiet`.

@@ -2,8 +2,8 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
+use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use dataset::{LoadOptions, View};
 use image::{Rgb, RgbImage};
+use render::Camera;
 use serde_json::Value;
 use tests::input::Folder;
 use tests::{binary, dsdf_json, root};
@@ -299,30 +300,81 @@ fn wrong_input_is_refused_in_one_line_before_a_file_is_written() {
     );
 }
 
-/// Views of the room that are next to each other.
-const NEIGHBOURS: [u32; 14] = [1, 3, 14, 16, 17, 19, 21, 29, 31, 32, 34, 36, 44, 47];
-
-/// The angle between two views, degrees, and the distance of their eyes.
-fn between(a: &View, b: &View) -> (f64, f64) {
-    let axes = |v: &View| glam::DMat3::from_cols(v.camera.right, v.camera.up, -v.camera.forward);
+/// The angle between two cameras, degrees, and the distance of their eyes.
+fn between(a: &Camera, b: &Camera) -> (f64, f64) {
+    let axes = |c: &Camera| glam::DMat3::from_cols(c.right, c.up, -c.forward);
     let turn = axes(a).transpose() * axes(b);
     let angle = glam::DQuat::from_mat3(&turn).to_axis_angle().1.to_degrees();
-    (angle.min(360.0 - angle), (a.camera.eye - b.camera.eye).length())
+    (angle.min(360.0 - angle), (a.eye - b.eye).length())
 }
 
-/// The views of a data set, by the names of their files.
-fn views(path: &Path) -> Vec<View> {
+/// The cameras of a data set, by the names of their photographs.
+fn cameras(path: &Path) -> BTreeMap<String, Camera> {
     let dataset = dataset::load(path, &LoadOptions::default()).unwrap();
-    let mut views: Vec<View> = dataset.train.into_iter().chain(dataset.test).collect();
-    views.sort_by_key(|view| view.path.file_name().map(std::ffi::OsStr::to_owned));
-    views
+    let name = |view: &View| view.path.file_name().unwrap().to_string_lossy().into_owned();
+    let views = dataset.train.iter().chain(&dataset.test);
+    views.map(|view| (name(view), view.camera)).collect()
 }
+
+/// Runs COLMAP on photographs with known poses. Checks that most get a pose, that the poses are
+/// right, and that `dsdf inspect` reads them.
+fn check_poses(photos: &str, data: &str, truth: &BTreeMap<String, Camera>, fewest: usize) {
+    let poses = dsdf_json(&["poses", photos, "-o", data]);
+    assert!(poses["registered"].as_u64().unwrap() as usize >= fewest, "{poses}");
+    assert!(poses["reprojection_error"].as_f64().unwrap() < 1.0, "{poses}");
+    let found = cameras(Path::new(data));
+    assert_eq!(found.len() as u64, poses["registered"].as_u64().unwrap());
+    // The unit of length is arbitrary: the median of all pairs with the first camera.
+    let (first, first_camera) = found.first_key_value().unwrap();
+    let pair = |(name, camera): (&String, &Camera)| {
+        let (true_first, true_camera) = (&truth[first], &truth[name]);
+        (name.clone(), between(first_camera, camera), between(true_first, true_camera))
+    };
+    let pairs: Vec<_> = found.iter().skip(1).map(pair).collect();
+    let mut scales: Vec<f64> = pairs.iter().map(|(_, found, truth)| found.1 / truth.1).collect();
+    scales.sort_by(f64::total_cmp);
+    let unit = scales[scales.len() / 2];
+    for (name, (angle, distance), (true_angle, true_distance)) in pairs {
+        assert!((angle - true_angle).abs() < 1.5, "{name}: {angle} {true_angle}");
+        let part = distance / (unit * true_distance);
+        assert!((part - 1.0).abs() < 0.08, "{name}: distance {part}");
+    }
+    let seen = dsdf_json(&["inspect", data, "-o", &format!("{data}/inspect.png")]);
+    let views = ["train_views", "test_views"].map(|views| seen[views].as_u64().unwrap());
+    assert_eq!((views[0] + views[1]) as usize, found.len());
+}
+
+/// Whether COLMAP is installed.
+fn has_colmap() -> bool {
+    // Its help is printed without a screen then.
+    let call = ["env", "QT_QPA_PLATFORM=offscreen", "colmap", "help"];
+    tests::installed("COLMAP", &[&call]).is_some()
+}
+
+#[test]
+fn colmap_finds_the_poses_of_a_patterned_corner() {
+    if !has_colmap() {
+        return;
+    }
+    let folder = Folder::new();
+    fs::create_dir(folder.path("photos")).unwrap();
+    let mut truth = BTreeMap::new();
+    for (i, camera) in tests::corner::cameras(8).into_iter().enumerate() {
+        let name = format!("{i}.png");
+        let picture = tests::corner::photograph(&camera);
+        picture.save(folder.path(&format!("photos/{name}"))).unwrap();
+        truth.insert(name, camera);
+    }
+    check_poses(&folder.path("photos"), &folder.path("data"), &truth, 7);
+}
+
+/// Views of the room that are next to each other.
+const NEIGHBOURS: [u32; 14] = [1, 3, 14, 16, 17, 19, 21, 29, 31, 32, 34, 36, 44, 47];
 
 #[test]
 fn colmap_finds_the_poses_of_rendered_photographs() {
     let Some(room) = tests::shared("data/spot_room") else { return };
-    if Command::new("colmap").arg("help").env("QT_QPA_PLATFORM", "offscreen").output().is_err() {
-        let _ = writeln!(std::io::stderr(), "SKIPPED: COLMAP is not installed");
+    if !has_colmap() {
         return;
     }
     let folder = Folder::new();
@@ -332,25 +384,21 @@ fn colmap_finds_the_poses_of_rendered_photographs() {
         let photo = folder.path(&format!("photos/{name}"));
         fs::copy(room.join("images").join(&name), photo).unwrap();
     }
-    let (photos, data) = (folder.path("photos"), folder.path("data"));
-    let poses = dsdf_json(&["poses", &photos, "-o", &data]);
-    assert!(poses["registered"].as_u64().unwrap() >= 10, "{poses}");
-    assert!(poses["reprojection_error"].as_f64().unwrap() < 1.0, "{poses}");
-    let truth = views(&room);
-    let name = |view: &View| view.path.file_name().unwrap().to_owned();
-    let found = views(Path::new(&data));
-    let of_truth = |view: &View| truth.iter().find(|other| name(other) == name(view)).unwrap();
-    // The unit of length is arbitrary: the median of all pairs with the first view.
-    let pairs: Vec<_> = found[1..]
-        .iter()
-        .map(|view| (view, between(&found[0], view), between(of_truth(&found[0]), of_truth(view))))
-        .collect();
-    let mut scales: Vec<f64> = pairs.iter().map(|(_, found, truth)| found.1 / truth.1).collect();
-    scales.sort_by(f64::total_cmp);
-    let unit = scales[scales.len() / 2];
-    for (view, (angle, distance), (true_angle, true_distance)) in pairs {
-        assert!((angle - true_angle).abs() < 1.5, "{:?}: {angle} {true_angle}", view.path);
-        let part = distance / (unit * true_distance);
-        assert!((part - 1.0).abs() < 0.08, "{:?}: distance {part}", view.path);
+    check_poses(&folder.path("photos"), &folder.path("data"), &cameras(&room), 10);
+}
+
+/// No true poses are known of these.
+#[test]
+fn colmap_finds_poses_of_photographs_by_hand() {
+    let Some(banana) = tests::shared("data/banana") else { return };
+    if !has_colmap() {
+        return;
     }
+    let folder = Folder::new();
+    let (photos, data) = (banana.to_string_lossy(), folder.path("data"));
+    let poses = dsdf_json(&["poses", &photos, "-o", &data, "--max-size", "1000"]);
+    assert_eq!(poses["photographs"], 16);
+    assert!(poses["registered"].as_u64().unwrap() >= 12, "{poses}");
+    assert!(poses["reprojection_error"].as_f64().unwrap() < 1.5, "{poses}");
+    dsdf_json(&["inspect", &data, "-o", &folder.path("i.png")]);
 }

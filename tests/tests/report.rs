@@ -1,7 +1,6 @@
 //! The page of a run: one file, which a browser shows without an error.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
-use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
@@ -12,12 +11,17 @@ use serde_json::Value;
 use tests::input::{Folder, ball};
 use tests::{dsdf_json, dsdf_ok};
 
-/// Added to the head of a page: collects its errors.
-const HEAD: &str = r#"<script>
+/// Added to the head of a page: collects its errors, and refuses everything that it does not hold
+/// itself. An attempt to load it is an error, too.
+const HEAD: &str = r#"<meta http-equiv="Content-Security-Policy" content="default-src 'none';
+  script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:">
+<script>
 const problems = [];
+addEventListener("securitypolicyviolation", (event) =>
+  problems.push(`${event.violatedDirective}: ${event.blockedURI}`));
 addEventListener("error", (event) => problems.push(String(event.message)));
 console.error = console.warn = (...words) => problems.push(words.join(" "));
-</script></head>"#;
+</script>"#;
 
 /// Added to the end of a page: uses it as a person does, and writes the result into the page.
 const USE: &str = r#"<script>
@@ -64,31 +68,29 @@ setTimeout(() => {
 }, 500);
 </script></body>"#;
 
-/// The first of these programs that starts.
-fn chromium() -> Option<&'static str> {
-    let starts = |name: &&str| Command::new(name).arg("--version").output().is_ok();
-    let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(starts);
-    if found.is_none() {
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: there is no Chromium here; this test shows a page in it"
-        );
-    }
-    found
+/// A Chromium that is installed.
+fn chromium() -> Option<String> {
+    let calls = ["chromium", "chromium-browser", "google-chrome"].map(|name| [name, "--version"]);
+    tests::installed("Chromium", &calls.each_ref().map(|call| &call[..]))
 }
 
 /// Shows a page and uses it. Returns the result of [`USE`].
 fn used(browser: &str, page: &Path, options: &[&str]) -> Value {
     let html = std::fs::read_to_string(page).unwrap();
     let probe = page.with_extension("probe.html");
-    let html = html.replacen("</head>", HEAD, 1);
+    // In front of all that could load something.
+    let first = "<meta charset=\"utf-8\">";
+    assert!(html.contains(first));
+    let html = html.replacen(first, &format!("{first}{HEAD}"), 1);
     let end = html.rfind("</body>").unwrap();
     std::fs::write(&probe, format!("{}{USE}{}", &html[..end], &html[end + 7..])).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new(browser)
         .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"])
         .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
-        .args(["--window-size=900,900", "--virtual-time-budget=6000"])
+        .args(["--window-size=900,900", "--virtual-time-budget=6000", "--disable-quic"])
+        .args(["--no-first-run", "--disable-background-networking", "--disable-component-update"])
+        .args(["--disable-sync"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .args(options)
         .arg(format!("file://{}", probe.canonicalize().unwrap().display()))
@@ -124,7 +126,7 @@ fn a_run_is_one_page_that_a_browser_shows_without_an_error() {
     assert!(addresses.into_iter().all(|rest| rest.starts_with("://www.w3.org/2000/svg")));
 
     let Some(browser) = chromium() else { return };
-    let light = used(browser, Path::new(&page), &["--blink-settings=preferredColorScheme=1"]);
+    let light = used(&browser, Path::new(&page), &["--blink-settings=preferredColorScheme=1"]);
     assert_eq!(light["problems"], serde_json::json!([]), "{light}");
     assert!(light["drawn"].as_f64().unwrap() > 0.02, "{light}");
     for (key, changed) in light["keys"].as_object().unwrap() {
@@ -136,7 +138,7 @@ fn a_run_is_one_page_that_a_browser_shows_without_an_error() {
     assert_eq!((&light["photograph"], &light["wide"]), (&32.into(), &false.into()), "{light}");
     assert_eq!(light["unnamed"], serde_json::json!([]), "{light}");
     let narrow = ["--blink-settings=preferredColorScheme=0", "--window-size=420,900"];
-    let dark = used(browser, Path::new(&page), &narrow);
+    let dark = used(&browser, Path::new(&page), &narrow);
     assert_eq!((&dark["problems"], &dark["wide"]), (&serde_json::json!([]), &false.into()));
     assert_ne!(dark["back"], light["back"], "{dark}");
 }

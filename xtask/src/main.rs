@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod bench;
+mod ci;
 mod dist;
 mod figures;
 mod fuzz;
@@ -15,7 +16,6 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 
 use figures::Figure;
-use sweep::measure::cargo;
 
 /// Development commands of dsdf
 #[derive(Parser)]
@@ -27,9 +27,9 @@ struct Cli {
 /// The commands.
 #[derive(Subcommand)]
 enum Task {
-    /// Check format, lints, documentation and tests, as the continuous integration does
+    /// Check all: format, lints, documentation, tests, the Python package, sweeps on Slurm
     Ci,
-    /// Check widths of lines, sizes of files and crates, and the wording of comments
+    /// Check facts: layers of crates, promises of no I/O, paths and figures that pages quote
     Style,
     /// Measure the throughput of network passes and the time and memory of whole commands
     Bench {
@@ -109,7 +109,7 @@ fn first_paragraph(message: &str) -> String {
 /// Calls the command.
 fn run(cli: Cli) -> anyhow::Result<()> {
     match cli.command {
-        Task::Ci => ci(),
+        Task::Ci => ci::run(),
         Task::Style => style::run(),
         Task::Dist(dist) => dist.run(),
         Task::Ablate(arguments) => sweep::run(&arguments),
@@ -122,13 +122,4 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Fuzz(fuzz) => fuzz.run(),
         Task::Soak(soak) => soak.run(),
     }
-}
-
-/// Runs every check and stops at the first that fails.
-fn ci() -> anyhow::Result<()> {
-    style::run()?;
-    cargo(&["fmt", "--all", "--check"], &[])?;
-    cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])?;
-    cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])?;
-    cargo(&["test", "--workspace"], &[])
 }

@@ -162,7 +162,7 @@ fn warp_of_fit<'de, D: serde::Deserializer<'de>>(table: D) -> Result<WarpOptions
     })
 }
 
-// The evidence for the two limits is in the crate `schedule`.
+// The evidence for the two limits is in the module `loss::schedule`.
 
 /// The default limit on the coefficient of f of one sample; see [`Pass::Limited`]. At 0.3 and 3:
 /// distance 1.07 and 1.09.

@@ -52,7 +52,7 @@ const GAIN_RATE: f64 = 0.01;
 const LEVELS: usize = 4;
 
 /// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
-/// distance 1.05 and 1.01 (see the evidence in the crate `schedule`).
+/// distance 1.05 and 1.01 (see the evidence in the module `loss::schedule`).
 const NORM_SHARE: f32 = 0.05;
 
 /// The share of the largest step of a background's feature that smoothing by one neighbour undoes.

@@ -11,7 +11,7 @@ use random::{Purpose, Stream};
 use crate::part::{Part, pixels_of};
 
 /// The term is evaluated at one of this many points, with this many times its weight. At 2 and
-/// 8: distance 1.04 and 1.09 (see the evidence in the crate `schedule`).
+/// 8: distance 1.04 and 1.09 (see the evidence in the module `loss::schedule`).
 const EIKONAL_EVERY: usize = 4;
 
 /// The largest distance from hits of the points near the surface, in bounding radii. At 0.03 and

@@ -22,7 +22,8 @@ pub(crate) fn reached(package: &str, refused: &[&str]) -> anyhow::Result<Vec<Str
         "--format",
         "{p}",
     ];
-    let output = sweep::measure::cargo_command(&arguments).output().context("cannot start cargo tree")?;
+    let output =
+        sweep::measure::cargo_command(&arguments).output().context("cannot start cargo tree")?;
     let message = String::from_utf8_lossy(&output.stderr);
     ensure!(output.status.success(), "cargo tree --package {package}: {}", message.trim());
     Ok(named(&String::from_utf8_lossy(&output.stdout), refused))
@@ -41,7 +42,8 @@ fn named(tree: &str, refused: &[&str]) -> Vec<String> {
 /// If `cargo metadata` fails.
 pub(crate) fn members() -> anyhow::Result<BTreeSet<String>> {
     let arguments = ["metadata", "--no-deps", "--format-version", "1"];
-    let output = sweep::measure::cargo_command(&arguments).output().context("cannot start cargo")?;
+    let output =
+        sweep::measure::cargo_command(&arguments).output().context("cannot start cargo")?;
     ensure!(output.status.success(), "cargo metadata: {}", String::from_utf8_lossy(&output.stderr));
     let metadata: Value = serde_json::from_slice(&output.stdout)?;
     let root = metadata["workspace_root"].as_str().context("workspace_root")?;

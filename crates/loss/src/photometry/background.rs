@@ -9,7 +9,7 @@ use crate::photometry::pyramid::Photograph;
 
 /// A pixel with more than this probability counts as certain background. At 0.9 and 0.999: distance
 /// 1.00 and 1.04 (see the evidence in
-/// the crate `schedule`).
+/// the module `loss::schedule`).
 const CERTAIN: f32 = 0.99;
 
 /// The margin around a pixel that must also be certain background, as the fraction 1/MARGIN of the

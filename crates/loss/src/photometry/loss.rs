@@ -11,7 +11,7 @@ const SOFTNESS: f32 = 0.05;
 
 /// The least difference of radiance over which the slope of the transfer function is taken. At
 /// black its slope is twenty times that at white, so noise in dark pixels would dominate the loss.
-/// At 0.03 and 0.3: distance 1.10 and 1.09 (see the evidence in the crate `schedule`).
+/// At 0.03 and 0.3: distance 1.10 and 1.09 (see the evidence in the module `loss::schedule`).
 const LEAST_CONTRAST: f32 = 0.1;
 
 /// The target of a pixel: its photographed radiance, and the scale of its residual.
