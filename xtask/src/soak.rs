@@ -317,6 +317,21 @@ fn window(samples: &[(f64, f64)], from: f64, to: f64) -> anyhow::Result<f64> {
     values.get(values.len() / 2).copied().context("the memory of a process, from /proc")
 }
 
+/// A sequence of random numbers: G. L. Steele, D. Lea and C. H. Flood, "Fast Splittable
+/// Pseudorandom Number Generators", OOPSLA 2014 (SplitMix64).
+struct Random(u64);
+
+impl Random {
+    /// The next number, uniform in [0, 1).
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -357,20 +372,5 @@ mod tests {
         assert_eq!(window(&samples, 0.5, 0.7).unwrap(), 60.0);
         assert_eq!(window(&samples, 0.8, 1.0).unwrap(), 90.0);
         assert!(window(&[], 0.8, 1.0).is_err());
-    }
-}
-
-/// A sequence of random numbers: G. L. Steele, D. Lea and C. H. Flood, "Fast Splittable
-/// Pseudorandom Number Generators", OOPSLA 2014 (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    /// The next number, uniform in [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 }

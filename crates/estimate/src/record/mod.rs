@@ -2,6 +2,7 @@
 
 mod adjoints;
 mod area;
+mod batch;
 mod border;
 mod cameras;
 mod film_line;
@@ -9,13 +10,13 @@ mod film_warp;
 mod ordered_sum;
 mod parts;
 mod pass;
-mod record;
 mod silhouettes;
 mod smooth_part;
 mod surface;
 
 pub use adjoints::{Adjoints, PointAdjoint};
 pub use area::{Area, AreaWarp, Share, WarpedSample};
+pub use batch::Record;
 pub use border::{Border, BorderSample};
 pub use cameras::CameraAdjoints;
 pub use film_line::{FilmLine, SegmentEnd};
@@ -24,7 +25,6 @@ pub use film_warp::{
 };
 pub use ordered_sum::ordered_sum;
 pub use pass::Pass;
-pub use record::Record;
 pub use silhouettes::{SilhouettePoint, Silhouettes};
 pub use smooth_part::{Stratification, add_smooth_part};
 pub use surface::{SurfaceCoefficients, surface_vjp};

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use render::{InvalidField, Scene};
 
 use crate::bake::GREY;
-use crate::bake::bake::{CHUNK, is_unseen, mean_radiance, seen, words};
+use crate::bake::colours::{CHUNK, is_unseen, mean_radiance, seen, words};
 use crate::bake::texels::{Texel, texels};
 
 /// The farthest that the surface may be from a face, in bounding radii: a longer step to the

@@ -60,17 +60,6 @@ fn reduction([width, height]: [u32; 2]) -> u32 {
     (1..=width.max(height)).find(|n| pixels(*n) <= PIXELS).unwrap_or(1)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn previews_of_large_photographs_are_small() {
-        let sizes = [[320, 320], [512, 256], [513, 256], [640, 480], [4032, 3024], [200_000, 1]];
-        assert_eq!(sizes.map(reduction), [1, 1, 2, 2, 10, 2]);
-    }
-}
-
 /// Renders one view, and writes its [`comparison`] with the photograph `target` to `path`. Returns
 /// the rendered image.
 ///
@@ -88,4 +77,15 @@ pub fn write_preview(
     let render = render(scene, camera, 1, 0, &|_| {})?;
     write_image(path, &comparison(target, &render))?;
     Ok(render.film)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn previews_of_large_photographs_are_small() {
+        let sizes = [[320, 320], [512, 256], [513, 256], [640, 480], [4032, 3024], [200_000, 1]];
+        assert_eq!(sizes.map(reduction), [1, 1, 2, 2, 10, 2]);
+    }
 }

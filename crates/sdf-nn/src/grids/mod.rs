@@ -1,7 +1,7 @@
 //! Trainable features on grids of several resolutions: hash-grid features and splines.
 
 mod grid_levels;
-mod grids;
+mod hashed;
 mod near;
 mod splines;
 #[cfg(test)]
@@ -10,6 +10,6 @@ mod support;
 mod taps;
 
 pub use grid_levels::GridLevels;
-pub use grids::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};
+pub use hashed::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};
 pub use splines::{Degree, MOST_COEFFICIENTS, MOST_FEATURES, SplineSize, Splines};
 pub use taps::{Jet, PADDING};
