@@ -74,7 +74,7 @@ fn cut(mut text: String, most: usize) -> String {
 /// digits with an exponent.
 ///
 /// ```
-/// assert_eq!(crate::printable(&format!("red \u{1b}[31m, {} m", 1e300)), "red \\u{1b}[31m, 1e300 m");
+/// assert_eq!(files::printable(&format!("red \u{1b}[31m, {} m", 1e300)), "red \\u{1b}[31m, 1e300 m");
 /// ```
 pub fn printable(text: &str) -> String {
     let text = escaped(text);
