@@ -8,14 +8,14 @@
 //! Mac Aodha and Brostow, "Unsupervised Monocular Depth Estimation with Left-Right Consistency",
 //! CVPR 2017, section 3.3, with a rational function in the place of the exponential.
 
-use crate::photometry::Pixel;
-use estimate::record::PointAdjoint;
 use film::Film;
 use glam::Vec3;
 use random::{Purpose, Stream};
 
-use crate::eikonal::{NearPoint, in_ball};
-use crate::part::Part;
+use crate::drawn::{Drawn, NearPoint};
+use crate::eikonal::in_ball;
+use crate::photometry::{Draw, Level};
+use crate::reversed::Reversed;
 
 /// The term is evaluated at one of this many points of the surface, with this many times its
 /// weight.
@@ -33,40 +33,42 @@ const CONTRAST: f32 = 0.05;
 /// Radiance that is added to the mean in a contrast: dark pixels are noisy.
 const DARK: f32 = 0.02;
 
-/// The places around a pixel that its contrast is taken over.
+/// Offsets to the pixels over which the contrast of a pixel is taken.
 const AROUND: [(i32, i32); 9] =
     [(0, 0), (-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, 1), (1, -1), (-1, 1)];
 
-impl Part<'_> {
-    /// Adds the term at points of the surface.
-    pub(crate) fn add_bending(&mut self, surface: &[NearPoint]) {
-        if self.batch.bending == 0.0 {
-            return;
-        }
-        let step = STEP * self.batch.scene.bounding_ball().radius;
-        let weight = self.batch.bending * self.share * EVERY as f32;
-        let start = Stream::new(self.seed, Purpose::BendingHits).bits() as usize % EVERY;
-        let directions = Stream::new(self.seed, Purpose::BendingDirections);
-        let (mut points, mut weights) = (Vec::new(), Vec::new());
-        for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
-            let direction = in_ball(directions.at(i as u64)).normalize_or_zero();
-            points.extend([near.x, near.x + direction * step]);
-            weights.push(weight * near.weight * self.evenness(&self.pixels[near.pixel]));
-        }
-        let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
-        self.batch.scene.field.value_gradient(&points, &mut f, &mut g);
-        for ((ends, g), weight) in points.chunks(2).zip(g.chunks(2)).zip(weights) {
-            let c = bending_slope(g[1] - g[0]) * weight;
-            self.adjoints.push(PointAdjoint { pixel: 0, x: ends[0], alpha: 0.0, c: -c });
-            self.adjoints.push(PointAdjoint { pixel: 0, x: ends[1], alpha: 0.0, c });
-        }
+/// Adds the term at points of the surface.
+pub(crate) fn bending(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32, out: &mut Reversed) {
+    if weight == 0.0 {
+        return;
+    }
+    let Drawn { objective, draws, seed, .. } = *drawn;
+    let step = STEP * objective.scene.bounding_ball().radius;
+    let weight = weight * drawn.pixel_weight() * EVERY as f32;
+    let start = Stream::new(seed, Purpose::BendingHits).bits() as usize % EVERY;
+    let directions = Stream::new(seed, Purpose::BendingDirections);
+
+    let (mut points, mut weights) = (Vec::new(), Vec::new());
+    for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
+        let direction = in_ball(directions.at(i as u64)).normalize_or_zero();
+        points.extend([near.x, near.x + direction * step]);
+        let even = evenness(objective.targets.level, &draws[near.pixel]);
+        weights.push(weight * near.weight * even);
     }
 
-    /// How even the photograph is around a pixel, from 0 to 1.
-    fn evenness(&self, pixel: &Pixel) -> f32 {
-        let image = &self.batch.level.photographs[pixel.view as usize].image;
-        1.0 / (1.0 + (contrast(image, pixel) / CONTRAST).powi(2))
+    let (mut f, mut g) = (vec![0.0; points.len()], vec![Vec3::ZERO; points.len()]);
+    objective.scene.field.value_gradient(&points, &mut f, &mut g);
+    for ((ends, g), weight) in points.chunks(2).zip(g.chunks(2)).zip(weights) {
+        let c = bending_slope(g[1] - g[0]) * weight;
+        out.push_gradient(ends[0], -c);
+        out.push_gradient(ends[1], c);
     }
+}
+
+/// How even the photograph is around a pixel, from 0 to 1.
+fn evenness(level: &Level, draw: &Draw) -> f32 {
+    let image = &level.photographs[draw.view as usize].image;
+    1.0 / (1.0 + (contrast(image, draw) / CONTRAST).powi(2))
 }
 
 /// The derivative of ρ at a change of ∇f.
@@ -75,11 +77,11 @@ fn bending_slope(change: Vec3) -> Vec3 {
 }
 
 /// The largest difference around a pixel over the mean: that of the channel where it is largest.
-fn contrast(image: &Film, pixel: &Pixel) -> f32 {
+fn contrast(image: &Film, draw: &Draw) -> f32 {
     let (mut low, mut high, mut sum) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Vec3::ZERO);
     for (dx, dy) in AROUND {
         let place = |v: u16, d: i32, side: u32| (i32::from(v) + d).clamp(0, side as i32 - 1) as u32;
-        let (x, y) = (place(pixel.x, dx, image.width), place(pixel.y, dy, image.height));
+        let (x, y) = (place(draw.x, dx, image.width), place(draw.y, dy, image.height));
         let rgb = Vec3::from(image.at(x, y));
         (low, high, sum) = (low.min(rgb), high.max(rgb), sum + rgb);
     }
@@ -106,7 +108,7 @@ mod tests {
 
     #[test]
     fn the_contrast_of_an_edge_is_large_and_that_of_an_even_part_is_zero() {
-        let pixel = |x, y| Pixel { view: 0, x, y, count: 1 };
+        let pixel = |x, y| Draw { view: 0, x, y, count: 1 };
         let mut image = Film { width: 16, height: 16, pixels: vec![[0.3, 0.5, 0.4]; 256] };
         for y in 0..16 {
             image.pixels[16 * y + 12..16 * (y + 1)].fill([0.6, 0.5, 0.4]);

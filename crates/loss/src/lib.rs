@@ -1,23 +1,26 @@
 #![doc = include_str!("../README.md")]
 
-mod batch;
 mod bending;
 mod carve;
+mod drawn;
 mod eikonal;
-mod gradient;
+mod objective;
 pub mod opacity;
-mod part;
 pub mod photometry;
+mod regularisers;
+mod reversed;
 pub mod schedule;
 mod sharp;
 mod soft;
+mod stats;
 mod sums;
+mod total;
+mod workspace;
 
-pub use batch::{Batch, BatchStats};
-pub use gradient::{Gradient, ROUND, gradient};
-pub use sums::{Observer, Stage, Workspace};
+pub use objective::{Objective, Regulariser, Surface, Targets, Wanted};
+pub use stats::BatchStats;
+pub use total::{Gradient, ROUND, gradient};
+pub use workspace::{Observer, Stage, Workspace};
 
-#[cfg(test)]
-mod gradient_tests;
 #[cfg(test)]
 mod test_model;

@@ -1,183 +1,247 @@
-//! The photometric term with a sharp surface: pixels without silhouettes through their hit points,
+//! The stages of pixels with a sharp surface: pixels without silhouettes through their hit points,
 //! the others by the estimator.
 
 use std::ops::Range;
 
-use crate::photometry::{Pixel, TypicalLosses};
-use estimate::record::Record;
-use estimate::{SilhouetteMargin, SilhouetteMask, Terms, near_silhouettes};
-use glam::{DVec2, Vec3};
+use estimate::record::{Pass, Record};
+use estimate::{
+    Estimator, SampleCounts, SilhouetteMargin, SilhouetteMask, Terms, near_silhouettes,
+};
+use glam::Vec3;
 use lanes::LANES;
 use random::{Purpose, Stream};
-use rayon::prelude::*;
-use render::{InvalidField, Sample};
+use render::{InvalidField, Primary, Sample};
 
-use crate::batch::{Batch, PixelLoss};
-use crate::eikonal::NearPoint;
-use crate::gradient::{in_order, share};
-use crate::part::{OfPixels, Part, pixels_of};
-use crate::sums::{Stage, Workspace};
+use crate::carve::carve;
+use crate::drawn::{Drawn, NearPoint, PARTS, pixels_of, portion};
+use crate::objective::{Objective, PixelLoss};
+use crate::photometry::{Draw, TypicalLosses};
+use crate::regularisers::regularise;
+use crate::reversed::Reversed;
+use crate::sums::PartSums;
 
-/// Traces one sample for each pixel of the batch, then records those that a silhouette may cross,
-/// and gives each part its pixels.
-///
-/// # Errors
-/// If the field gives a NaN or an infinity along a ray.
-pub(crate) fn trace<'a>(
-    batch: &'a Batch<'a>,
-    work: &Workspace,
-    parts: &mut [Part<'a>],
-) -> Result<(), InvalidField> {
-    let (tasks, count) = (work.tasks(), batch.pixels.len());
-    let traced = (0..tasks)
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|task| work.run(Stage::Trace, || batch.trace(share(count, task, tasks))));
-    let mut all = in_order(traced)?.into_iter().fold(OfPixels::default(), OfPixels::joined);
-    let losses = all.photometric();
-    let hits = all.record.area.first().map(|area| area.primary.hit_mask()).unwrap_or_default();
-    let typical = TypicalLosses::of(batch.pixels, &hits, &losses);
-    let crossed = batch.pixels.iter().zip(&losses).filter(|(_, loss)| loss.is_none());
-    let crossed: Vec<Pixel> = crossed.map(|(pixel, _)| *pixel).collect();
-    // Records of a warp depend on the pixels beside: these are those of a part.
-    let is_by_pixel = batch.estimator.is_by_pixel();
-    let tasks = if is_by_pixel { tasks } else { parts.len() };
-    let recorded = (0..tasks).into_par_iter().with_max_len(1).map(|task| {
-        let own = &crossed[share(crossed.len(), task, tasks)];
-        work.run(Stage::Record, || batch.record(own))
-    });
-    let edges = in_order(recorded)?;
-    if is_by_pixel {
-        all = edges.into_iter().fold(all, OfPixels::joined);
-    } else {
-        parts.iter_mut().zip(edges).for_each(|(part, edge)| part.edge = edge);
-    }
-    let mut first = 0;
-    for (own, part) in deal(all, parts.len()).into_iter().zip(parts) {
-        part.typical = typical;
-        first += part.set_pixels(first, own);
-    }
-    Ok(())
+/// Pixels with one sample each, traced and shaded.
+pub(crate) struct Shaded<'a> {
+    round: &'a Objective<'a>,
+    draws: &'a [Draw],
+    /// The hits and the radiance of the samples.
+    primary: Primary<f32>,
+    /// Whether a silhouette may cross the pixel of each sample.
+    is_crossed: Vec<bool>,
 }
 
-/// Deals pixels to parts: about the same number of hits for each, in whole blocks of the networks.
-fn deal(all: OfPixels, parts: usize) -> Vec<OfPixels> {
-    let count = all.pixels.len();
-    let mut hits = vec![0; count];
-    all.hits().for_each(|(pixel, _)| hits[pixel] += 1);
-    let blocks = hits.iter().sum::<usize>().div_ceil(LANES);
-    let (mut places, mut before) = (vec![0], 0);
-    for (pixel, own) in hits.into_iter().enumerate() {
-        before += own;
-        while places.len() < parts && before > places.len() * blocks / parts * LANES {
-            places.push(pixel);
-        }
-    }
-    if blocks == 0 {
-        places = (0..parts).map(|part| share(count, part, parts).start).collect();
-    }
-    places.resize(parts, count);
-    places.push(count);
-    let sizes: Vec<usize> = places.windows(2).map(|place| place[1] - place[0]).collect();
-    let (mut pixels, mut losses) = (all.pixels.into_iter(), all.losses.into_iter());
-    let own = |(record, size): (Record<f32>, &usize)| OfPixels {
-        record,
-        pixels: pixels.by_ref().take(*size).collect(),
-        losses: losses.by_ref().take(*size).collect(),
-    };
-    all.record.deal(&sizes).into_iter().zip(&sizes).map(own).collect()
-}
-
-impl Batch<'_> {
-    /// A uniform random sample in a pixel of the batch.
-    pub(crate) fn sample(&self, pixel: usize) -> Sample {
-        let stream = Stream::new(self.seed, Purpose::FitSamples).at(pixel as u64);
-        let p = &self.pixels[pixel];
-        let u =
-            DVec2::new(f64::from(p.x) + stream.at(0).unit(), f64::from(p.y) + stream.at(1).unit());
-        Sample { camera: p.view as usize, u }
+impl<'a> Shaded<'a> {
+    /// Traces one sample in each pixel of a range of the draws, and shades the hits.
+    pub(crate) fn new(round: &'a Objective<'a>, range: Range<usize>) -> Result<Self, InvalidField> {
+        let samples: Vec<Sample> = range.clone().map(|number| round.sample(number)).collect();
+        let primary = round.scene.primary(&samples)?;
+        let is_crossed = near_silhouettes(&round.scene, &primary, SilhouetteMargin::LARGE);
+        Ok(Shaded { round, draws: &round.draws[range], primary, is_crossed })
     }
 
-    /// Traces one sample for each pixel of a range. Pixels that a silhouette may cross have no
-    /// loss.
-    fn trace(&self, range: Range<usize>) -> Result<OfPixels, InvalidField> {
-        let samples: Vec<Sample> = range.clone().map(|pixel| self.sample(pixel)).collect();
-        let primary = self.scene.primary(&samples)?;
-        let crossed = near_silhouettes(&self.scene, &primary, SilhouetteMargin::LARGE);
-        let pixels = self.pixels[range].to_vec();
-        let shown = pixels.iter().zip(&primary.samples).zip(crossed);
-        let losses = shown
-            .map(|((pixel, traced), crossed)| (!crossed).then(|| self.loss(traced.radiance, pixel)))
-            .collect();
-        Ok(OfPixels { record: Record::uniform(primary, 1), pixels, losses })
-    }
-
-    /// Samples pixels that a silhouette may cross.
-    fn record(&self, pixels: &[Pixel]) -> Result<OfPixels, InvalidField> {
-        let positions: Vec<render::Pixel> = pixels
-            .iter()
-            .map(|p| render::Pixel { camera: p.view as usize, x: p.x.into(), y: p.y.into() })
-            .collect();
-        let batch = estimate::Batch {
-            pixels: &positions,
-            counts: self.counts,
-            seed: Stream::new(self.seed, Purpose::FitSilhouettes).bits(),
-            terms: Terms::All,
+    /// Compares the radiance with the photographs. A pixel that a silhouette may cross has no loss:
+    /// [`Compared::crossed`] samples it again.
+    pub(crate) fn compare(self) -> Compared {
+        let Shaded { round, draws, primary, is_crossed } = self;
+        let shown = draws.iter().zip(&primary.samples).zip(is_crossed);
+        let loss = |((draw, traced), is_crossed): ((&Draw, &render::TracedSample<f32>), bool)| {
+            (!is_crossed).then(|| round.targets.loss(traced.radiance, draw))
         };
-        let mut mask = SilhouetteMask::all(positions.len());
-        let record = self.estimator.record(&self.scene, &batch, &mut mask)?;
-        let shown = pixels.iter().zip(&record.radiance);
-        let losses = shown.map(|(pixel, radiance)| Some(self.loss(*radiance, pixel))).collect();
-        Ok(OfPixels { record, pixels: pixels.to_vec(), losses })
+        let losses = shown.map(loss).collect();
+        Compared { record: Record::uniform(primary, 1), draws: draws.to_vec(), losses }
     }
 }
 
-impl Part<'_> {
-    /// Adds the photometric and the eikonal term of the pixels of this part.
-    pub(crate) fn add_sharp_pixels(&mut self) {
-        let (own, edge) = (std::mem::take(&mut self.own), std::mem::take(&mut self.edge));
-        let smooth = self.pixels.len();
-        self.stats.pixels += pixels_of(self.pixels);
-        let near = own.hits().filter(|(pixel, _)| *pixel < smooth);
-        let near = near.map(|(pixel, x)| NearPoint {
-            pixel,
-            x,
-            weight: f32::from(self.pixels[pixel].count),
-        });
-        let near: Vec<NearPoint> = near.collect();
-        self.add_eikonal(&near);
-        self.add_bending(&near);
-        self.add_pixels(own, smooth);
-        self.add_pixels(edge, 0);
+/// Pixels that were compared with the photographs: their record and losses.
+#[derive(Default)]
+pub(crate) struct Compared {
+    record: Record<f32>,
+    draws: Vec<Draw>,
+    /// `None` for a pixel without a part in the loss.
+    losses: Vec<Option<PixelLoss>>,
+}
+
+impl Compared {
+    /// Samples pixels that a silhouette may cross by the estimator, and compares them.
+    pub(crate) fn crossed(
+        round: &Objective<'_>,
+        estimator: &dyn Estimator<f32>,
+        counts: SampleCounts,
+        draws: &[Draw],
+    ) -> Result<Self, InvalidField> {
+        let pixel = |draw: &Draw| render::Pixel {
+            camera: draw.view as usize,
+            x: draw.x.into(),
+            y: draw.y.into(),
+        };
+        let pixels: Vec<render::Pixel> = draws.iter().map(pixel).collect();
+        let seed = Stream::new(round.seed, Purpose::FitSilhouettes).bits();
+        let batch = estimate::Batch { pixels: &pixels, counts, seed, terms: Terms::All };
+        let mut mask = SilhouetteMask::all(pixels.len());
+        let record = estimator.record(&round.scene, &batch, &mut mask)?;
+
+        let shown = draws.iter().zip(&record.radiance);
+        let losses = shown.map(|(draw, shown)| Some(round.targets.loss(*shown, draw))).collect();
+        Ok(Compared { record, draws: draws.to_vec(), losses })
     }
 
-    /// Adds the losses of pixels, and the gradient of their record. A silhouette may cross the
+    /// These pixels, and the others after them.
+    ///
+    /// # Panics
+    /// If a record has a border or a warp.
+    pub(crate) fn joined(mut self, other: Self) -> Self {
+        self.record.append(other.record);
+        self.draws.extend(other.draws);
+        self.losses.extend(other.losses);
+        self
+    }
+
+    /// The pixels that a silhouette may cross.
+    pub(crate) fn crossed_draws(&self) -> Vec<Draw> {
+        let crossed = self.draws.iter().zip(&self.losses).filter(|(_, loss)| loss.is_none());
+        crossed.map(|(draw, _)| *draw).collect()
+    }
+
+    /// The losses of the object and the background, if they tell them apart.
+    pub(crate) fn typical_losses(&self) -> Option<TypicalLosses> {
+        let hits = self.record.area.first().map(|area| area.primary.hit_mask());
+        TypicalLosses::of(&self.draws, &hits.unwrap_or_default(), &self.photometric())
+    }
+
+    /// The photometric loss of each pixel.
+    fn photometric(&self) -> Vec<Option<f32>> {
+        self.losses.iter().map(|loss| loss.map(|loss| loss.loss)).collect()
+    }
+
+    /// The hits, each with the number of its pixel.
+    fn hits(&self) -> impl Iterator<Item = (usize, Vec3)> {
+        self.record.area.iter().flat_map(|area| {
+            let pixel = |sample: usize| area.shares[sample].pixel as usize;
+            let hits = area.primary.hits.iter().zip(&area.primary.surface.x);
+            hits.map(move |(hit, x)| (pixel(hit.sample), *x))
+        })
+    }
+
+    /// Deals pixels to [`PARTS`] parts: about the same number of hits for each, in whole blocks of
+    /// the networks.
+    fn deal(self) -> Vec<Self> {
+        let count = self.draws.len();
+        let mut hits = vec![0; count];
+        self.hits().for_each(|(pixel, _)| hits[pixel] += 1);
+        let blocks = hits.iter().sum::<usize>().div_ceil(LANES);
+
+        let (mut places, mut before) = (vec![0], 0);
+        for (pixel, own) in hits.into_iter().enumerate() {
+            before += own;
+            while places.len() < PARTS && before > places.len() * blocks / PARTS * LANES {
+                places.push(pixel);
+            }
+        }
+        if blocks == 0 {
+            places = (0..PARTS).map(|part| portion(count, part, PARTS).start).collect();
+        }
+        places.resize(PARTS, count);
+        places.push(count);
+        let sizes: Vec<usize> = places.windows(2).map(|place| place[1] - place[0]).collect();
+
+        let (mut draws, mut losses) = (self.draws.into_iter(), self.losses.into_iter());
+        let own = |(record, size): (Record<f32>, &usize)| Compared {
+            record,
+            draws: draws.by_ref().take(*size).collect(),
+            losses: losses.by_ref().take(*size).collect(),
+        };
+        self.record.deal(&sizes).into_iter().zip(&sizes).map(own).collect()
+    }
+}
+
+/// A part of the compared pixels of a round.
+pub(crate) struct ComparedPart<'a> {
+    /// The pixels of the part in the round.
+    drawn: Drawn<'a>,
+    pass: Pass<f32>,
+    /// One sample for each of these pixels, then records of pixels that a silhouette may cross. The
+    /// latter need not be among these pixels.
+    own: Compared,
+    /// The latter, if their records depend on the pixels beside.
+    edge: Compared,
+    typical: Option<TypicalLosses>,
+    /// The loss of each of these pixels; `None` for one that a silhouette may cross.
+    pub(crate) losses: Vec<Option<f32>>,
+}
+
+impl<'a> ComparedPart<'a> {
+    /// The parts of the compared pixels of a round: `all` are its draws, then pixels that a
+    /// silhouette may cross. If the records of these depend on the pixels beside, `edges` has them
+    /// in their place, for each part.
+    pub(crate) fn parts(
+        round: &'a Objective<'a>,
+        pass: Pass<f32>,
+        (all, edges): (Compared, Vec<Compared>),
+        typical: Option<TypicalLosses>,
+    ) -> Vec<Self> {
+        let mut first = 0;
+        let edges = edges.into_iter().chain(std::iter::repeat_with(Compared::default));
+        let part = |((drawn, own), edge): ((Drawn<'a>, Compared), Compared)| {
+            let smooth = own.draws.len().min(round.draws.len() - first);
+            let drawn = drawn.with(first..first + smooth);
+            first += smooth;
+            let mut losses = own.photometric();
+            losses.truncate(smooth);
+            ComparedPart { drawn, pass, own, edge, typical, losses }
+        };
+        Drawn::parts(round).into_iter().zip(all.deal()).zip(edges).map(part).collect()
+    }
+
+    /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
+    pub(crate) fn reverse(mut self, pushes: &[f32], sums: PartSums) -> Reversed {
+        let (own, edge) = (std::mem::take(&mut self.own), std::mem::take(&mut self.edge));
+        let (drawn, smooth) = (self.drawn, self.drawn.draws.len());
+        let mut out = Reversed::new(&drawn, sums);
+        out.stats.pixels += pixels_of(drawn.draws);
+
+        let is_smooth = |pixel: usize| self.losses.get(pixel).is_some_and(Option::is_some);
+        carve(&drawn, own.hits().filter(|(pixel, _)| is_smooth(*pixel)), pushes, &mut out);
+
+        let near = own.hits().filter(|(pixel, _)| *pixel < smooth);
+        let weight = |pixel: usize| f32::from(drawn.draws[pixel].count);
+        let near = near.map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
+        regularise(&drawn, &near.collect::<Vec<NearPoint>>(), &mut out);
+
+        self.reverse_records(own, smooth, &mut out);
+        self.reverse_records(edge, 0, &mut out);
+        out
+    }
+
+    /// Adds the losses of pixels, and the adjoints of their record. A silhouette may cross the
     /// pixels from the number `smooth` on.
-    fn add_pixels(&mut self, own: OfPixels, smooth: usize) {
-        let OfPixels { record, pixels, losses } = own;
-        self.stats.edge_pixels += pixels_of(&pixels[smooth..]);
-        self.stats.rays += record.rays;
-        let losses = || pixels.iter().zip(&losses);
-        let delta: Vec<Vec3> = losses()
-            .map(|(p, loss)| loss.as_ref().map_or(Vec3::ZERO, |loss| self.add_loss(loss, p)))
-            .collect();
+    fn reverse_records(&self, compared: Compared, smooth: usize, out: &mut Reversed) {
+        let Compared { record, draws, losses } = compared;
+        let Objective { scene, wanted, .. } = self.drawn.objective;
+        out.stats.edge_pixels += pixels_of(&draws[smooth..]);
+        out.stats.rays += record.rays;
+
+        let losses = || draws.iter().zip(&losses);
+        let mut adjoint = |(draw, loss): (&Draw, &Option<PixelLoss>)| {
+            loss.as_ref().map_or(Vec3::ZERO, |loss| out.add_loss(&self.drawn, loss, draw))
+        };
+        let delta: Vec<Vec3> = losses().map(&mut adjoint).collect();
+
         if let Some(typical) = self.typical {
-            let slope =
-                |((i, (p, loss)), coverage): ((usize, (&Pixel, &Option<PixelLoss>)), f32)| {
-                    let loss = loss.as_ref().filter(|_| i >= smooth);
-                    let weight = self.share * f32::from(p.count);
-                    loss.map_or(0.0, |loss| typical.slope(coverage, loss.loss) * weight)
-                };
-            let slopes = losses().enumerate().zip(record.coverage()).map(slope);
-            record.coverage_vjp(&slopes.collect::<Vec<f32>>(), &mut self.adjoints);
+            let weight = |draw: &Draw| self.drawn.pixel_weight() * f32::from(draw.count);
+            let coverage = losses().enumerate().zip(record.coverage());
+            let slope = coverage.map(|((i, (draw, loss)), coverage)| {
+                let loss = loss.as_ref().filter(|_| i >= smooth);
+                loss.map_or(0.0, |loss| typical.slope(coverage, loss.loss) * weight(draw))
+            });
+            record.coverage_vjp(&slope.collect::<Vec<f32>>(), &mut out.records);
         }
-        if let Some(cameras) = &mut self.adjoints.cameras {
-            cameras.continue_with(pixels.iter().map(|p| p.view as usize).collect());
+
+        if let Some(cameras) = &mut out.records.cameras {
+            cameras.continue_with(draws.iter().map(|draw| draw.view as usize).collect());
         }
-        let Batch { scene, pass, trains_background, .. } = self.batch;
-        record.vjp(scene, &delta, *pass, &mut self.sums.shader, &mut self.adjoints);
-        if *trains_background {
-            let sum = &mut self.sums.background;
+        record.vjp(scene, &delta, self.pass, &mut out.sums.shader, &mut out.records);
+        if wanted.background {
+            let sum = &mut out.sums.background;
             record.area.iter().for_each(|area| area.background_vjp(scene, &delta, sum));
         }
     }

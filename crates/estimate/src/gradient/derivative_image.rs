@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::gradient::replicates::{Image, Mean, Sampling, tiles};
-use crate::record::{Adjoints, Area, Pass, PointAdjoint, Record};
+use crate::record::{Adjoints, Area, Pass, PixelAdjoint, Record};
 use crate::{Estimator, SilhouetteMask, Terms};
 
 /// The number that an image is differentiated by.
@@ -114,7 +114,7 @@ fn assemble<'a, R: Real>(
 }
 
 /// The Jacobian of pixel values: for each channel, coefficients at the same points.
-type Jacobian<R> = [Vec<PointAdjoint<R>>; 3];
+type Jacobian<R> = [Vec<PixelAdjoint<R>>; 3];
 
 /// The Jacobian of a record, by one reverse pass per channel, without the points whose coefficients
 /// are all zero.
@@ -128,7 +128,7 @@ fn jacobian<R: Real>(scene: &Scene<'_, R>, record: &Record<R>, pixels: usize) ->
         row.points
     });
     let keep: Vec<bool> =
-        (0..rows[0].len()).map(|i| rows.iter().any(|row| !row[i].is_zero())).collect();
+        (0..rows[0].len()).map(|i| rows.iter().any(|row| !row[i].point.is_zero())).collect();
     rows.map(|mut row| {
         render::retain_flagged(&mut row, &keep);
         row
@@ -143,7 +143,7 @@ fn forward<R: Real>(
     directions: &[Direction],
 ) -> Vec<Image> {
     let rows = jacobian(scene, record, pixels);
-    let x: Vec<R::Vec3> = rows[0].iter().map(|point| point.x).collect();
+    let x: Vec<R::Vec3> = rows[0].iter().map(|own| own.point.x).collect();
     let derivative = |direction: &Direction| {
         let mut image = vec![[0.0; 3]; pixels];
         match *direction {
@@ -191,9 +191,9 @@ fn add_field_parameter<R: Real>(
     tangent[index] = R::one();
     scene.field.parameter_jvp(x, &tangent, &mut f, &mut g);
     for (c, row) in rows.iter().enumerate() {
-        for (i, point) in row.iter().enumerate() {
+        for (i, PixelAdjoint { pixel, point }) in row.iter().enumerate() {
             let change = point.alpha * f[i] + point.c.dot(g[i]);
-            image[point.pixel as usize][c] += change.to_double();
+            image[*pixel as usize][c] += change.to_double();
         }
     }
 }
@@ -204,13 +204,13 @@ fn add_field_parameter<R: Real>(
 /// implementation of forward mode takes four.
 fn add_tangent<R: Real>(
     scene: &Scene<'_, R>,
-    row: &[PointAdjoint<R>],
+    row: &[PixelAdjoint<R>],
     tangent: &[R],
     channel: usize,
     image: &mut Image,
 ) {
     let mut of_pixel = vec![Adjoints::default(); image.len()];
-    row.iter().for_each(|point| of_pixel[point.pixel as usize].push(*point));
+    row.iter().for_each(|own| of_pixel[own.pixel as usize].points.push(*own));
     for (value, adjoints) in image.iter_mut().zip(of_pixel) {
         let mut gradient = vec![R::zero(); tangent.len()];
         adjoints.backward(scene.field, &mut gradient);

@@ -8,8 +8,6 @@ use crate::record::cameras::CameraAdjoints;
 /// A point x with coefficients α and c: its part of a parameter gradient is ∂_θ [α f(x) + c·∇f(x)].
 #[derive(Clone, Copy, Debug)]
 pub struct PointAdjoint<R: Real> {
-    /// The pixel that the coefficients belong to, by its number in the batch.
-    pub pixel: u32,
     /// The point, in world units.
     pub x: R::Vec3,
     /// α: the coefficient of f, in units of the differentiated number per world unit.
@@ -25,11 +23,20 @@ impl<R: Real> PointAdjoint<R> {
     }
 }
 
+/// The adjoint of a point that a sample of a pixel gives.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelAdjoint<R: Real> {
+    /// The pixel that the coefficients belong to, by its number in the batch.
+    pub pixel: u32,
+    /// The point with its coefficients.
+    pub point: PointAdjoint<R>,
+}
+
 /// Points whose parts of a parameter gradient are added up.
 #[derive(Clone, Debug)]
 pub struct Adjoints<R: Real> {
     /// The points.
-    pub points: Vec<PointAdjoint<R>>,
+    pub points: Vec<PixelAdjoint<R>>,
     /// The adjoints of the cameras, if they are wanted.
     pub cameras: Option<CameraAdjoints>,
 }
@@ -41,9 +48,9 @@ impl<R: Real> Default for Adjoints<R> {
 }
 
 impl<R: Real> Adjoints<R> {
-    /// Adds a point.
-    pub fn push(&mut self, point: PointAdjoint<R>) {
-        self.points.push(point);
+    /// Adds a point of a pixel, by its number in the batch.
+    pub fn push(&mut self, pixel: u32, point: PointAdjoint<R>) {
+        self.points.push(PixelAdjoint { pixel, point });
     }
 
     /// VJP of θ ↦ Σ (α f + c·∇f): adds the gradient by the field's parameters to `sum`.
@@ -57,7 +64,7 @@ impl<R: Real> Adjoints<R> {
     /// The points whose coefficients are not both zero: x, α and c, as arguments of
     /// [`Field::parameter_vjp`].
     pub fn columns(self) -> (Vec<R::Vec3>, Vec<R>, Vec<R::Vec3>) {
-        let points = self.points.into_iter().filter(|point| !point.is_zero());
+        let points = self.points.into_iter().map(|own| own.point).filter(|point| !point.is_zero());
         let (mut x, mut alpha, mut c) = (Vec::new(), Vec::new(), Vec::new());
         for point in points {
             x.push(point.x);

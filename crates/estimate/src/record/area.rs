@@ -90,12 +90,9 @@ impl<R: Real> Area<R> {
         }
         for (i, (hit, surface)) in self.primary.hits.iter().zip(surface).enumerate() {
             let scale = scale[hit.sample];
-            out.push(PointAdjoint {
-                pixel: self.shares[hit.sample].pixel,
-                x: self.primary.surface.x[i],
-                alpha: surface.alpha * scale,
-                c: surface.c * scale,
-            });
+            let (x, alpha, c) =
+                (self.primary.surface.x[i], surface.alpha * scale, surface.c * scale);
+            out.push(self.shares[hit.sample].pixel, PointAdjoint { x, alpha, c });
         }
         if let Some(warp) = &self.warp {
             let SampleAdjoints { mut divergence, mut film, .. } = adjoints;

@@ -138,7 +138,7 @@ impl<R: Real> FilmWarpWithDivergence<R> {
     ) {
         let (alpha, c) = self.coefficients(scalar, film);
         for ((point, alpha), c) in self.warp.warp.samples.iter().zip(alpha).zip(c) {
-            out.push(PointAdjoint { pixel: pixel(self.sample[point.ray]), x: point.x, alpha, c });
+            out.push(pixel(self.sample[point.ray]), PointAdjoint { x: point.x, alpha, c });
         }
     }
 
@@ -170,7 +170,7 @@ impl<R: Real> FilmWarp<R> {
         let alpha = self.warp.flux_vjp(&pick(flux, &self.sample), &pick(axis, &self.sample));
         for (point, alpha) in self.warp.samples.iter().zip(alpha) {
             let pixel = pixel[self.sample[point.ray]];
-            out.push(PointAdjoint { pixel, x: point.x, alpha, c: R::Vec3::zero() });
+            out.push(pixel, PointAdjoint { x: point.x, alpha, c: R::Vec3::zero() });
         }
     }
 }

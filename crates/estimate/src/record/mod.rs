@@ -14,7 +14,7 @@ mod silhouettes;
 mod smooth_part;
 mod surface;
 
-pub use adjoints::{Adjoints, PointAdjoint};
+pub use adjoints::{Adjoints, PixelAdjoint, PointAdjoint};
 pub use area::{Area, AreaWarp, Share, WarpedSample};
 pub use batch::Record;
 pub use border::{Border, BorderSample};

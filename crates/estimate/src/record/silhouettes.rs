@@ -64,7 +64,7 @@ impl<R: Real> Silhouettes<R> {
     fn add(&self, alpha: impl Fn(&SilhouettePoint<R>) -> R, out: &mut Adjoints<R>) {
         for point in &self.points {
             let SilhouettePoint { pixel, x, .. } = *point;
-            out.push(PointAdjoint { pixel, x, alpha: alpha(point), c: R::Vec3::zero() });
+            out.push(pixel, PointAdjoint { x, alpha: alpha(point), c: R::Vec3::zero() });
         }
     }
 }

@@ -1,15 +1,14 @@
 //! The probability that a pixel shows the background.
 
-use std::ops::RangeInclusive;
-
 use field::Sphere;
 use inspect::BackgroundEstimate;
 
-use crate::photometry::pyramid::Photograph;
+use crate::photometry::margin::with_margin;
+use crate::photometry::photograph::Photograph;
 
 /// A pixel with more than this probability counts as certain background. At 0.9 and 0.999: distance
-/// 1.00 and 1.04 (see the evidence in
-/// the module `loss::schedule`).
+/// 1.00 and 1.04 (see the evidence in the
+/// module `loss::schedule`).
 const CERTAIN: f32 = 0.99;
 
 /// The margin around a pixel that must also be certain background, as the fraction 1/MARGIN of the
@@ -56,20 +55,4 @@ impl BackgroundModel {
             .collect();
         with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
     }
-}
-
-/// The places along a side of an image that are up to `margin` from `v`.
-pub(crate) fn near(v: u32, margin: u32, side: u32) -> RangeInclusive<u32> {
-    v.saturating_sub(margin)..=(v + margin).min(side - 1)
-}
-
-/// For each pixel of an image, row-major, whether it and all pixels in the square with this margin
-/// around it are flagged.
-pub(crate) fn with_margin(flags: &[bool], [width, height]: [u32; 2], margin: u32) -> Vec<bool> {
-    let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let near = |v: u32, side: u32| near(v, margin, side);
-    // A square is a row of columns: test the columns first, then the rows.
-    let columns: Vec<bool> =
-        all().map(|(x, y)| near(y, height).all(|y| flags[(y * width + x) as usize])).collect();
-    all().map(|(x, y)| near(x, width).all(|x| columns[(y * width + x) as usize])).collect()
 }

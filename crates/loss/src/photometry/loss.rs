@@ -2,7 +2,7 @@
 
 use film::srgb_encode;
 
-use crate::photometry::background::near;
+use crate::photometry::margin::near;
 
 /// The residual, in display units, at which the loss turns from quadratic to linear: about the
 /// noise of a photograph with its unmodelled highlights. Half and double of it changed the fits of

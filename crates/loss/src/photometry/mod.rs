@@ -6,8 +6,10 @@ mod downscale;
 mod exposure_choice;
 mod gains;
 mod loss;
+mod margin;
 mod masks;
 mod overexposed;
+mod photograph;
 mod pyramid;
 mod typical;
 
@@ -18,5 +20,6 @@ pub use exposure_choice::{ExposureChoice, ExposureModel};
 pub use gains::{Gains, GainsError, gain_between, without_gains};
 pub use loss::{Target, photometric, squared_error};
 pub use masks::{MaskChoice, MaskUse, check_masks, put_over_black};
-pub use pyramid::{Level, Photograph, Pixel, pyramid};
+pub use photograph::{Draw, Photograph};
+pub use pyramid::{Level, pyramid};
 pub use typical::TypicalLosses;

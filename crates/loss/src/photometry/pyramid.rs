@@ -1,122 +1,32 @@
 //! The image pyramid: the photographs at several sizes, and their pixels whose rays meet the
 //! bounding sphere.
 
-use dataset::{ALL_USED, View};
-use film::Film;
-use glam::{DVec2, Vec3};
+use dataset::View;
+use glam::DVec2;
 use random::{Purpose, Stream};
 use render::{Camera, Sample};
 
-use crate::photometry::background::{BackgroundModel, near, with_margin};
-use crate::photometry::loss::Target;
+use crate::photometry::background::BackgroundModel;
+use crate::photometry::margin::with_margin;
 use crate::photometry::masks::MaskUse;
+use crate::photometry::photograph::{Draw, Photograph};
 
 /// The smallest side that a level of the pyramid may have, in pixels.
 const SMALLEST_SIDE: u32 = 24;
 
 /// One level of the pyramid: all views at one size.
+#[derive(Clone, Debug)]
 pub struct Level {
     /// The camera of every view, at this size.
     pub cameras: Vec<Camera>,
     /// The photograph of every view, at this size.
     pub photographs: Vec<Photograph>,
     /// The pixels of all views whose rays meet the bounding sphere, without those in `background`.
-    foreground: Vec<Pixel>,
+    foreground: Vec<Draw>,
     /// The pixels of all views that are certain background: in front of a uniform background, those
     /// that show it; if the background is trained, those whose rays miss the bounding sphere, and
     /// later those that are far from the surface.
-    background: Vec<Pixel>,
-}
-
-/// The photograph of a view at one size.
-pub struct Photograph {
-    /// Its image.
-    pub image: Film,
-    /// The coverage of each pixel by the object, if the fit uses it. The image is over black then.
-    pub coverage: Option<Film>,
-    /// The share of each pixel that is used, if the fit leaves some out.
-    used: Option<Film>,
-}
-
-impl Photograph {
-    /// The photograph of a view, with the part of its mask that `masks` asks for.
-    pub fn new(view: &View, masks: MaskUse) -> Self {
-        let (width, height) = (view.image.width, view.image.height);
-        let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
-        let used = view.used().map(|used| f32::from(u8::from(used)));
-        Photograph {
-            image: view.image.clone(),
-            coverage: coverage.map(|values| Film::grey(width, height, values.iter().copied())),
-            used: (masks == MaskUse::LeaveOut).then(|| Film::grey(width, height, used)),
-        }
-    }
-
-    /// The photograph at 1/`n` of its size; see [`Film::downscaled`].
-    ///
-    /// # Panics
-    /// If `n` is 0.
-    #[must_use]
-    fn downscaled(&self, n: u32) -> Self {
-        let downscaled = |film: &Film| film.downscaled(n);
-        Photograph {
-            image: downscaled(&self.image),
-            coverage: self.coverage.as_ref().map(downscaled),
-            used: self.used.as_ref().map(downscaled),
-        }
-    }
-
-    /// The width and the height.
-    pub fn size(&self) -> [u32; 2] {
-        [self.image.width, self.image.height]
-    }
-
-    /// The radiance of pixel (x, y) in front of `behind`. A photograph without coverage shows its
-    /// own background.
-    pub fn over(&self, behind: Vec3, x: u32, y: u32) -> [f32; 3] {
-        let radiance = self.image.at(x, y);
-        let Some(coverage) = &self.coverage else { return radiance };
-        (Vec3::from(radiance) + behind * (1.0 - coverage.at(x, y)[0])).to_array()
-    }
-
-    /// The target of a drawn pixel of this photograph, in front of `behind`.
-    pub fn target(&self, behind: Vec3, pixel: &Pixel) -> Target {
-        let seen = |x, y| self.over(behind, x, y);
-        Target::of(self.size(), seen, pixel.x.into(), pixel.y.into())
-    }
-
-    /// Whether all pixels in a square with this margin around pixel (x, y) are used, as far as they
-    /// are in the photograph.
-    pub fn is_used_around(&self, x: u32, y: u32, margin: u32) -> bool {
-        let [width, height] = self.size();
-        self.used.is_none()
-            || near(y, margin, height).all(|y| near(x, margin, width).all(|x| self.is_used(x, y)))
-    }
-
-    /// Whether pixel (x, y) is used, all of it.
-    pub fn is_used(&self, x: u32, y: u32) -> bool {
-        self.used.as_ref().is_none_or(|used| used.at(x, y)[0] >= ALL_USED)
-    }
-}
-
-/// A drawn pixel of a view.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pixel {
-    /// The index of the view.
-    pub view: u32,
-    /// The column.
-    pub x: u16,
-    /// The row.
-    pub y: u16,
-    /// The number of pixels that this draw stands for.
-    pub count: u16,
-}
-
-impl Pixel {
-    /// The film sample in the middle of the pixel.
-    pub fn center(&self) -> Sample {
-        let u = DVec2::new(f64::from(self.x) + 0.5, f64::from(self.y) + 0.5);
-        Sample { camera: self.view as usize, u }
-    }
+    background: Vec<Draw>,
 }
 
 impl Level {
@@ -133,7 +43,7 @@ impl Level {
                     let list = if is_background { &mut background } else { &mut foreground };
                     let is_used = photograph.is_used(x.into(), y.into());
                     if is_used && (meets || model.is_trained) {
-                        list.push(Pixel { view: view as u32, x, y, count: 1 });
+                        list.push(Draw { view: view as u32, x, y, count: 1 });
                     }
                 }
             }
@@ -173,9 +83,9 @@ impl Level {
             })
             .collect();
         assert_eq!(begins.last(), Some(&is_far.len()), "one flag for each pixel");
-        let is_far = |pixel: &Pixel| {
-            let [x, y] = [pixel.x, pixel.y].map(|v| (u32::from(v) / factor) as usize);
-            let view = pixel.view as usize;
+        let is_far = |draw: &Draw| {
+            let [x, y] = [draw.x, draw.y].map(|v| (u32::from(v) / factor) as usize);
+            let view = draw.view as usize;
             is_far[begins[view] + y * widths[view] + x]
         };
         let mut near = std::mem::take(&mut self.foreground);
@@ -214,14 +124,14 @@ impl Level {
     /// If there is no such view.
     pub fn centers_of(&self, view: usize) -> Vec<Sample> {
         let [width, height] = self.photographs[view].size();
-        let center = |x, y| Pixel { view: view as u32, x, y, count: 1 }.center();
+        let center = |x, y| Draw { view: view as u32, x, y, count: 1 }.center();
         let row = |y| (0..width as u16).map(move |x| center(x, y));
         (0..height as u16).flat_map(row).collect()
     }
 
     /// The centres of all pixels that are drawn.
     pub fn centers(&self) -> impl Iterator<Item = Sample> + '_ {
-        self.foreground.iter().chain(&self.background).map(Pixel::center)
+        self.foreground.iter().chain(&self.background).map(Draw::center)
     }
 
     /// The number of pixels of all photographs.
@@ -256,7 +166,7 @@ impl Level {
     /// A permutation has every foreground pixel, and one random pixel of each group of `every`
     /// certain background pixels, which stands for its group. The expectation of the mean over
     /// draws, weighted by `count`, is the mean over all pixels.
-    pub fn draw(&self, draw: u64, every: usize, stream: Stream) -> Pixel {
+    pub fn draw(&self, draw: u64, every: usize, stream: Stream) -> Draw {
         let n = self.draws(every) as u64;
         let seed = stream.at(draw / n).bits();
         let i = permute(draw % n, n, seed) as usize;
@@ -267,7 +177,7 @@ impl Level {
         let group = &self.background[from..(from + every).min(self.background.len())];
         let random = Stream::new(seed, Purpose::BackgroundPixel).at(i as u64);
         let one = random.bits() as usize % group.len();
-        Pixel { count: group.len() as u16, ..group[one] }
+        Draw { count: group.len() as u16, ..group[one] }
     }
 }
 
@@ -325,6 +235,7 @@ pub fn pyramid(
 mod tests {
     use dataset::{Mask, MaskKind};
     use field::Sphere;
+    use film::Film;
     use glam::DVec3;
     use inspect::BackgroundEstimate;
 
@@ -383,8 +294,7 @@ mod tests {
             is_trained: true,
         };
         let level = |sides: [u32; 2]| {
-            let photograph =
-                |side| Photograph { image: Film::new(side, side), coverage: None, used: None };
+            let photograph = |side| Photograph::of_image(Film::new(side, side));
             let cameras = sides.map(|side| camera(side).unwrap()).to_vec();
             Level::new(cameras, sides.map(photograph).into(), &model)
         };
@@ -394,7 +304,7 @@ mod tests {
             let flags: Vec<bool> = (0..13).map(|i| i == far).collect();
             finest.group(&flags, 2);
             assert_eq!(finest.pixel_count(), 9 + 25);
-            let of = |p: &Pixel| match p.view {
+            let of = |p: &Draw| match p.view {
                 0 => p.y / 2 * 2 + p.x / 2,
                 _ => 4 + p.y / 2 * 3 + p.x / 2,
             };
@@ -410,14 +320,5 @@ mod tests {
         let inside = coarse.with_margin(&flags, 1);
         let expected = |i| i < 4 || [6, 9, 10, 11, 12].contains(&i);
         assert_eq!(inside, (0..13).map(expected).collect::<Vec<bool>>());
-    }
-
-    #[test]
-    fn a_photograph_with_coverage_is_seen_in_front_of_any_colour() {
-        let grey = |value| Film::grey(1, 1, [value]);
-        let mut photograph = Photograph { image: grey(0.1), coverage: Some(grey(0.5)), used: None };
-        assert_eq!(photograph.over(Vec3::new(0.0, 0.5, 1.0), 0, 0), [0.1, 0.35, 0.6]);
-        photograph.coverage = None;
-        assert_eq!(photograph.over(Vec3::ONE, 0, 0), [0.1; 3]);
     }
 }

@@ -1,11 +1,11 @@
 //! The term of the coverage: pixels with the loss of the object belong to the object, and pixels
 //! with the loss of the background to the background.
 //!
-//! Before another picture in each photograph, a surface in the mean colour of the pictures explains
+//! In front of another picture in each photograph, a surface in the mean colour of the pictures explains
 //! a pixel beside the object as well as the background does. No radiance holds the silhouette
 //! there. But the object's own pixels have a far smaller loss than those of the background.
 
-use crate::photometry::pyramid::Pixel;
+use crate::photometry::photograph::Draw;
 
 /// The term is used where the background's mean loss is above this multiple of the object's.
 const LEAST_RATIO: f32 = 2.0;
@@ -23,10 +23,10 @@ pub struct TypicalLosses {
 impl TypicalLosses {
     /// The means over pixels that show the object or not. Pixels without a loss do not count.
     /// `None` if there are too few, or if the background is explained as well as the object.
-    pub fn of(pixels: &[Pixel], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
+    pub fn of(drawn: &[Draw], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
         let (mut sum, mut all, mut draws) = ([0.0; 2], [0.0; 2], [0; 2]);
-        for ((pixel, is_object), loss) in pixels.iter().zip(is_object).zip(losses) {
-            let (Some(loss), count) = (loss, f32::from(pixel.count)) else { continue };
+        for ((draw, is_object), loss) in drawn.iter().zip(is_object).zip(losses) {
+            let (Some(loss), count) = (loss, f32::from(draw.count)) else { continue };
             sum[usize::from(*is_object)] += loss * count;
             all[usize::from(*is_object)] += count;
             draws[usize::from(*is_object)] += 1;
@@ -56,7 +56,7 @@ mod tests {
     /// losses, and one without a loss.
     fn losses(object: f32, background: f32, count: u16) -> Option<TypicalLosses> {
         let of = |i: u16| [background, object][usize::from(i % 2)] + f32::from(i % 4 / 2) * 0.02;
-        let pixels: Vec<Pixel> = (0..41).map(|x| Pixel { view: 0, x, y: 0, count }).collect();
+        let pixels: Vec<Draw> = (0..41).map(|x| Draw { view: 0, x, y: 0, count }).collect();
         let is_object: Vec<bool> = (0..41).map(|i| i % 2 == 1).collect();
         let losses: Vec<Option<f32>> = (0..40).map(|i| Some(of(i) - 0.01)).chain([None]).collect();
         TypicalLosses::of(&pixels, &is_object, &losses)

@@ -1,21 +1,26 @@
-//! The photometric term with a soft surface: rays see all surfaces that have opacity, so a surface
+//! The stages of pixels with a soft surface: rays see all surfaces that have opacity, so a surface
 //! can appear and vanish.
 //!
 //! A sharp surface moves along its normal only. A sheet in front of the object that has taken the
 //! colours of the background would stay for ever, and so would a missing part.
 
-use crate::opacity::{Chord, ChordPoints, INTERVALS, POINTS, radiance, value_vjp, weights};
-use estimate::record::PointAdjoint;
 use field::BackgroundRay;
 use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::Vec3;
+use multiview::stereo::Guide;
 use random::{Purpose, Stream};
-use render::{Camera, InvalidField, Sample, normals};
+use render::{InvalidField, Sample, normals};
 use trace::HitAdjoint;
 
-use crate::batch::PixelLoss;
-use crate::eikonal::NearPoint;
-use crate::part::{Part, pixels_of};
+use crate::carve::carve;
+use crate::drawn::{Drawn, NearPoint, pixels_of};
+use crate::objective::PixelLoss;
+use crate::opacity::{Chord, ChordPoints, INTERVALS, POINTS, radiance, value_vjp, weights};
+use crate::photometry::Draw;
+use crate::regularisers::regularise;
+use crate::reversed::Reversed;
+use crate::sums::PartSums;
+use guide::add_guide;
 
 /// An interval of less weight counts as empty: it has no opacity and needs no colour.
 const LEAST_WEIGHT: f32 = 1e-3;
@@ -50,12 +55,16 @@ impl Colored {
     }
 }
 
-/// The rays of a part through a soft surface.
-struct SoftRays {
+/// The rays of a part of the pixels, with the opacity along them.
+pub(crate) struct Traced<'a> {
+    drawn: Drawn<'a>,
+    /// The sharpness of the surface, per world unit.
+    sharpness: f32,
+    samples: Vec<Sample>,
     background: Vec<BackgroundRay<f32>>,
     chords: Vec<Chord>,
     /// The number of each chord's sample in the part.
-    samples: Vec<usize>,
+    of_chord: Vec<usize>,
     points: ChordPoints,
     /// [`INTERVALS`] weights for each chord.
     weights: Vec<f32>,
@@ -63,40 +72,49 @@ struct SoftRays {
     last: Vec<f32>,
 }
 
-impl SoftRays {
-    /// `sharpness` is per world unit.
-    fn new(part: &Part<'_>, samples: &[Sample], sharpness: f32) -> Self {
-        let scene = &part.batch.scene;
+impl<'a> Traced<'a> {
+    /// One ray through each pixel. `sharpness` is per bounding radius.
+    pub(crate) fn new(drawn: Drawn<'a>, sharpness: f32) -> Result<Self, InvalidField> {
+        let scene = &drawn.objective.scene;
+        let sharpness = sharpness / scene.radius();
+        let samples = drawn.samples();
         let ball = scene.bounding_ball();
         let background: Vec<BackgroundRay<f32>> =
             samples.iter().map(|sample| scene.background_ray(sample)).collect();
+
         let (mut chords, mut of_chord) = (Vec::new(), Vec::new());
         for (sample, ray) in background.iter().enumerate() {
             let (origin, direction) = (ray.origin, ray.direction);
-            let ends = ball.clip(origin, direction);
-            if let Some((near, far)) = ends {
+            if let Some((near, far)) = ball.clip(origin, direction) {
                 chords.push(Chord { origin, direction, ends: [near, far] });
                 of_chord.push(sample);
             }
         }
-        let stream = Stream::new(part.seed, Purpose::RayPoints);
+
+        let stream = Stream::new(drawn.seed, Purpose::RayPoints);
         let points = ChordPoints::new(scene.field, &chords, sharpness, stream);
+        if let Some(i) = points.f.iter().position(|f| !f.is_finite()) {
+            return Err(InvalidField::at(scene.cameras, samples[of_chord[i / POINTS]]));
+        }
         let mut all = vec![0.0; chords.len() * INTERVALS];
         let own = points.f.chunks_exact(POINTS).zip(all.chunks_exact_mut(INTERVALS));
         let last = own.map(|(f, own)| weights(sharpness, f, LEAST_WEIGHT, own)).collect();
-        SoftRays { background, chords, samples: of_chord, points, weights: all, last }
-    }
-
-    /// Refuses values of f that are no numbers.
-    fn check(&self, cameras: &[Camera], samples: &[Sample]) -> Result<(), InvalidField> {
-        match self.points.f.iter().position(|f| !f.is_finite()) {
-            Some(i) => Err(InvalidField::at(cameras, samples[self.samples[i / POINTS]])),
-            None => Ok(()),
-        }
+        let weights = all;
+        Ok(Traced {
+            drawn,
+            sharpness,
+            samples,
+            background,
+            chords,
+            of_chord,
+            points,
+            weights,
+            last,
+        })
     }
 
     /// The intervals with a colour, in order.
-    fn colored(&self, part: &Part<'_>) -> Colored {
+    fn colored(&self) -> Colored {
         let mut out = Colored::default();
         for (i, _) in self.weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
             let (chord, k) = (self.chords[i / INTERVALS], i % INTERVALS);
@@ -107,114 +125,168 @@ impl SoftRays {
         }
         out.gradient.resize(out.x.len(), Vec3::ZERO);
         let mut f = vec![0.0; out.x.len()];
-        part.batch.scene.field.value_gradient(&out.x, &mut f, &mut out.gradient);
+        let field = self.drawn.objective.scene.field;
+        field.value_gradient(&out.x, &mut f, &mut out.gradient);
         out.normal = normals::<f32>(&out.gradient);
+        out
+    }
+
+    /// Computes the radiance along the rays.
+    pub(crate) fn shade(self) -> Shaded<'a> {
+        let scene = &self.drawn.objective.scene;
+        let colored = self.colored();
+        let mut rgb = vec![Vec3::ZERO; colored.x.len()];
+        scene.shader.radiance(&colored.batch(), &mut rgb);
+        let mut colors = vec![Vec3::ZERO; self.weights.len()];
+        colored.interval.iter().zip(&rgb).for_each(|(i, rgb)| colors[*i] = *rgb);
+
+        let mut behind = vec![Vec3::ZERO; self.samples.len()];
+        scene.background.radiance(&self.background, &mut behind);
+
+        let mut seen = behind.clone();
+        for (i, sample) in self.of_chord.iter().copied().enumerate() {
+            let own = i * INTERVALS..(i + 1) * INTERVALS;
+            let colors = colors[own.clone()].iter().copied();
+            seen[sample] =
+                radiance::<f32>(&self.weights[own], colors, self.last[i], behind[sample]);
+        }
+        Shaded { traced: self, colored, colors, behind, seen }
+    }
+}
+
+/// The rays of a part of the pixels, with their radiance.
+pub(crate) struct Shaded<'a> {
+    traced: Traced<'a>,
+    colored: Colored,
+    /// The radiance of each interval of each chord; zero for an empty one.
+    colors: Vec<Vec3>,
+    /// The radiance of the background behind each sample.
+    behind: Vec<Vec3>,
+    /// The radiance of each sample.
+    seen: Vec<Vec3>,
+}
+
+impl<'a> Shaded<'a> {
+    /// Compares the radiance with the photographs. `depths` guide the surface.
+    pub(crate) fn compare(self, depths: Option<Guide<'a>>) -> Compared<'a> {
+        let Drawn { objective, draws, .. } = self.traced.drawn;
+        let shown = draws.iter().zip(&self.seen);
+        let pixels: Vec<PixelLoss> =
+            shown.map(|(draw, seen)| objective.targets.loss(*seen, draw)).collect();
+        let losses = pixels.iter().map(|own| Some(own.loss)).collect();
+        Compared { shaded: self, depths, pixels, losses }
+    }
+}
+
+/// A part of the pixels that were compared with the photographs.
+pub(crate) struct Compared<'a> {
+    shaded: Shaded<'a>,
+    depths: Option<Guide<'a>>,
+    pixels: Vec<PixelLoss>,
+    /// The photometric loss of each pixel.
+    pub(crate) losses: Vec<Option<f32>>,
+}
+
+impl Compared<'_> {
+    /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
+    pub(crate) fn reverse(self, pushes: &[f32], sums: PartSums) -> Reversed {
+        let Compared { shaded, depths, pixels, .. } = self;
+        let Traced { drawn, samples, .. } = &shaded.traced;
+        let mut out = Reversed::new(drawn, sums);
+        out.stats.rays += samples.len() as u64;
+        out.stats.pixels += pixels_of(drawn.draws);
+
+        let own = pixels.iter().zip(drawn.draws);
+        let delta: Vec<Vec3> = own.map(|(loss, draw)| out.add_loss(drawn, loss, draw)).collect();
+        shaded.reverse_colors(&delta, &mut out);
+        shaded.reverse_opacity(&delta, &mut out);
+        if drawn.objective.wanted.background {
+            shaded.reverse_background(&delta, &mut out);
+        }
+
+        regularise(drawn, &shaded.near_points(), &mut out);
+        if let Some(depths) = depths {
+            add_guide(drawn, samples, &depths, &mut out);
+        }
+        carve(drawn, shaded.opaque_points(), pushes, &mut out);
         out
     }
 }
 
-impl Part<'_> {
-    /// Adds the photometric term of all pixels with a soft surface. `sharpness` is per bounding
-    /// radius.
-    pub(crate) fn add_soft_pixels(&mut self, sharpness: f32) -> Result<(), InvalidField> {
-        let scene = self.batch.scene;
-        let sharpness = sharpness / scene.radius();
-        let samples = self.samples();
-        let rays = SoftRays::new(self, &samples, sharpness);
-        rays.check(scene.cameras, &samples)?;
-        self.stats.rays += samples.len() as u64;
-        self.stats.pixels += pixels_of(self.pixels);
-        let colored = rays.colored(self);
-        let mut rgb = vec![Vec3::ZERO; colored.x.len()];
-        scene.shader.radiance(&colored.batch(), &mut rgb);
-        let mut colors = vec![Vec3::ZERO; rays.weights.len()];
-        colored.interval.iter().zip(&rgb).for_each(|(i, rgb)| colors[*i] = *rgb);
-        let mut background = vec![Vec3::ZERO; samples.len()];
-        scene.background.radiance(&rays.background, &mut background);
-        let mut last = vec![1.0; samples.len()];
-        let mut seen = background.clone();
-        for (i, sample) in rays.samples.iter().copied().enumerate() {
-            let own = i * INTERVALS..(i + 1) * INTERVALS;
-            last[sample] = rays.last[i];
-            let colors = colors[own.clone()].iter().copied();
-            seen[sample] =
-                radiance::<f32>(&rays.weights[own], colors, rays.last[i], background[sample]);
-        }
-        let pixels = self.pixels.iter().zip(&seen);
-        let losses: Vec<PixelLoss> = pixels.map(|(p, seen)| self.batch.loss(*seen, p)).collect();
-        let own = losses.iter().zip(self.pixels);
-        let delta: Vec<Vec3> = own.map(|(loss, p)| self.add_loss(loss, p)).collect();
-        self.losses = losses.iter().map(|loss| Some(loss.loss)).collect();
-        self.add_color_adjoints(&rays, &colored, &delta);
-        self.add_opacity_adjoints(&rays, &colors, &background, &delta, sharpness);
-        let weighted = delta.iter().zip(&last).map(|(delta, last)| {
-            if *last > LEAST_TRANSMITTANCE { *delta * *last } else { Vec3::ZERO }
+impl Shaded<'_> {
+    /// The intervals with a colour: the number of the pixel, the weight and the middle.
+    fn intervals(&self) -> impl Iterator<Item = (usize, f32, Vec3)> {
+        let Traced { of_chord, weights, .. } = &self.traced;
+        let own = self.colored.interval.iter().zip(&self.colored.x);
+        own.map(|(i, x)| (of_chord[*i / INTERVALS], weights[*i], *x))
+    }
+
+    /// The points that count as surface for the regularisers.
+    fn near_points(&self) -> Vec<NearPoint> {
+        let count = |draw: &Draw| f32::from(draw.count);
+        let surface = self.intervals().filter(|(_, weight, _)| *weight > SURFACE);
+        let near = surface.map(|(pixel, weight, x)| {
+            let weight = weight * count(&self.traced.drawn.draws[pixel]);
+            NearPoint { pixel, x, weight }
         });
-        let adjoint: Vec<Vec3> = weighted.collect();
-        if self.batch.trains_background {
-            let sum = &mut self.sums.background;
-            scene.background.add_parameter_vjp(&rays.background, &adjoint, sum);
-        }
-        let near: Vec<NearPoint> = colored
-            .interval
-            .iter()
-            .zip(&colored.x)
-            .filter_map(|(i, x)| {
-                let (weight, pixel) = (rays.weights[*i], rays.samples[*i / INTERVALS]);
-                let weight = (weight > SURFACE).then_some(weight)?;
-                let weight = weight * f32::from(self.pixels[pixel].count);
-                Some(NearPoint { pixel, x: *x, weight })
-            })
-            .collect();
-        self.add_eikonal(&near);
-        self.add_bending(&near);
-        self.add_guide(&samples);
-        let is_surface = |i: &usize| rays.weights[*i] > OPAQUE;
-        let points = colored.interval.iter().zip(&colored.x).filter(|(i, _)| is_surface(i));
-        self.surface = points.map(|(i, x)| (rays.samples[*i / INTERVALS], *x)).collect();
-        Ok(())
+        near.collect()
+    }
+
+    /// The points that can be carved, each with the number of its pixel.
+    fn opaque_points(&self) -> impl Iterator<Item = (usize, Vec3)> {
+        let opaque = self.intervals().filter(|(_, weight, _)| *weight > OPAQUE);
+        opaque.map(|(pixel, _, x)| (pixel, x))
     }
 
     /// Adds the adjoints of the colours: to the head, and through the normals to ∇f. The points
     /// stay where they are.
-    fn add_color_adjoints(&mut self, rays: &SoftRays, colored: &Colored, delta: &[Vec3]) {
-        let of_interval = |i: &usize| delta[rays.samples[*i / INTERVALS]] * rays.weights[*i];
+    fn reverse_colors(&self, delta: &[Vec3], out: &mut Reversed) {
+        let Shaded { traced, colored, .. } = self;
+        let of_interval = |i: &usize| delta[traced.of_chord[*i / INTERVALS]] * traced.weights[*i];
         let adjoint: Vec<Vec3> = colored.interval.iter().map(of_interval).collect();
         let mut bars = SurfaceAdjoint::zeros(adjoint.len());
-        let shader = self.batch.scene.shader;
-        shader.add_vjp(&colored.batch(), &adjoint, &mut bars, &mut self.sums.shader);
+        let shader = traced.drawn.objective.scene.shader;
+        shader.add_vjp(&colored.batch(), &adjoint, &mut bars, &mut out.sums.shader);
         for (j, x) in colored.x.iter().enumerate() {
             let c = HitAdjoint::<f32>::normal_coefficient(colored.gradient[j], bars.normal[j]);
-            self.adjoints.push(PointAdjoint { pixel: 0, x: *x, alpha: 0.0, c });
+            out.push_gradient(*x, c);
         }
     }
 
     /// Adds the adjoints of the values of f.
-    fn add_opacity_adjoints(
-        &mut self,
-        rays: &SoftRays,
-        colors: &[Vec3],
-        background: &[Vec3],
-        delta: &[Vec3],
-        sharpness: f32,
-    ) {
+    fn reverse_opacity(&self, delta: &[Vec3], out: &mut Reversed) {
+        let Traced { sharpness, chords, of_chord, points, weights, last, .. } = &self.traced;
         let mut along = [0.0; INTERVALS];
-        for (i, chord) in rays.chords.iter().enumerate() {
-            let sample = rays.samples[i];
+        for (i, chord) in chords.iter().enumerate() {
+            let sample = of_chord[i];
             let delta = delta[sample];
             let own = i * INTERVALS..(i + 1) * INTERVALS;
-            let colors = along.iter_mut().zip(&colors[own.clone()]);
+            let colors = along.iter_mut().zip(&self.colors[own.clone()]);
             colors.for_each(|(along, color)| *along = delta.dot(*color));
-            let (t, f) = (&rays.points.t[i * POINTS..][..POINTS], &rays.points.f[i * POINTS..]);
-            let last = (rays.last[i], delta.dot(background[sample]));
+
+            let (t, f) = (&points.t[i * POINTS..][..POINTS], &points.f[i * POINTS..]);
+            let last = (last[i], delta.dot(self.behind[sample]));
             let mut bars = [0.0; POINTS];
-            value_vjp(sharpness, &f[..POINTS], &rays.weights[own], last, &along, &mut bars);
+            value_vjp(*sharpness, &f[..POINTS], &weights[own], last, &along, &mut bars);
+
             let least = NEGLIGIBLE * delta.length() * sharpness;
             for (t, alpha) in t.iter().zip(bars).filter(|(_, alpha)| alpha.abs() > least) {
-                let x = chord.at(*t);
-                self.adjoints.push(PointAdjoint { pixel: 0, x, alpha, c: Vec3::ZERO });
+                out.push_value(chord.at(*t), alpha);
             }
         }
+    }
+
+    /// Adds the gradient by the parameters of the background.
+    fn reverse_background(&self, delta: &[Vec3], out: &mut Reversed) {
+        let Traced { drawn, background, of_chord, last, .. } = &self.traced;
+        let mut transmittance = vec![1.0; delta.len()];
+        of_chord.iter().zip(last).for_each(|(sample, last)| transmittance[*sample] = *last);
+        let weighted = delta.iter().zip(transmittance).map(|(delta, last)| {
+            if last > LEAST_TRANSMITTANCE { *delta * last } else { Vec3::ZERO }
+        });
+        let adjoint: Vec<Vec3> = weighted.collect();
+        let sum = &mut out.sums.background;
+        drawn.objective.scene.background.add_parameter_vjp(background, &adjoint, sum);
     }
 }
 

@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use dataset::View;
-use estimate::record::Pass;
-use estimate::{Refined, SampleCounts};
-use field::Field;
-use field::{Background, BackgroundRay};
+use field::{Background, BackgroundRay, Field};
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use multiview::stereo::{DepthMap, Guide};
@@ -14,11 +11,10 @@ use random::{Purpose, Stream};
 use render::{Camera, Scene};
 
 use super::*;
-use crate::gradient::PARTS;
-use crate::photometry::{Level, MaskUse, Pixel, Target, photometric, pyramid};
-use crate::sums::PartSums;
+use crate::drawn::PARTS;
+use crate::photometry::{Level, MaskUse, Target, photometric, pyramid};
 use crate::test_model::{BOUNDS, Model, background_model};
-use crate::{Batch, Workspace, gradient};
+use crate::{Objective, Surface, Wanted, Workspace, gradient};
 use sdf_nn::Encoding;
 
 const SIZE: u32 = 12;
@@ -54,14 +50,14 @@ fn phi(f: f32) -> f64 {
 }
 
 /// The mean loss of rays whose points are at the given distances.
-fn loss(model: &Model, rays: &SoftRays, pixels: &[Pixel], level: &Level) -> f64 {
+fn loss(model: &Model, rays: &Traced<'_>, pixels: &[Draw], level: &Level) -> f64 {
     let mut total = 0.0;
     for (sample, pixel) in pixels.iter().enumerate() {
         let ray: BackgroundRay<f32> = rays.background[sample];
         let mut seen = [Vec3::ZERO];
         model.background.radiance(&[ray], &mut seen);
         let (mut sum, mut pass) = (DVec3::ZERO, 1.0);
-        if let Some(i) = rays.samples.iter().position(|of| *of == sample) {
+        if let Some(i) = rays.of_chord.iter().position(|of| *of == sample) {
             let (origin, direction): (Vec3, Vec3) = (ray.origin, ray.direction);
             let t = &rays.points.t[i * POINTS..(i + 1) * POINTS];
             let x: Vec<Vec3> = t.iter().map(|t| origin + direction * *t).collect();
@@ -103,30 +99,18 @@ fn the_gradient_of_a_soft_surface_that_reaches_the_sphere_matches_differences() 
     check_gradient(1.0);
 }
 
-fn batch<'a>(scene: Scene<'a, f32>, level: &'a Level, pixels: &'a [Pixel]) -> Batch<'a> {
-    Batch {
-        scene,
-        level,
-        pixels,
-        pixel_count: pixels.len() as f32,
-        refines_cameras: false,
-        trains_background: true,
-        behind: &[],
-        gains: &[],
-        eikonal: 0.0,
-        bending: 0.0,
-        estimator: &Refined,
-        counts: SampleCounts { spp: 1, edge_samples: 1 },
-        pass: Pass::Sum,
-        sharpness: Some(SHARPNESS),
-        depths: None,
-        carves: false,
-        seed: 4,
-    }
+fn objective<'a>(
+    scene: Scene<'a, f32>,
+    level: &'a Level,
+    draws: &'a [Draw],
+    surface: Surface<'a>,
+) -> Objective<'a> {
+    let wanted = Wanted { background: true, cameras: false };
+    Objective { wanted, seed: 4, ..Objective::photometric(scene, level, draws, surface) }
 }
 
-fn all_pixels() -> Vec<Pixel> {
-    let row = |y| (0..SIZE as u16).map(move |x| Pixel { view: 0, x, y, count: 1 });
+fn all_pixels() -> Vec<Draw> {
+    let row = |y| (0..SIZE as u16).map(move |x| Draw { view: 0, x, y, count: 1 });
     (0..SIZE as u16).flat_map(row).collect()
 }
 
@@ -146,10 +130,12 @@ fn known_depths_and_contradictions_move_the_surface() {
     let bias = model.field.weight_count() - 1;
     let slope_of = |level: &Level, distance: f32, carves: bool| {
         let maps = [DepthMap { width: SIZE as usize, distances: vec![distance; 144] }];
-        let depths = Guide { maps: &maps, scale: 1.0 };
-        let batch = batch(scene(&model, &cameras), level, &pixels);
-        let batch = Batch { depths: Some(depths), carves, sharpness: Some(80.0), ..batch };
-        gradient(&batch, &mut Workspace::default()).unwrap().parameters[bias]
+        let depths = Some(Guide { maps: &maps, scale: 1.0 });
+        let surface = Surface::Soft { sharpness: 80.0, depths };
+        let plain = objective(scene(&model, &cameras), level, &pixels, surface);
+        let carving = depths.filter(|_| carves);
+        gradient(&Objective { carving, ..plain }, &mut Workspace::default()).unwrap().parameters
+            [bias]
     };
     let slope = |distance: f32, carves: bool| slope_of(&bright, distance, carves);
     // A surface behind or before that of the ball, and no known depth.
@@ -169,20 +155,18 @@ fn check_gradient(initial_radius: f64) {
     parameters[head].iter_mut().for_each(|p| *p *= 3.0);
     model.set_parameters(&parameters);
     let pixels = all_pixels();
-    let batch = batch(scene(&model, &cameras), &level, &pixels);
-    let gradient = gradient(&batch, &mut Workspace::default()).unwrap().parameters;
+    let surface = Surface::Soft { sharpness: SHARPNESS, depths: None };
+    let objective = objective(scene(&model, &cameras), &level, &pixels, surface);
+    let gradient = gradient(&objective, &mut Workspace::default()).unwrap().parameters;
     // The parts have points of their own. These are found again here.
-    let seed = Stream::new(batch.seed, Purpose::Part).at(0).bits();
-    let batch = Batch { seed, ..batch };
-    let parts: Vec<(&[Pixel], SoftRays)> = (0..PARTS)
-        .map(|number| {
-            let part = Part::new(&batch, number, PartSums::default());
-            (part.pixels, SoftRays::new(&part, &part.samples(), SHARPNESS))
-        })
-        .collect();
+    let seed = Stream::new(objective.seed, Purpose::Part).at(0).bits();
+    let round = Objective { seed, ..objective };
+    let parts = Drawn::parts(&round).into_iter();
+    let parts: Vec<Traced<'_>> =
+        parts.map(|drawn| Traced::new(drawn, SHARPNESS).unwrap()).collect();
     let share = 1.0 / PARTS as f64;
     let total = |model: &Model| {
-        parts.iter().map(|(own, rays)| share * loss(model, rays, own, &level)).sum::<f64>()
+        parts.iter().map(|rays| share * loss(model, rays, rays.drawn.draws, &level)).sum::<f64>()
     };
     let start = model.parameters();
     assert_eq!(start.len(), gradient.len());

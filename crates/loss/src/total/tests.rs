@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::photometry::{Level, MaskUse, Pixel, Target, photometric, pyramid};
+use crate::photometry::{Draw, Level, MaskUse, Target, photometric, pyramid};
 use dataset::View;
 use estimate::record::Pass;
 use estimate::{Estimator, EstimatorOptions, Refined, Registry, SampleCounts};
@@ -15,7 +15,9 @@ use render::{Camera, Scene, render};
 use sdf_nn::Encoding;
 
 use crate::test_model::{BOUNDS, Model, background_model};
-use crate::{Batch, Gradient, Stage, Workspace, gradient};
+use crate::{
+    Gradient, Objective, Regulariser, Stage, Surface, Targets, Wanted, Workspace, gradient,
+};
 
 const BACKGROUND: UniformBackground<f32> = UniformBackground(Vec3::new(0.05, 0.1, 0.2));
 const SIZE: u32 = 16;
@@ -70,32 +72,13 @@ fn level_of(image: Film, is_trained: bool) -> Level {
     pyramid(&[view], MaskUse::None, &background_model(is_trained), 1).remove(0)
 }
 
-fn batch<'a>(
-    scene: Scene<'a, f32>,
-    level: &'a Level,
-    pixels: &'a [Pixel],
-    estimator: &'a dyn Estimator<f32>,
-) -> Batch<'a> {
-    Batch {
-        scene,
-        level,
-        pixels,
-        pixel_count: pixels.len() as f32,
-        trains_background: false,
-        refines_cameras: false,
-        behind: &[],
-        gains: &[],
-        eikonal: 0.0,
-        bending: 0.0,
-        estimator,
-        counts: SampleCounts { spp: 32, edge_samples: 8 },
-        pass: Pass::Limited(1e6),
-        sharpness: None,
-        depths: None,
-        carves: false,
-        seed: 0,
-    }
+/// A sharp surface with these samples in pixels that a silhouette may cross.
+fn sharp(estimator: &dyn Estimator<f32>) -> Surface<'_> {
+    let counts = SampleCounts { spp: 32, edge_samples: 8 };
+    Surface::Sharp { estimator, counts, pass: Pass::Limited(1e6) }
 }
+
+const SOFT: Surface<'_> = Surface::Soft { sharpness: 20.0, depths: None };
 
 /// The mean over seeds of the photometric gradient of a model.
 fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -> Vec<f64> {
@@ -108,14 +91,15 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
     let share = level.pixel_count() as f64 / f64::from(SIZE * SIZE);
     let order = Stream::new(1, Purpose::PixelOrder);
     for seed in 0..seeds {
-        let pixels: Vec<Pixel> =
+        let pixels: Vec<Draw> =
             (0..draws).map(|i| level.draw(i + seed * draws, 4, order)).collect();
-        let batch = Batch {
+        let scene = scene(model, &cameras);
+        let objective = Objective {
             pixel_count: level.count_of(draws, 4) as f32,
             seed,
-            ..batch(scene(model, &cameras), level, &pixels, estimator)
+            ..Objective::photometric(scene, level, &pixels, sharp(estimator))
         };
-        let sum = gradient(&batch, &mut Workspace::default()).unwrap().parameters;
+        let sum = gradient(&objective, &mut Workspace::default()).unwrap().parameters;
         mean.iter_mut()
             .zip(sum)
             .for_each(|(m, g)| *m += f64::from(g) * share / f64::from(seeds as u32));
@@ -166,7 +150,7 @@ struct TwoViews {
     model: Model,
     cameras: [Camera; 2],
     level: Level,
-    pixels: Vec<Pixel>,
+    pixels: Vec<Draw>,
 }
 
 impl TwoViews {
@@ -191,27 +175,30 @@ impl TwoViews {
         TwoViews { model: model(0.5, 24), cameras, level, pixels }
     }
 
-    fn batch<'a>(&'a self, estimator: &'a dyn Estimator<f32>) -> Batch<'a> {
+    fn objective<'a>(&'a self, estimator: &'a dyn Estimator<f32>) -> Objective<'a> {
         let scene = scene(&self.model, &self.cameras);
-        Batch { eikonal: 0.1, bending: 0.03, ..batch(scene, &self.level, &self.pixels, estimator) }
+        let regularisers = &[Regulariser::Eikonal(0.1), Regulariser::Bending(0.03)];
+        let surface = sharp(estimator);
+        let plain = Objective::photometric(scene, &self.level, &self.pixels, surface);
+        Objective { regularisers, ..plain }
     }
 }
 
 /// The gradient on some threads.
-fn on_threads(batch: &Batch<'_>, threads: usize, work: &mut Workspace) -> Gradient {
+fn on_threads(objective: &Objective<'_>, threads: usize, work: &mut Workspace) -> Gradient {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| gradient(batch, work)).unwrap()
+    pool.install(|| gradient(objective, work)).unwrap()
 }
 
 /// Checks that a gradient has the same bits with other tasks on other threads, and in memory that
 /// was used before.
-fn check_bits(batch: &Batch<'_>, name: &str, work: &mut Workspace) -> Gradient {
-    let first = on_threads(batch, 1, &mut Workspace::default());
+fn check_bits(objective: &Objective<'_>, name: &str, work: &mut Workspace) -> Gradient {
+    let first = on_threads(objective, 1, &mut Workspace::default());
     let bits = |gradient: &Gradient| -> Vec<u32> {
         gradient.parameters.iter().map(|g| g.to_bits()).collect()
     };
     for threads in [2, 3, 16] {
-        let again = on_threads(batch, threads, work);
+        let again = on_threads(objective, threads, work);
         let differ = bits(&first).iter().zip(&bits(&again)).position(|(a, b)| a != b);
         assert_eq!(differ, None, "{name}, {threads} threads");
         assert_eq!(first.stats.photometric.to_bits(), again.stats.photometric.to_bits());
@@ -240,24 +227,27 @@ fn the_bits_of_a_gradient_do_not_depend_on_threads_or_tasks() {
     for name in ["refined", "paper", "interior"] {
         let options = EstimatorOptions::default();
         let estimator = Registry::default().get(name).unwrap().estimator(&options);
-        let plain = Batch { gains: &gains, ..views.batch(&*estimator) };
+        let plain = views.objective(&*estimator);
+        let targets = Targets { gains: &gains, ..plain.targets };
+        let plain = Objective { targets, ..plain };
         let found = check_bits(&plain, name, &mut work);
         assert!(found.parameters.iter().any(|g| *g != 0.0));
-        let depths = Some(Guide { maps: &maps, scale: 1.0 });
-        let carved = check_bits(&Batch { depths, carves: true, ..plain }, name, &mut work);
+        let carving = Some(Guide { maps: &maps, scale: 1.0 });
+        let carved = check_bits(&Objective { carving, ..plain }, name, &mut work);
         let bias = views.model.field.weight_count() - 1;
         // Carving raises f, against the gradient.
         let change = carved.parameters[bias] - found.parameters[bias];
         assert!(change < 0.0, "{name}: carving changes the slope by {change}");
         let background: &dyn Background<f32> = &volume;
         let scene = Scene { background, ..plain.scene };
-        let trained = Batch { trains_background: true, scene, ..plain };
-        let trained = Batch { refines_cameras: estimator.differentiates_cameras(), ..trained };
+        let wanted = Wanted { background: true, cameras: estimator.differentiates_cameras() };
+        let trained = Objective { wanted, scene, ..plain };
         let found = check_bits(&trained, name, &mut work);
         let count = background.parameter_count();
         let of_background = &found.parameters[found.parameters.len() - count..];
         assert!(of_background.iter().any(|g| *g != 0.0), "{name}");
-        let soft = Batch { sharpness: Some(20.0), refines_cameras: false, ..trained };
+        let wanted = Wanted { cameras: false, ..wanted };
+        let soft = Objective { surface: SOFT, wanted, ..trained };
         check_bits(&soft, name, &mut work);
     }
 }
@@ -266,18 +256,20 @@ fn the_bits_of_a_gradient_do_not_depend_on_threads_or_tasks() {
 fn batches_of_few_pixels_and_of_several_rounds_have_a_gradient() {
     for count in [0, 1, 15, 4100] {
         let views = TwoViews::new(count);
-        let batch = Batch { pixel_count: count.max(1) as f32, ..views.batch(&Refined) };
-        let sharp = check_bits(&batch, "sharp", &mut Workspace::default());
+        let pixel_count = count.max(1) as f32;
+        let objective = Objective { pixel_count, ..views.objective(&Refined) };
+        let sharp = check_bits(&objective, "sharp", &mut Workspace::default());
         assert!(sharp.parameters.iter().all(|g| g.is_finite()));
         assert_eq!(sharp.stats.pixels, views.pixels.len() as u64);
-        check_bits(&Batch { sharpness: Some(20.0), ..batch }, "soft", &mut Workspace::default());
+        let soft = Objective { surface: SOFT, ..objective };
+        check_bits(&soft, "soft", &mut Workspace::default());
     }
     // A solid that no ray hits.
     let mut views = TwoViews::new(100);
     let mut parameters = views.model.parameters();
     parameters[views.model.field.weight_count() - 1] += 5.0;
     views.model.set_parameters(&parameters);
-    let missed = check_bits(&views.batch(&Refined), "missed", &mut Workspace::default());
+    let missed = check_bits(&views.objective(&Refined), "missed", &mut Workspace::default());
     assert_eq!(missed.stats.edge_pixels, 0);
 }
 
@@ -289,14 +281,16 @@ fn cameras_and_gains_have_the_gradient_of_one_record() {
     views.pixels.sort_by_key(|p| (p.view, p.y, p.x));
     views.pixels.dedup();
     let gains = [Vec3::new(1.3, 0.7, 1.0), Vec3::new(0.6, 1.0, 1.2)];
-    let batch = Batch { gains: &gains, refines_cameras: true, ..views.batch(&Refined) };
-    let batch = Batch { eikonal: 0.0, bending: 0.0, ..batch };
-    let found = gradient(&batch, &mut Workspace::default()).unwrap();
+    let plain = views.objective(&Refined);
+    let targets = Targets { gains: &gains, ..plain.targets };
+    let wanted = Wanted { cameras: true, ..Wanted::default() };
+    let objective = Objective { targets, wanted, regularisers: &[], ..plain };
+    let found = gradient(&objective, &mut Workspace::default()).unwrap();
     // The gradient by the gain of a view is that of its own pixels alone.
     for view in 0..2 {
-        let own: Vec<Pixel> =
+        let own: Vec<Draw> =
             views.pixels.iter().filter(|p| p.view == view as u32).copied().collect();
-        let alone = Batch { pixels: &own, ..batch };
+        let alone = Objective { draws: &own, ..objective };
         let alone = gradient(&alone, &mut Workspace::default()).unwrap();
         let [all, own] = [found.gains[view], alone.gains[view]];
         assert!((all - own).length() < 0.2 * own.length(), "{view}: {all} and {own}");
@@ -313,13 +307,14 @@ fn an_observer_sees_each_task_begin_and_end() {
     let (cameras, model) = ([camera()], model(0.5, 24));
     let level = level_of(target(), false);
     let order = Stream::new(1, Purpose::PixelOrder);
-    let pixels: Vec<Pixel> = (0..250).map(|i| level.draw(i, 1, order)).collect();
-    let batch = batch(scene(&model, &cameras), &level, &pixels, &Refined);
+    let pixels: Vec<Draw> = (0..250).map(|i| level.draw(i, 1, order)).collect();
+    let scene = scene(&model, &cameras);
+    let objective = Objective::photometric(scene, &level, &pixels, sharp(&Refined));
     let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let log = std::sync::Arc::clone(&seen);
     let observer = Box::new(move |stage, begins| log.lock().unwrap().push((stage, begins)));
-    let observed = gradient(&batch, &mut Workspace::observed(16, observer)).unwrap();
-    let plain = gradient(&batch, &mut Workspace::default()).unwrap();
+    let observed = gradient(&objective, &mut Workspace::observed(16, observer)).unwrap();
+    let plain = gradient(&objective, &mut Workspace::default()).unwrap();
     assert_eq!(observed.parameters, plain.parameters);
     let seen = seen.lock().unwrap();
     let count = |stage, begins| seen.iter().filter(|event| **event == (stage, begins)).count();

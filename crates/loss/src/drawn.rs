@@ -1,0 +1,82 @@
+//! The first stage of an iteration: drawn pixels, in parts that threads share.
+
+use std::ops::Range;
+
+use glam::{DVec2, Vec3};
+use random::{Purpose, Stream};
+use render::Sample;
+
+use crate::objective::Objective;
+use crate::photometry::Draw;
+
+/// The number of parts of a round: 16 threads can share it.
+pub(crate) const PARTS: usize = 16;
+
+/// A part of the pixels of a round, with random numbers of its own.
+#[derive(Clone, Copy)]
+pub(crate) struct Drawn<'a> {
+    pub(crate) objective: &'a Objective<'a>,
+    /// The number of the first pixel among the draws of the round.
+    pub(crate) first: usize,
+    pub(crate) draws: &'a [Draw],
+    pub(crate) seed: u64,
+}
+
+impl<'a> Drawn<'a> {
+    /// The pixels of a round in [`PARTS`] parts of about the same size.
+    pub(crate) fn parts(round: &'a Objective<'a>) -> Vec<Self> {
+        let part = |number: usize| {
+            let place = portion(round.draws.len(), number, PARTS);
+            let seed = Stream::new(round.seed, Purpose::Part).at(number as u64).bits();
+            Drawn { objective: round, first: place.start, draws: &round.draws[place], seed }
+        };
+        (0..PARTS).map(part).collect()
+    }
+
+    /// The same part with these pixels of the round.
+    pub(crate) fn with(self, place: Range<usize>) -> Self {
+        Drawn { first: place.start, draws: &self.objective.draws[place], ..self }
+    }
+
+    /// One uniform random sample in every pixel.
+    pub(crate) fn samples(&self) -> Vec<Sample> {
+        let numbers = self.first..self.first + self.draws.len();
+        numbers.map(|number| self.objective.sample(number)).collect()
+    }
+
+    /// The weight of one pixel in the mean loss.
+    pub(crate) fn pixel_weight(&self) -> f32 {
+        1.0 / self.objective.pixel_count
+    }
+}
+
+impl Objective<'_> {
+    /// A uniform random sample in a pixel, which has this number among the draws.
+    pub(crate) fn sample(&self, number: usize) -> Sample {
+        let stream = Stream::new(self.seed, Purpose::FitSamples).at(number as u64);
+        let draw = &self.draws[number];
+        let at = |corner: u16, axis: u64| f64::from(corner) + stream.at(axis).unit();
+        Sample { camera: draw.view as usize, u: DVec2::new(at(draw.x, 0), at(draw.y, 1)) }
+    }
+}
+
+/// A point of the surface that a part of the pixels sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearPoint {
+    /// The number of its pixel in the part.
+    pub(crate) pixel: usize,
+    /// The point, in world units.
+    pub(crate) x: Vec3,
+    /// The number of pixels that it stands for.
+    pub(crate) weight: f32,
+}
+
+/// The number of pixels that these draws stand for.
+pub(crate) fn pixels_of(draws: &[Draw]) -> u64 {
+    draws.iter().map(|draw| u64::from(draw.count)).sum()
+}
+
+/// The range of a task among `count` things that `tasks` tasks share.
+pub(crate) fn portion(count: usize, task: usize, tasks: usize) -> Range<usize> {
+    task * count / tasks..(task + 1) * count / tasks
+}
