@@ -1,9 +1,11 @@
 //! Makes a variant of a data set of renders: the same object before another background.
 
+use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
+use files::WriteError;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use tests::compose::{Kind, compose};
@@ -42,14 +44,26 @@ fn main() -> ExitCode {
     match run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", files::printable(&format!("{error:#}").replace('\n', " ")));
-            ExitCode::from(if error.is::<files::InputError>() { 2 } else { 1 })
+            eprintln!("error: {}", files::printable(&line(&error).replace('\n', " ")));
+            ExitCode::from(if error.input().is_some() { 2 } else { 1 })
         }
     }
 }
 
-fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left")?;
+/// An error and its causes.
+fn line(error: &dyn Error) -> String {
+    let mut line = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        line += &format!(": {error}");
+        cause = error.source();
+    }
+    line
+}
+
+fn run(arguments: &Arguments) -> Result<(), WriteError> {
+    let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
     let bar = ProgressBar::new(1000).with_style(style).with_message("views");
     let Arguments { kind, dataset, out, seed } = arguments;
     let result = compose(*kind, dataset, out, *seed, &mut |p| bar.set_position((1e3 * p) as u64));

@@ -1,6 +1,6 @@
 //! Exit statuses of errors.
 
-use files::InputError;
+use files::{InputError, WriteError};
 
 pub use crate::messages::Interrupted;
 
@@ -9,10 +9,21 @@ pub use crate::messages::Interrupted;
 #[error("{0}")]
 pub(crate) struct WrongArguments(pub(crate) String);
 
-/// The exit status of an error: 2 for wrong input ([`InputError`]) and wrong arguments, 130 for
+/// The wrong input, if that is the error of a command: on its own, or as a case of the error of a
+/// library.
+pub fn input_error(error: &anyhow::Error) -> Option<&InputError> {
+    error
+        .downcast_ref::<InputError>()
+        .or_else(|| error.downcast_ref::<WriteError>()?.input())
+        .or_else(|| error.downcast_ref::<scene::synth::Error>()?.input())
+        .or_else(|| error.downcast_ref::<poses::Error>()?.input())
+        .or_else(|| error.downcast_ref::<report::Error>()?.input())
+}
+
+/// The exit status of an error: 2 for wrong input ([`input_error`]) and wrong arguments, 130 for
 /// [`Interrupted`], 1 for any other error.
 pub fn exit_status(error: &anyhow::Error) -> u8 {
-    if error.is::<InputError>() || error.is::<WrongArguments>() {
+    if input_error(error).is_some() || error.is::<WrongArguments>() {
         2
     } else if error.downcast_ref::<Interrupted>().is_some() {
         130

@@ -29,7 +29,7 @@ impl Default for LoadOptions {
 ///
 /// # Errors
 /// As these.
-pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, InputError> {
     open(path)?.read(options, &mut |_| {})
 }
 
@@ -50,7 +50,7 @@ pub struct Unread {
 /// # Errors
 /// If no format is recognised, or if a file is missing or wrong: an [`InputError`] with the file
 /// and the place in it.
-pub fn open(path: &Path) -> anyhow::Result<Unread> {
+pub fn open(path: &Path) -> Result<Unread, InputError> {
     let folder = match path.parent().filter(|_| path.is_file()) {
         Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
         Some(parent) => parent,
@@ -63,7 +63,7 @@ pub fn open(path: &Path) -> anyhow::Result<Unread> {
         None => every_eighth(train),
     };
     if train.is_empty() {
-        return Err(InputError::new(path, "views", "none to fit", "two photographs or more").into());
+        return Err(InputError::new(path, "views", "none to fit", "two photographs or more"));
     }
     train.iter().chain(&test).try_for_each(|view| view.check_lens(path))?;
     Ok(Unread { path: path.to_owned(), train, test, recognised })
@@ -158,11 +158,11 @@ impl Unread {
         self,
         options: &LoadOptions,
         progress: &mut dyn FnMut(f64),
-    ) -> anyhow::Result<Dataset> {
+    ) -> Result<Dataset, InputError> {
         let Unread { path, train, test, recognised } = self;
         let n = options.downscale;
         if n == 0 {
-            return Err(InputError::new(path, "downscale", 0, "1 or more").into());
+            return Err(InputError::new(path, "downscale", 0, "1 or more"));
         }
         refuse_too_many(&path, [&train, &test], n)?;
         let (of_train, all) = (train.len(), (train.len() + test.len()) as f64);

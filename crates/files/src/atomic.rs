@@ -1,14 +1,13 @@
 //! Files that are replaced whole: after a crash a file is the complete old or the complete new one.
 
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Write};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::Path;
 
-use anyhow::Context;
 use tempfile::NamedTempFile;
 
-use crate::InputError;
 use crate::regular::check_regular;
+use crate::{InputError, WriteError};
 
 /// The start of the name of a temporary file. The number of the process follows.
 const PREFIX: &str = ".dsdf-";
@@ -22,17 +21,15 @@ const SUFFIX: &str = ".tmp";
 /// renamed to `path`. On an error the temporary file is removed and the old file, if any, stays.
 ///
 /// # Errors
-/// An [`InputError`] as of [`check_output`].
-/// Other errors, for example a full disk or an error of `write`, come with the path as context.
+/// As [`check_output`], and [`WriteError::File`] for a disk that fills up or an error of `write`.
 pub fn atomic_write(
     path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), WriteError> {
     refuse_path(path)?;
     let folder = folder_of(path);
     let temporary = temporary_in(folder).map_err(|e| folder_error(folder, e))?;
-    fill_and_rename(temporary, path, write)
-        .with_context(|| format!("cannot write {}", path.display()))?;
+    fill_and_rename(temporary, path, write).map_err(|e| WriteError::of_file(path, e))?;
     // The rename is an entry of the folder, so the folder is synced too. Some systems cannot sync a
     // folder. The file is whole there as well; only the rename may be lost in a crash.
     if let Ok(folder) = File::open(folder) {
@@ -46,9 +43,9 @@ pub fn atomic_write(
 /// A temporary file is created in the folder and removed.
 ///
 /// # Errors
-/// An [`InputError`] if `path` is a folder or no possible name, or if its folder is missing or does
-/// not accept files. Other errors if the disk is full.
-pub fn check_output(path: &Path) -> anyhow::Result<()> {
+/// [`WriteError::Input`] if `path` is a folder or no possible name, or if its folder is missing or
+/// does not accept files. [`WriteError::Folder`] if the disk is full.
+pub fn check_output(path: &Path) -> Result<(), WriteError> {
     refuse_path(path)?;
     let folder = folder_of(path);
     temporary_in(folder).map(drop).map_err(|e| folder_error(folder, e))
@@ -59,9 +56,9 @@ pub fn check_output(path: &Path) -> anyhow::Result<()> {
 /// A temporary file is created, in the folder or in the nearest folder above it, and removed.
 ///
 /// # Errors
-/// An [`InputError`] if the folder cannot be created or does not accept files. Other errors if the
-/// disk is full.
-pub fn check_output_folder(folder: &Path) -> anyhow::Result<()> {
+/// [`WriteError::Input`] if the folder cannot be created or does not accept files.
+/// [`WriteError::Folder`] if the disk is full.
+pub fn check_output_folder(folder: &Path) -> Result<(), WriteError> {
     refuse_name(folder, "a shorter name of a folder")?;
     let present = folder.ancestors().find(|p| p.symlink_metadata().is_ok());
     let present = present.unwrap_or(Path::new("."));
@@ -146,7 +143,7 @@ fn refuse_name(path: &Path, expected: &str) -> Result<(), InputError> {
     }
 }
 
-fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     let prefix = format!("{PREFIX}{}-", std::process::id());
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(SUFFIX);
@@ -160,22 +157,21 @@ fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
 fn fill_and_rename(
     temporary: NamedTempFile,
     path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let mut out = BufWriter::new(temporary);
     write(&mut out)?;
-    let temporary = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+    let temporary = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     temporary.as_file().sync_all()?;
     temporary.persist(path)?;
     Ok(())
 }
 
 /// The error of a temporary file that cannot be created: wrong input unless the disk is full.
-fn folder_error(folder: &Path, error: std::io::Error) -> anyhow::Error {
+fn folder_error(folder: &Path, error: io::Error) -> WriteError {
     let found = match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-            let context = format!("cannot write in {}", folder.display());
-            return anyhow::Error::from(error).context(context);
+            return WriteError::of_folder(folder, error);
         }
         // The text of the error would name the temporary file.
         ErrorKind::NotFound if folder.exists() => "a folder that accepts no files".to_owned(),
@@ -195,12 +191,16 @@ mod tests {
     fn a_failed_write_leaves_the_old_file_and_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
-        atomic_write(&path, |out| Ok(out.write_all(b"old")?)).unwrap();
+        atomic_write(&path, |out| out.write_all(b"old")).unwrap();
         let failed = atomic_write(&path, |out| {
             out.write_all(b"half")?;
-            anyhow::bail!("no room")
+            Err(io::Error::other("no room"))
         });
-        assert!(failed.is_err());
+        let error = failed.unwrap_err();
+        assert!(matches!(error, WriteError::File { .. }));
+        assert_eq!(error.to_string(), format!("cannot write {}", path.display()));
+        let cause = std::error::Error::source(&error).map(ToString::to_string);
+        assert_eq!(cause.as_deref(), Some("no room"));
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
@@ -209,7 +209,7 @@ mod tests {
     fn a_missing_folder_is_an_input_error() {
         let folder = tempfile::tempdir().unwrap();
         let error = atomic_write(&folder.path().join("no/a.txt"), |_| Ok(())).unwrap_err();
-        assert!(error.is::<InputError>());
+        assert!(error.input().is_some());
         let error = atomic_write(folder.path(), |_| Ok(())).unwrap_err();
         assert!(error.to_string().contains("a folder"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -217,8 +217,8 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_no_input_error() {
-        let error = folder_error(Path::new("x"), std::io::Error::from(ErrorKind::StorageFull));
-        assert!(!error.is::<InputError>() && error.to_string().ends_with("in x"), "{error}");
+        let error = folder_error(Path::new("x"), io::Error::from(ErrorKind::StorageFull));
+        assert!(error.input().is_none() && error.to_string().ends_with("in x"), "{error}");
     }
 
     #[test]
@@ -234,12 +234,12 @@ mod tests {
             (folder.path().to_owned(), "a folder"),
         ] {
             let error = check_output(&path).unwrap_err();
-            assert!(error.is::<InputError>() && error.to_string().contains(found), "{error}");
-            assert!(atomic_write(&path, |_| Ok(())).unwrap_err().is::<InputError>());
+            assert!(error.input().is_some() && error.to_string().contains(found), "{error}");
+            assert!(atomic_write(&path, |_| Ok(())).unwrap_err().input().is_some());
         }
         for (path, found) in [(in_folder(&long), "refuses"), (in_folder("file/a"), "a file")] {
             let error = check_output_folder(&path.join("more")).unwrap_err();
-            assert!(error.is::<InputError>() && error.to_string().contains(found), "{error}");
+            assert!(error.input().is_some() && error.to_string().contains(found), "{error}");
         }
         check_output(&in_folder("a.png")).unwrap();
         check_output_folder(&in_folder("a/b/c")).unwrap();

@@ -1,6 +1,8 @@
-//! The error of wrong input: one line that names the file and the field.
+//! The errors of files: wrong input, as one line that names the file and the field, and output that
+//! cannot be written.
 
 use std::fmt::Display;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The `file` of an error in an argument of the command line.
@@ -39,6 +41,52 @@ impl InputError {
             field: cut(one_line(field), SHOWN_CHARACTERS),
             found: cut(one_line(found), SHOWN_CHARACTERS),
             expected: one_line(expected),
+        }
+    }
+}
+
+/// A file that cannot be written.
+///
+/// Its cause, if any, is the [`source`](std::error::Error::source) and no part of the message.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The path, or an input that the content is made of, is wrong.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The content cannot be made, or the system does not take it.
+    #[error("cannot write {}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// The system makes no file in a folder, for example since the disk is full.
+    #[error("cannot write in {}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+}
+
+impl WriteError {
+    /// The error of a file that cannot be written.
+    pub fn of_file(path: impl AsRef<Path>, source: io::Error) -> Self {
+        WriteError::File { path: path.as_ref().to_owned(), source }
+    }
+
+    /// The error of a folder in which no file can be written.
+    pub fn of_folder(folder: impl AsRef<Path>, source: io::Error) -> Self {
+        WriteError::Folder { folder: folder.as_ref().to_owned(), source }
+    }
+
+    /// The wrong input, if that is the error.
+    pub fn input(&self) -> Option<&InputError> {
+        match self {
+            WriteError::Input(input) => Some(input),
+            WriteError::File { .. } | WriteError::Folder { .. } => None,
         }
     }
 }

@@ -19,7 +19,7 @@ pub use atomic::{
 pub use bounds::{SPHERE, is_sphere, parse_bounds};
 pub use check::Check;
 pub use duration::parse_duration;
-pub use error::{ARGUMENTS, InputError, is_hidden, printable};
+pub use error::{ARGUMENTS, InputError, WriteError, is_hidden, printable};
 pub use lock::lock;
 pub use memory::{check_memory, memory_limit};
 pub use regular::{open, read, read_text};

@@ -4,15 +4,17 @@ use std::path::Path;
 
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::{InputError, atomic_write};
+use crate::{InputError, WriteError, atomic_write};
 
 /// Writes a value to the file `name` of a run folder.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn save(run: &Path, name: &str, value: &impl Serialize) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(value)?;
-    atomic_write(&run.join(name), |out| Ok(out.write_all(text.as_bytes())?))
+pub fn save(run: &Path, name: &str, value: &impl Serialize) -> Result<(), WriteError> {
+    atomic_write(&run.join(name), |out| {
+        let text = serde_json::to_string_pretty(value)?;
+        out.write_all(text.as_bytes())
+    })
 }
 
 /// Reads the file `name` of a run folder; `None` if there is none. `content` names its content in

@@ -21,7 +21,7 @@ pub use image_read::{
     TurnedByExif, check_image, focal_length, image_size, read_image, read_image_of, reading_memory,
     turned_by_exif,
 };
-pub use image_write::{png, write_image};
+pub use image_write::{EncodeError, png, write_image};
 pub use label::labelled;
 pub use npy::{NpyReader, npy_reader, read_npy, write_npy};
 pub use sheet::contact_sheet;

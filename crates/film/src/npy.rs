@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Chain, Cursor, Error, ErrorKind, Read, Write};
 use std::path::Path;
 
-use files::{InputError, atomic_write, check_memory, open};
+use files::{InputError, WriteError, atomic_write, check_memory, open};
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
 /// Bytes of memory for each byte of a .npy file: the numbers in both precisions, and the data that
@@ -153,9 +153,9 @@ fn array_error(path: &Path, found: impl Display) -> InputError {
 /// `path` whole.
 ///
 /// # Errors
-/// If the count of numbers is not the product of `shape`, or the file cannot be written; an
-/// [`InputError`] if the folder does not accept files.
-pub fn write_npy(path: &Path, shape: &[usize], data: &[f32]) -> anyhow::Result<()> {
+/// [`WriteError::Input`] if the folder does not accept files. [`WriteError::File`] if the count of
+/// numbers is not the product of `shape`, or the file cannot be written.
+pub fn write_npy(path: &Path, shape: &[usize], data: &[f32]) -> Result<(), WriteError> {
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     atomic_write(path, |out| {
         // `npyz` writes number by number, and every call of a `dyn Write` has a cost.
@@ -164,7 +164,7 @@ pub fn write_npy(path: &Path, shape: &[usize], data: &[f32]) -> anyhow::Result<(
             npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut out).begin_nd()?;
         writer.extend(data.iter().copied())?;
         writer.finish()?;
-        Ok(out.flush()?)
+        out.flush()
     })
 }
 

@@ -45,7 +45,7 @@ impl RunExposures {
     }
 
     pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        run_json::save(run, FILE, self)
+        Ok(run_json::save(run, FILE, self)?)
     }
 
     /// The exposures of a run; `None` if they are equal.

@@ -32,7 +32,7 @@ impl MetricsFile {
                 kept.push(b'\n');
             }
         }
-        files::atomic_write(path, |out| Ok(out.write_all(&kept)?))?;
+        files::atomic_write(path, |out| out.write_all(&kept))?;
         let file = OpenOptions::new().append(true).open(path);
         let file = file.with_context(|| format!("cannot write {}", path.display()))?;
         Ok(MetricsFile { path: path.to_owned(), writer: BufWriter::new(file) })

@@ -176,9 +176,9 @@ impl Model {
     /// If a file cannot be written. A file that was there before then stays complete.
     pub fn save(&self, run: &Path, origin: DVec3) -> anyhow::Result<()> {
         let field = self.field.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join("model.safetensors"), |out| Ok(out.write_all(&field)?))?;
+        atomic_write(&run.join("model.safetensors"), |out| out.write_all(&field))?;
         let head = self.head.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join("radiance.safetensors"), |out| Ok(out.write_all(&head)?))?;
+        atomic_write(&run.join("radiance.safetensors"), |out| out.write_all(&head))?;
         self.background.save(run, origin)
     }
 

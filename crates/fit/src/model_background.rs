@@ -92,7 +92,7 @@ impl ModelBackground {
     pub(crate) fn save(&self, run: &Path, origin: DVec3) -> anyhow::Result<()> {
         let ModelBackground::Trained(volume) = self else { return Ok(()) };
         let bytes = volume.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join(FILE), |out| Ok(out.write_all(&bytes)?))
+        Ok(atomic_write(&run.join(FILE), |out| out.write_all(&bytes))?)
     }
 
     /// Reads the background of a run folder, for points relative to the run's origin.

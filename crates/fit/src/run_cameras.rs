@@ -67,7 +67,7 @@ impl RunCameras {
     }
 
     pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        run_json::save(run, FILE, self)
+        Ok(run_json::save(run, FILE, self)?)
     }
 
     /// The refined cameras of a run; `None` if they are those of the data set.

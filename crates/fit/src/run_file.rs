@@ -170,7 +170,7 @@ impl RunFile {
     /// # Errors
     /// If they cannot be read.
     pub fn read(&self, other: Option<&Path>) -> anyhow::Result<Dataset> {
-        self.open(other)?.read(&LoadOptions { downscale: self.downscale() }, &mut |_| {})
+        Ok(self.open(other)?.read(&LoadOptions { downscale: self.downscale() }, &mut |_| {})?)
     }
 
     /// The data set as the run sees it: relative to [`origin`](Self::origin), and over black if
@@ -330,7 +330,7 @@ impl RunFile {
     pub fn save(&self, run: &Path) -> anyhow::Result<()> {
         let options = FitOptions { downscale: Some(self.downscale()), ..self.options.clone() };
         let text = toml::to_string(&RunFile { options, ..self.clone() })?;
-        atomic_write(&run.join("fit.toml"), |out| Ok(out.write_all(text.as_bytes())?))
+        Ok(atomic_write(&run.join("fit.toml"), |out| out.write_all(text.as_bytes()))?)
     }
 }
 

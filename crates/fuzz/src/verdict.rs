@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use files::InputError;
+use app::error::input_error;
 use sweep::report::Refusal;
 
 /// The most characters of a message, beyond the path of the folder.
@@ -25,7 +25,7 @@ pub enum Verdict {
 /// folder of `folder`.
 pub(crate) fn judge(folder: &Path, result: &anyhow::Result<()>) -> Verdict {
     let Err(error) = result else { return Verdict::Accepted };
-    if !error.is::<InputError>() && !error.is::<Refusal>() {
+    if input_error(error).is_none() && !error.is::<Refusal>() {
         return Verdict::Wrong(format!("no input error: {error:#}"));
     }
     judge_line(folder, &error.to_string())
@@ -50,6 +50,8 @@ pub(crate) fn judge_line(folder: &Path, message: &str) -> Verdict {
 
 #[cfg(test)]
 mod tests {
+    use files::InputError;
+
     use super::*;
 
     #[test]

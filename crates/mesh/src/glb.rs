@@ -4,9 +4,8 @@
 //! primitive. The binary chunk holds the positions, then the normals, the colours and the points in
 //! the texture if there are any, then the indices, then the image of the texture.
 
-use std::io::Write;
+use std::io::{self, Write};
 
-use anyhow::Context;
 use glam::{DQuat, DVec3, Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -63,11 +62,12 @@ impl Parts<'_> {
 }
 
 /// Writes the mesh as a .glb file.
-pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> anyhow::Result<()> {
+pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> io::Result<()> {
     let whole = mesh;
     let split = export.texture.map(|texture| texture.split(whole));
     let mesh = split.as_ref().unwrap_or(whole);
-    let mut image = export.texture.map_or(Ok(Vec::new()), |texture| film::png(&texture.image))?;
+    let image = export.texture.map_or(Ok(Vec::new()), |texture| film::png(&texture.image));
+    let mut image = image.map_err(io::Error::other)?;
     image.resize(image.len().next_multiple_of(4), 0);
     let parts = Parts {
         vertices: &mesh.vertices,
@@ -88,8 +88,10 @@ pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> an
     let mut text = serde_json::to_vec(&document)?;
     text.resize(text.len().next_multiple_of(4), b' ');
     let binary_bytes = parts.bytes();
-    let total = u32::try_from(HEADER_BYTES + text.len() + binary_bytes)
-        .context("a .glb file holds at most 4 GiB; a .ply file has no such limit")?;
+    let total = u32::try_from(HEADER_BYTES + text.len() + binary_bytes).map_err(|e| {
+        let limit = "a .glb file holds at most 4 GiB; a .ply file has no such limit";
+        io::Error::other(format!("{limit}: {e}"))
+    })?;
     for word in [MAGIC, VERSION, total, text.len() as u32, JSON_CHUNK] {
         out.write_all(&word.to_le_bytes())?;
     }
@@ -113,8 +115,7 @@ pub(crate) fn write_glb(mesh: &Mesh, export: &Export, out: &mut dyn Write) -> an
     for face in parts.faces {
         out.write_all(&little_endian(*face))?;
     }
-    out.write_all(&parts.image)?;
-    Ok(())
+    out.write_all(&parts.image)
 }
 
 /// The JSON chunk, without nodes.

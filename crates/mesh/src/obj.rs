@@ -1,9 +1,9 @@
 //! Writing of .obj files, and of the .mtl and .png files of a textured one.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
-use files::{InputError, atomic_write};
+use files::{InputError, WriteError, atomic_write};
 
 use crate::write::{is_far, srgb};
 use crate::{Mesh, Texture};
@@ -34,9 +34,10 @@ fn names_beside(path: &Path) -> Result<[String; 2], InputError> {
 /// that they replace none of another program.
 ///
 /// # Errors
-/// An [`InputError`] if the name is not one that readers of .mtl files understand, one of the files
-/// cannot be written, or one is there and the material file is not dsdf's.
-pub fn check_textured_obj(path: &Path) -> anyhow::Result<()> {
+/// [`WriteError::Input`] if the name is not one that readers of .mtl files understand, one of the
+/// files cannot be written, or one is there and the material file is not dsdf's.
+/// [`WriteError::Folder`] if the disk is full.
+pub fn check_textured_obj(path: &Path) -> Result<(), WriteError> {
     let beside = names_beside(path)?.map(|name| path.with_file_name(name));
     for file in &beside {
         files::check_output(file)?;
@@ -53,7 +54,11 @@ pub fn check_textured_obj(path: &Path) -> anyhow::Result<()> {
 
 /// Writes a mesh as an .obj file. The image of a texture goes to a file beside it, and its name to
 /// an .mtl file; both have the name of the .obj file without its extension.
-pub(crate) fn write_obj(path: &Path, mesh: &Mesh, texture: Option<&Texture>) -> anyhow::Result<()> {
+pub(crate) fn write_obj(
+    path: &Path,
+    mesh: &Mesh,
+    texture: Option<&Texture>,
+) -> Result<(), WriteError> {
     let Some(texture) = texture else {
         return atomic_write(path, |out| write(mesh, None, out));
     };
@@ -62,17 +67,13 @@ pub(crate) fn write_obj(path: &Path, mesh: &Mesh, texture: Option<&Texture>) -> 
     film::write_image(&path.with_file_name(&image), &texture.image)?;
     atomic_write(&path.with_file_name(&material), |out| {
         // Without highlights: the image has the light of the photographs in it.
-        Ok(writeln!(out, "{MATERIAL}Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {image}")?)
+        writeln!(out, "{MATERIAL}Ka 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {image}")
     })?;
     atomic_write(path, |out| write(mesh, Some((texture, &material)), out))
 }
 
 /// Writes the lines of an .obj file; `texture` has the name of the material file beside it.
-fn write(
-    mesh: &Mesh,
-    texture: Option<(&Texture, &str)>,
-    out: &mut dyn Write,
-) -> anyhow::Result<()> {
+fn write(mesh: &Mesh, texture: Option<(&Texture, &str)>, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "# dsdf")?;
     if let Some((_, material)) = texture {
         writeln!(out, "mtllib {material}\nusemtl baked")?;

@@ -2,7 +2,7 @@
 //!
 //! The format has triangles of positions in single precision, and no list of vertices.
 
-use std::io::{Cursor, Write};
+use std::io::{self, Cursor, Write};
 use std::path::Path;
 
 use files::InputError;
@@ -18,11 +18,12 @@ const HEADER_BYTES: usize = 80;
 const TRIANGLE_BYTES: usize = 50;
 
 /// Writes the mesh as a binary .stl file.
-pub(crate) fn write_stl(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
+pub(crate) fn write_stl(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let mut header = [b' '; HEADER_BYTES];
     header[..4].copy_from_slice(b"dsdf");
     out.write_all(&header)?;
-    out.write_all(&u32::try_from(mesh.faces.len())?.to_le_bytes())?;
+    let faces = u32::try_from(mesh.faces.len()).map_err(io::Error::other)?;
+    out.write_all(&faces.to_le_bytes())?;
     for (i, face) in mesh.faces.iter().enumerate() {
         let normal = mesh.face_cross(i).normalize_or_zero().as_vec3();
         let corners = face.map(|v| (mesh.origin + mesh.vertices[v as usize].as_dvec3()).as_vec3());

@@ -1,9 +1,9 @@
 //! Writing of mesh files: .ply, .obj, .glb and .stl.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
-use files::{InputError, atomic_write, extension};
+use files::{InputError, WriteError, atomic_write, extension};
 use film::srgb_encode;
 use glam::{DVec3, Vec3};
 
@@ -36,7 +36,7 @@ impl Default for Export<'_> {
 ///
 /// # Errors
 /// As of [`export_mesh`].
-pub fn write_mesh(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
+pub fn write_mesh(path: &Path, mesh: &Mesh) -> Result<(), WriteError> {
     export_mesh(path, mesh, &Export::default())
 }
 
@@ -50,10 +50,10 @@ pub fn write_mesh(path: &Path, mesh: &Mesh) -> anyhow::Result<()> {
 /// and beside an .obj with the name `shape` as `shape.mtl` and `shape_texture.png`.
 ///
 /// # Errors
-/// An [`InputError`] if the extension is another one, the folder does not accept files, the format
-/// has no textures and `export` has one, or the mesh is too far from the world's origin for .stl.
-/// Other errors if the file cannot be written, or is a .glb of more than 4 GiB.
-pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> anyhow::Result<()> {
+/// [`WriteError::Input`] if the extension is another one, the folder does not accept files, the
+/// format has no textures and `export` has one, or the mesh is too far from the world's origin for
+/// .stl. [`WriteError::File`] if the file cannot be written, or is a .glb of more than 4 GiB.
+pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> Result<(), WriteError> {
     let extension = extension(path);
     let error = |found: &str, expected| InputError::new(path, "output", found, expected);
     if export.texture.is_some() && !["glb", "obj"].contains(&extension.as_str()) {
@@ -104,7 +104,7 @@ pub(crate) fn srgb(color: Vec3) -> [f32; 3] {
     color.to_array().map(|c| srgb_encode(c.clamp(0.0, 1.0)).clamp(0.0, 1.0))
 }
 
-fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
+fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let (normals, colors) = (mesh.has_normals(), mesh.has_colors());
     write_ply_header(mesh, out)?;
     for (i, v) in mesh.vertices.iter().enumerate() {
@@ -128,7 +128,7 @@ fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
+fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
     writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment dsdf\nelement vertex {vertices}")?;
     let position = if is_far(mesh) { "double" } else { "float" };
@@ -141,6 +141,5 @@ fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
     for name in ["red", "green", "blue"].iter().filter(|_| mesh.has_colors()) {
         writeln!(out, "property uchar {name}")?;
     }
-    writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")?;
-    Ok(())
+    writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")
 }

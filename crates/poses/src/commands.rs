@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use files::InputError;
 
+use crate::Error;
 use crate::photographs::Photographs;
 use crate::program::Help;
 use crate::state::{Entry, Settings};
@@ -215,7 +216,7 @@ pub(crate) fn arguments(
     threads: usize,
     places: &Places<'_>,
     help: &Help,
-) -> anyhow::Result<Vec<String>> {
+) -> Result<Vec<String>, Error> {
     let path = |path: &Path| path.display().to_string();
     let database = path(&places.output.join(DATABASE));
     let mut line = Line { help, words: Vec::new() };
@@ -284,13 +285,13 @@ struct Line<'a> {
 
 impl Line<'_> {
     /// Adds an option by the first of its names that COLMAP has.
-    fn add(&mut self, names: &[&str], value: impl ToString) -> anyhow::Result<()> {
+    fn add(&mut self, names: &[&str], value: impl ToString) -> Result<(), Error> {
         let Some(name) = names.iter().find(|name| self.help.has(name)) else {
-            anyhow::bail!(
-                "colmap {}: options: found no --{}, expected COLMAP 3.6 or later",
-                self.help.command(),
-                names.join(" and no --")
-            );
+            let (command, names) = (self.help.command(), names.join(" and no --"));
+            let expected = "COLMAP 3.6 or later";
+            return Err(Error::Colmap(format!(
+                "colmap {command}: options: found no --{names}, expected {expected}"
+            )));
         };
         self.words.extend([format!("--{name}"), value.to_string()]);
         Ok(())
@@ -317,7 +318,7 @@ mod tests {
     }
 
     /// The arguments of a step with a help of these options.
-    fn line(step: Step, options: &Options, help: &str) -> anyhow::Result<String> {
+    fn line(step: Step, options: &Options, help: &str) -> Result<String, Error> {
         let folder = tempfile::tempdir().unwrap();
         let (photographs, here) = (photographs(folder.path()), Path::new("x"));
         let places = Places { images: here, input: here, output: here, list: here };

@@ -2,6 +2,7 @@
 
 mod advice;
 mod commands;
+mod error;
 mod output;
 mod photographs;
 mod program;
@@ -12,6 +13,7 @@ mod step;
 
 pub use advice::{FEW, remedies};
 pub use commands::{CameraChoice, CameraModel, Matching, Options};
+pub use error::Error;
 pub use photographs::Photographs;
 pub use program::Program;
 pub use result::{Camera, Poses};

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use files::WriteError;
 
 /// The name of the log in the folder of a data set.
 pub(crate) const LOG: &str = "colmap.log";
@@ -28,7 +28,7 @@ impl Log {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn open(folder: &Path, keeps: bool) -> anyhow::Result<Self> {
+    pub(crate) fn open(folder: &Path, keeps: bool) -> Result<Self, WriteError> {
         let path = folder.join(LOG);
         let mut options = File::options();
         options.create(true);
@@ -37,8 +37,7 @@ impl Log {
         } else {
             options.write(true).truncate(true)
         };
-        let file =
-            options.open(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        let file = options.open(&path).map_err(|e| WriteError::of_file(&path, e))?;
         Ok(Log { path, file, last: String::new(), error: None })
     }
 
@@ -46,7 +45,7 @@ impl Log {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn begin(&mut self, arguments: &[String]) -> anyhow::Result<()> {
+    pub(crate) fn begin(&mut self, arguments: &[String]) -> Result<(), WriteError> {
         (self.last, self.error) = (String::new(), None);
         self.write(&format!("$ colmap {}", arguments.join(" ")))
     }
@@ -55,7 +54,7 @@ impl Log {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn add(&mut self, line: &str) -> anyhow::Result<()> {
+    pub(crate) fn add(&mut self, line: &str) -> Result<(), WriteError> {
         if !line.trim().is_empty() {
             line.trim().clone_into(&mut self.last);
         }
@@ -65,9 +64,8 @@ impl Log {
         self.write(line)
     }
 
-    fn write(&mut self, line: &str) -> anyhow::Result<()> {
-        let written = writeln!(self.file, "{line}");
-        written.with_context(|| format!("cannot write {}", self.path.display()))
+    fn write(&mut self, line: &str) -> Result<(), WriteError> {
+        writeln!(self.file, "{line}").map_err(|e| WriteError::of_file(&self.path, e))
     }
 
     /// The line of the command that tells its error best.

@@ -8,8 +8,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use anyhow::Context;
-use files::InputError;
+use files::{InputError, WriteError};
+
+use crate::Error;
 
 /// Ways to get COLMAP.
 const HOW_TO_GET: &str = "install it by `apt install colmap` (Debian, Ubuntu), `brew install \
@@ -82,7 +83,7 @@ impl Program {
     }
 
     /// The error of a program that cannot be started.
-    fn not_started(&self, error: std::io::Error) -> anyhow::Error {
+    fn not_started(&self, error: std::io::Error) -> Error {
         let path = self.path.display();
         match error.kind() {
             kind if self.is_given => {
@@ -93,14 +94,15 @@ impl Program {
                 InputError::new(&self.path, "--colmap", found, "the program COLMAP").into()
             }
             ErrorKind::NotFound => {
-                anyhow::anyhow!("{path}: found no such program, expected COLMAP: {HOW_TO_GET}")
+                let text = "found no such program, expected COLMAP";
+                Error::Colmap(format!("{path}: {text}: {HOW_TO_GET}"))
             }
-            _ => anyhow::Error::from(error).context(format!("cannot start {path}")),
+            _ => Error::system(format!("start {path}"))(error),
         }
     }
 
     /// Both outputs of a short run, as text.
-    fn text_of(&self, arguments: &[&str]) -> anyhow::Result<String> {
+    fn text_of(&self, arguments: &[&str]) -> Result<String, Error> {
         let output = self.command().args(arguments).output().map_err(|e| self.not_started(e))?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         Ok(text(&output.stdout) + &text(&output.stderr))
@@ -110,7 +112,7 @@ impl Program {
     ///
     /// # Errors
     /// If the program cannot be started, or is not COLMAP.
-    pub(crate) fn version(&self) -> anyhow::Result<String> {
+    pub(crate) fn version(&self) -> Result<String, Error> {
         let text = self.text_of(&["help"])?;
         let after = text.split_once("COLMAP ").map(|(_, rest)| rest);
         let version = after.and_then(|rest| rest.split_whitespace().next());
@@ -128,7 +130,7 @@ impl Program {
     ///
     /// # Errors
     /// If the program cannot be started.
-    pub(crate) fn help(&self, command: &str) -> anyhow::Result<Help> {
+    pub(crate) fn help(&self, command: &str) -> Result<Help, Error> {
         Ok(Help::new(command, &self.text_of(&[command, "-h"])?))
     }
 
@@ -144,22 +146,24 @@ impl Program {
         arguments: &[String],
         lock: &File,
         stop: &dyn Fn() -> bool,
-        line: &mut dyn FnMut(&str) -> anyhow::Result<()>,
-    ) -> anyhow::Result<End> {
-        let (reader, writer) = std::io::pipe().context("cannot make a pipe")?;
+        line: &mut dyn FnMut(&str) -> Result<(), WriteError>,
+    ) -> Result<End, Error> {
+        let pipe = || Error::system("make a pipe");
+        let (reader, writer) = std::io::pipe().map_err(pipe())?;
         let mut command = self.command();
-        command.stdin(lock.try_clone().context("cannot share the lock")?);
-        command.args(arguments).stdout(writer.try_clone()?).stderr(writer);
+        command.stdin(lock.try_clone().map_err(Error::system("share the lock"))?);
+        command.args(arguments).stdout(writer.try_clone().map_err(pipe())?).stderr(writer);
         let mut child = command.spawn().map_err(|e| self.not_started(e))?;
         // The pipe ends when the child's copies of its writer are closed, and there is no other.
         drop(command);
         let (sender, receiver) = channel();
         std::thread::spawn(move || send_lines(reader, &sender));
         match follow(&receiver, stop, line) {
-            Ok(true) => Ok(end_of(child.wait()?)),
+            Ok(true) => Ok(end_of(child.wait().map_err(Error::system("wait for COLMAP"))?)),
             ended => {
                 end(&mut child);
-                ended.map(|_| End::Stopped)
+                ended?;
+                Ok(End::Stopped)
             }
         }
     }
@@ -182,8 +186,8 @@ fn send_lines(reader: PipeReader, sender: &Sender<String>) {
 fn follow(
     receiver: &Receiver<String>,
     stop: &dyn Fn() -> bool,
-    line: &mut dyn FnMut(&str) -> anyhow::Result<()>,
-) -> anyhow::Result<bool> {
+    line: &mut dyn FnMut(&str) -> Result<(), WriteError>,
+) -> Result<bool, WriteError> {
     loop {
         if stop() {
             return Ok(false);
@@ -292,12 +296,12 @@ mod tests {
     fn a_missing_program_and_another_program_are_told_apart() {
         let missing = Program { path: "no-such-colmap".into(), is_given: false };
         let error = missing.version().unwrap_err();
-        assert!(error.downcast_ref::<InputError>().is_none());
+        assert!(error.input().is_none());
         assert!(error.to_string().contains("apt install colmap"), "{error}");
         let given = Program::at("/no/such/colmap".into()).version().unwrap_err();
-        assert!(given.downcast_ref::<InputError>().is_some());
+        assert!(given.input().is_some());
         let folder = Program::at("/".into()).version().unwrap_err();
-        assert!(folder.downcast_ref::<InputError>().is_some(), "{folder}");
+        assert!(folder.input().is_some(), "{folder}");
         let other = Program::at("true".into()).version().unwrap_err().to_string();
         assert!(other.contains("found no text, expected the help of COLMAP"), "{other}");
     }

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use dataset::readers::{SparseModel, sparse_model};
+use files::InputError;
 use serde::{Deserialize, Serialize};
 
+use crate::Error;
 use crate::advice::{FEW, remedies};
 use crate::commands::Options;
 use crate::photographs::Photographs;
@@ -86,7 +88,7 @@ fn shell_word(path: &Path) -> String {
 ///
 /// # Errors
 /// If a model cannot be read.
-pub(crate) fn models(folder: &Path) -> anyhow::Result<Vec<(PathBuf, SparseModel)>> {
+pub(crate) fn models(folder: &Path) -> Result<Vec<(PathBuf, SparseModel)>, InputError> {
     let numbers = (0..).map(|number: u32| folder.join(number.to_string()));
     let folders = numbers.take_while(|path| path.is_dir());
     let mut models = Vec::new();
@@ -108,9 +110,11 @@ impl Poses {
         photographs: &Photographs,
         found: &[SparseModel],
         options: &Options,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, Error> {
         let undistorted = sparse_model(&dataset.join("sparse"))?;
-        let Some(model) = found.first() else { anyhow::bail!("no model in {}", dataset.display()) };
+        let Some(model) = found.first() else {
+            return Err(Error::Colmap(format!("no model in {}", dataset.display())));
+        };
         let has_no_pose = |name: &&String| model.images.binary_search(name).is_err();
         let names = photographs.files.iter().map(|file| &file.name);
         let missing: Vec<String> = names.filter(has_no_pose).cloned().collect();

@@ -3,10 +3,10 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
 use dataset::readers::sparse_model;
-use files::InputError;
+use files::{InputError, WriteError};
 
+use crate::Error;
 use crate::advice::remedies;
 use crate::commands::{DATABASE, Options, Places, arguments, list_name};
 use crate::output::Log;
@@ -70,14 +70,14 @@ pub enum Event<'a> {
 /// returned. The same job continues then.
 ///
 /// # Errors
-/// With an [`InputError`] if the folder has other files, or belongs to other photographs, if a
-/// photograph cannot be decoded, or if a path is not in UTF-8; if COLMAP is missing, a step fails,
-/// no pose is found, or a file cannot be written.
+/// [`Error::Input`] if the folder has other files, or belongs to other photographs, if a photograph
+/// cannot be decoded, or if a path is not in UTF-8. [`Error::Colmap`] if COLMAP is missing, a step
+/// fails, or no pose is found. The others if a file cannot be written.
 pub fn run(
     job: &Job<'_>,
     stop: &dyn Fn() -> bool,
     show: &mut dyn FnMut(Event<'_>),
-) -> anyhow::Result<Option<Poses>> {
+) -> Result<Option<Poses>, Error> {
     job.options.check(job.photographs)?;
     for (path, field) in [(&*job.photographs.folder, "photographs"), (job.output, "output")] {
         check_utf8(path, field)?;
@@ -175,7 +175,7 @@ impl Job<'_> {
     }
 
     /// Locks the folder for this process, and removes the temporary files of others that ended.
-    fn lock(&self) -> anyhow::Result<File> {
+    fn lock(&self) -> Result<File, Error> {
         files::check_output_folder(self.output)?;
         let work = self.output;
         fs::create_dir_all(work)
@@ -197,7 +197,7 @@ impl Job<'_> {
         (log, lock): (&mut Log, &File),
         stop: &dyn Fn() -> bool,
         show: &mut dyn FnMut(Event<'_>),
-    ) -> anyhow::Result<bool> {
+    ) -> Result<bool, Error> {
         let step = entry.step;
         let partial = self.partial_of(step);
         // COLMAP notes each pair in its database, and continues with the others.
@@ -240,7 +240,7 @@ impl Job<'_> {
     /// Removes the intermediate results of a step and of all after it. The data set stays until a
     /// new one takes its place. `keeps_partial` is about the results of the step itself, from a run
     /// that was stopped.
-    fn clear_from(&self, step: Step, keeps_partial: bool) -> anyhow::Result<()> {
+    fn clear_from(&self, step: Step, keeps_partial: bool) -> Result<(), Error> {
         for later in Step::ALL.into_iter().filter(|later| *later >= step) {
             if later != step || !keeps_partial {
                 remove(&self.partial_of(later))?;
@@ -253,20 +253,20 @@ impl Job<'_> {
     }
 
     /// Makes the folder in which a step writes, with the files that COLMAP expects there.
-    fn prepare(&self, step: Step, partial: &Path) -> anyhow::Result<()> {
-        let context = || format!("cannot write in {}", partial.display());
-        fs::create_dir_all(partial).with_context(context)?;
+    fn prepare(&self, step: Step, partial: &Path) -> Result<(), WriteError> {
+        let error = |e| WriteError::of_folder(partial, e);
+        fs::create_dir_all(partial).map_err(error)?;
         match step {
             Step::Features => {
                 let groups = self.options.groups(self.photographs);
                 groups.iter().enumerate().try_for_each(|(number, group)| {
                     let list = partial.join(list_name(number));
-                    fs::write(list, self.photographs.list(group)).with_context(context)
+                    fs::write(list, self.photographs.list(group)).map_err(error)
                 })
             }
             Step::Matching => {
                 let from = self.result_of(Step::Features).join(DATABASE);
-                fs::copy(&from, partial.join(DATABASE)).map(drop).with_context(context)
+                fs::copy(&from, partial.join(DATABASE)).map(drop).map_err(error)
             }
             Step::Mapping | Step::Undistortion => Ok(()),
         }
@@ -279,13 +279,14 @@ impl Job<'_> {
         command: &str,
         partial: &Path,
         group: usize,
-    ) -> anyhow::Result<Vec<String>> {
+    ) -> Result<Vec<String>, Error> {
         let input = match step {
             Step::Features | Step::Matching => PathBuf::new(),
             Step::Mapping => self.result_of(Step::Matching).join(DATABASE),
             Step::Undistortion => {
                 let all = models(&self.result_of(Step::Mapping))?;
-                all.into_iter().next().context("the mapping has no model")?.0
+                let none = || Error::Colmap("the mapping has no model".to_owned());
+                all.into_iter().next().ok_or_else(none)?.0
             }
         };
         // A path that starts with a dash would be an option.
@@ -300,7 +301,7 @@ impl Job<'_> {
     }
 
     /// Gives the results of a finished step their names.
-    fn accept(&self, step: Step, partial: &Path, log: &Log) -> anyhow::Result<()> {
+    fn accept(&self, step: Step, partial: &Path, log: &Log) -> Result<(), Error> {
         let expected = match step {
             Step::Features | Step::Matching => partial.join(DATABASE),
             Step::Mapping => partial.join("0"),
@@ -310,7 +311,8 @@ impl Job<'_> {
             if step == Step::Mapping {
                 return Err(self.no_pose(log));
             }
-            bail!("COLMAP ended {step} without {} ({})", expected.display(), log.path().display());
+            let (expected, log) = (expected.display(), log.path().display());
+            return Err(Error::Colmap(format!("COLMAP ended {step} without {expected} ({log})")));
         }
         if step != Step::Undistortion {
             return rename(partial, &self.result_of(step));
@@ -324,7 +326,7 @@ impl Job<'_> {
     }
 
     /// The error of a step that failed.
-    fn failure(&self, step: Step, command: &str, status: &str, log: &Log) -> anyhow::Error {
+    fn failure(&self, step: Step, command: &str, status: &str, log: &Log) -> Error {
         let has_model = self.partial_of(step).join("0").is_dir();
         // The mapper fails if it makes no model.
         if step == Step::Mapping && !has_model && status == "ended with status 1" {
@@ -332,18 +334,18 @@ impl Job<'_> {
         }
         let (error, log) = (log.error(), log.path().display());
         let error = if error.is_empty() { "it printed nothing" } else { error };
-        anyhow::anyhow!("colmap {command} {status}: {error} (all its output: {log})")
+        Error::Colmap(format!("colmap {command} {status}: {error} (all its output: {log})"))
     }
 
-    fn no_pose(&self, log: &Log) -> anyhow::Error {
+    fn no_pose(&self, log: &Log) -> Error {
         let count = self.photographs.count();
         let remedies = remedies(self.options.matching_of(count)).join("; ");
-        anyhow::anyhow!(
+        Error::Colmap(format!(
             "{}: COLMAP found no pose: it could not connect any group of the {count} photographs \
              (its output: {}); {remedies}",
             self.photographs.folder.display(),
             log.path().display()
-        )
+        ))
     }
 }
 
@@ -363,15 +365,15 @@ fn absolute(path: &Path) -> PathBuf {
 }
 
 /// Removes a folder if it exists.
-fn remove(folder: &Path) -> anyhow::Result<()> {
+fn remove(folder: &Path) -> Result<(), Error> {
     match fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            Err(e).with_context(|| format!("cannot remove {}", folder.display()))
+            Err(Error::system(format!("remove {}", folder.display()))(e))
         }
         _ => Ok(()),
     }
 }
 
-fn rename(from: &Path, to: &Path) -> anyhow::Result<()> {
-    fs::rename(from, to).with_context(|| format!("cannot rename {}", from.display()))
+fn rename(from: &Path, to: &Path) -> Result<(), Error> {
+    fs::rename(from, to).map_err(Error::system(format!("rename {}", from.display())))
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use files::InputError;
+use files::{InputError, WriteError};
 use serde::{Deserialize, Serialize};
 
 use crate::photographs::{PhotoFile, Photographs};
@@ -92,9 +92,10 @@ impl State {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn save(&self, folder: &Path) -> anyhow::Result<()> {
-        let text = serde_json::to_string_pretty(self)?;
-        files::atomic_write(&folder.join(FILE), |out| Ok(writeln!(out, "{text}")?))
+    pub(crate) fn save(&self, folder: &Path) -> Result<(), WriteError> {
+        files::atomic_write(&folder.join(FILE), |out| {
+            writeln!(out, "{}", serde_json::to_string_pretty(self)?)
+        })
     }
 
     /// The number of steps, from the first one on, that are done with these settings.

@@ -33,7 +33,7 @@ pub(crate) fn check_image(path: PathBuf) -> PyResult<()> {
         let found = format!("extension \"{}\"", files::extension(&path));
         return Err(wrong(&path.to_string_lossy(), "output", found, ".png, .exr, .npy"));
     }
-    files::check_output(&path).map_err(|error| of_anyhow(&error))
+    files::check_output(&path).map_err(|error| of_anyhow(&error.into()))
 }
 
 /// Writes an image: .png as sRGB, .exr and .npy linear.
@@ -49,7 +49,7 @@ pub(crate) fn write_image(path: PathBuf, image: &Bound<'_, PyAny>) -> PyResult<(
     };
     let pixels = numbers.chunks_exact(3).map(|p| [p[0] as f32, p[1] as f32, p[2] as f32]);
     let film = Film { width, height, pixels: pixels.collect() };
-    film::write_image(&path, &film).map_err(|error| of_anyhow(&error))
+    film::write_image(&path, &film).map_err(|error| of_anyhow(&error.into()))
 }
 
 /// Vertices, n × 3 in the units of the file, and faces, m × 3.
@@ -86,7 +86,7 @@ pub(crate) fn read_dataset(
         return Err(wrong("arguments", "downscale", 0, "1 or more"));
     }
     let load = |path: &Path| dataset::load(path, &LoadOptions { downscale });
-    let dataset = py.detach(|| load(&path)).map_err(|error| of_anyhow(&error))?;
+    let dataset = py.detach(|| load(&path)).map_err(wrong_input)?;
     let list = |views: &[View]| -> PyResult<Vec<_>> {
         views.iter().map(|view| photograph(py, view)).collect()
     };

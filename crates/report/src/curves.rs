@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use files::InputError;
 use serde::{Deserialize, Serialize};
 
 /// The most points of a curve. Those of a longer one are means over equal times.
@@ -46,7 +47,7 @@ struct Line {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub(crate) fn metrics(path: &Path) -> anyhow::Result<Metrics> {
+pub(crate) fn metrics(path: &Path) -> Result<Metrics, InputError> {
     let bytes = files::read(path, "metrics", "the metrics of a run")?;
     let (whole, last) = bytes.split_at(bytes.iter().rposition(|b| *b == b'\n').unwrap_or(0));
     let all = || whole.split(|b| *b == b'\n').filter(|line| !line.trim_ascii().is_empty());

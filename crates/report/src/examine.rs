@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use dataset::Dataset;
 use fit::{Model, RunFile, Solid};
 use loss::photometry::{BackgroundChoice, BackgroundKind, ExposureModel, MaskChoice, MaskUse};
-use render::Camera;
+use render::{Camera, InvalidField};
 
 use crate::verdict::{Evidence, Verdict};
 
@@ -13,7 +13,7 @@ use crate::verdict::{Evidence, Verdict};
 ///
 /// # Errors
 /// If the field gives a NaN or an infinity along a ray.
-pub fn examine(model: &Model, file: &RunFile, dataset: &Dataset) -> anyhow::Result<Verdict> {
+pub fn examine(model: &Model, file: &RunFile, dataset: &Dataset) -> Result<Verdict, InvalidField> {
     let views = || dataset.train.iter().chain(&dataset.test);
     let cameras: Vec<Camera> = views().map(|view| view.camera).collect();
     let solid = Solid::new(model, file);

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod curves;
+mod error;
 mod examine;
 mod page;
 mod solid;
@@ -17,6 +18,7 @@ use dataset::Dataset;
 use fit::{Budget, Model, RunFile};
 
 pub use accuracy::sampled_psnr;
+pub use error::Error;
 pub use examine::{examine, modelled};
 pub use surface::{SurfaceShares, surface_shares};
 pub use verdict::{Evidence, Fault, Verdict};
@@ -83,7 +85,7 @@ pub fn page(
     run: &Run<'_>,
     detail: Detail,
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<String> {
+) -> Result<String, Error> {
     let solid = fit::Solid::new(run.model, run.file);
     let views = views::views(run, &solid, detail, &|p| progress(0.6 * p))?;
     let metrics = curves::metrics(&run.folder.join("metrics.jsonl"))?;

@@ -6,7 +6,7 @@ use crate::curves::Curve;
 use crate::solid::{Buffers, Frame};
 use crate::tables;
 use crate::views::Picture;
-use crate::{Run, State};
+use crate::{Error, Run, State};
 
 const TEMPLATE: &str = include_str!("../assets/report.html");
 const STYLE: &str = include_str!("../assets/report.css");
@@ -32,7 +32,7 @@ pub(crate) fn html(
     scene: &Scene,
     warnings: &[&str],
     spent: &str,
-) -> anyhow::Result<String> {
+) -> Result<String, Error> {
     let name = run.folder.file_name().unwrap_or(run.folder.as_os_str()).to_string_lossy();
     let (class, verdict) = match run.state {
         State::Running => ("live", "The fit goes on."),

@@ -7,8 +7,7 @@ use film::srgb_encode;
 use fit::Solid;
 use glam::{DVec3, Vec3};
 use mesh::{Mesh, decimate, extract};
-use render::Camera;
-use render::upwards;
+use render::{Camera, InvalidField, upwards};
 use serde::Serialize;
 
 use crate::{Detail, Run};
@@ -56,7 +55,7 @@ pub(crate) fn mesh(
     solid: &Solid<'_>,
     detail: Detail,
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<Option<Buffers>> {
+) -> Result<Option<Buffers>, InvalidField> {
     let sphere = run.file.sphere();
     let mesh = extract(&run.model.field, &sphere, detail.cells, &|p| progress(0.7 * p));
     if mesh.faces.is_empty() {

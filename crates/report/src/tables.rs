@@ -1,9 +1,10 @@
 //! The tables of a page, as HTML.
 
-use crate::surface::SurfaceShares;
+use files::InputError;
 use fit::{RunCameras, RunExposures};
 
 use crate::page::escaped;
+use crate::surface::SurfaceShares;
 use crate::{Run, State};
 
 /// A table with a header. Cells are escaped.
@@ -73,7 +74,7 @@ pub(crate) fn warnings(warnings: &[&str]) -> String {
 ///
 /// # Errors
 /// If a file of the run cannot be read.
-pub(crate) fn corrections(run: &Run<'_>) -> anyhow::Result<String> {
+pub(crate) fn corrections(run: &Run<'_>) -> Result<String, InputError> {
     let mut out = String::new();
     if let Some(cameras) = RunCameras::load(run.folder)? {
         let row = |own: &fit::RunCamera| {
@@ -105,7 +106,7 @@ pub(crate) fn corrections(run: &Run<'_>) -> anyhow::Result<String> {
 }
 
 /// The options of the fit.
-pub(crate) fn options(run: &Run<'_>) -> anyhow::Result<String> {
+pub(crate) fn options(run: &Run<'_>) -> Result<String, toml::ser::Error> {
     let mut rows = Vec::new();
     flatten("", &toml::Table::try_from(&run.file.options)?, &mut rows);
     Ok(table("Options of the fit", &["option", "value"], &rows))

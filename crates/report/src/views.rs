@@ -1,6 +1,5 @@
 //! Photographs of a run beside its renders.
 
-use anyhow::Context;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dataset::View;
@@ -13,7 +12,7 @@ use render::difference;
 use render::{Camera, render};
 use serde::Serialize;
 
-use crate::{Detail, Run};
+use crate::{Detail, Error, Run};
 
 /// The quality of JPEG pictures, 1 to 100.
 const QUALITY: u8 = 85;
@@ -70,7 +69,7 @@ pub(crate) fn views(
     solid: &Solid<'_>,
     detail: Detail,
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<Vec<Picture>> {
+) -> Result<Vec<Picture>, Error> {
     let chosen = chosen(&run.dataset.train, &run.dataset.test, detail.views);
     let small: Vec<View> = chosen.iter().map(|(view, _)| reduced(view, detail.side)).collect();
     let cameras: Vec<Camera> = small.iter().map(|view| view.camera).collect();
@@ -113,12 +112,12 @@ fn reduced(view: &View, side: u32) -> View {
 }
 
 /// A JPEG file of an image, in base64.
-fn jpeg(film: &Film) -> anyhow::Result<String> {
+fn jpeg(film: &Film) -> Result<String, Error> {
     let byte = |x: f32| (255.0 * srgb_encode(x)).round() as u8;
     let bytes: Vec<u8> = film.pixels.iter().flat_map(|p| p.map(byte)).collect();
     let mut file = Vec::new();
     JpegEncoder::new_with_quality(&mut file, QUALITY)
         .write_image(&bytes, film.width, film.height, ExtendedColorType::Rgb8)
-        .context("cannot encode a picture of the report")?;
+        .map_err(Error::Picture)?;
     Ok(STANDARD.encode(file))
 }

@@ -8,12 +8,11 @@ use serde_json::{Value, json};
 
 use crate::SceneFile;
 use dataset::HELD_OUT;
-use files::InputError;
-use files::atomic_write;
+use files::{InputError, WriteError, atomic_write};
 use film::write_image;
 use film::{Film, srgb_decode};
 use mesh::{Mesh, extract, write_mesh};
-use render::{Camera, Scene, render};
+use render::{Camera, InvalidField, Scene, render};
 
 /// Options of [`synthesise`].
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +25,31 @@ pub struct Options {
     pub spp: u32,
     /// Seed of the samples.
     pub seed: u64,
+}
+
+/// A data set that [`synthesise`] cannot make.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The scene is wrong input.
+    #[error(transparent)]
+    Scene(#[from] InputError),
+    /// The scene's field is not finite.
+    #[error(transparent)]
+    Field(#[from] InvalidField),
+    /// A file of the data set cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl Error {
+    /// The wrong input, if that is the error.
+    pub fn input(&self) -> Option<&InputError> {
+        match self {
+            Error::Scene(input) => Some(input),
+            Error::Write(error) => error.input(),
+            Error::Field(_) => None,
+        }
+    }
 }
 
 /// Distance of the cameras from the centre, in bounding radii.
@@ -84,7 +108,8 @@ pub fn cameras(
 /// threads.
 ///
 /// # Errors
-/// If the scene is unbounded, its size does not suit single precision, or a file cannot be written.
+/// If the scene is unbounded, its size does not suit single precision, its field is not finite, or a
+/// file cannot be written.
 ///
 /// # Panics
 /// If `options.views` is 0.
@@ -94,7 +119,7 @@ pub fn synthesise(
     folder: &Path,
     options: &Options,
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     let field = scene.field::<f32>()?;
     let ball = bounding_ball(scene, source)?;
     let shader = scene.shader::<f32>(&*field)?;
@@ -123,14 +148,14 @@ pub fn synthesise(
     }
     copy_scene(source, folder)?;
     let mesh = extract(&*field, &ball.scaled(TRUTH_MARGIN), TRUTH_CELLS, &|_| {});
-    write_mesh(&folder.join("truth.ply"), &Mesh { origin: scene.origin, ..mesh })
+    write_mesh(&folder.join("truth.ply"), &Mesh { origin: scene.origin, ..mesh })?;
+    Ok(())
 }
 
 /// The solid's bounding ball, relative to the scene's origin. Refuses a solid without one, or of a
 /// size whose square single precision cannot represent.
-fn bounding_ball(scene: &SceneFile, source: &Path) -> anyhow::Result<Sphere<f64>> {
-    let error =
-        |found: String, expected: &str| InputError::new(source, "/sdf", found, expected).into();
+fn bounding_ball(scene: &SceneFile, source: &Path) -> Result<Sphere<f64>, InputError> {
+    let error = |found: String, expected: &str| InputError::new(source, "/sdf", found, expected);
     let Some(ball) = scene.field::<f64>()?.bounds().filter(|_| scene.clip.is_none()) else {
         return Err(error("an unbounded solid".to_owned(), "a solid that a sphere can contain"));
     };
@@ -158,7 +183,7 @@ impl Set {
         camera: &Camera,
         image: &Film,
         coverage: &[f32],
-    ) -> anyhow::Result<Value> {
+    ) -> Result<Value, WriteError> {
         let name = self.name;
         let file = format!("r_{i:03}.png");
         write_image(&folder.join(name).join(&file), image)?;
@@ -176,21 +201,20 @@ impl Set {
         folder: &Path,
         camera: &Camera,
         frames: Vec<Value>,
-    ) -> anyhow::Result<()> {
+    ) -> Result<(), WriteError> {
         let (w, h) = (camera.width, camera.height);
         let angle = 2.0 * (0.5 * f64::from(w) / camera.focal.x).atan();
         let json = json!({"camera_angle_x": angle, "w": w, "h": h, "frames": frames});
-        let text = serde_json::to_vec_pretty(&json)?;
         let file = folder.join(format!("transforms_{}.json", self.name));
-        atomic_write(&file, |out| Ok(out.write_all(&text)?))
+        atomic_write(&file, |out| out.write_all(&serde_json::to_vec_pretty(&json)?))
     }
 }
 
 /// Copies the scene file, if there is one.
-fn copy_scene(source: &Path, folder: &Path) -> anyhow::Result<()> {
+fn copy_scene(source: &Path, folder: &Path) -> Result<(), WriteError> {
     let text = std::fs::read(source).unwrap_or_default();
     if text.is_empty() {
         return Ok(());
     }
-    atomic_write(&folder.join("scene.json"), |out| Ok(out.write_all(&text)?))
+    atomic_write(&folder.join("scene.json"), |out| out.write_all(&text))
 }

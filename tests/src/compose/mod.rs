@@ -17,6 +17,7 @@ mod texture;
 use std::path::Path;
 
 use clap::ValueEnum;
+use files::WriteError;
 
 use backdrop::Backdrop;
 use source::Source;
@@ -58,7 +59,7 @@ impl Kind {
 /// The same source, kind and seed give the same files. `progress` receives the fraction done.
 ///
 /// # Errors
-/// An [`files::InputError`] if the source is no data set, if a view has no mask, if the uncovered
+/// [`WriteError::Input`] if the source is no data set, if a view has no mask, if the uncovered
 /// pixels of the source differ in colour, or if `output` is not a new or empty folder. Other errors
 /// if a file cannot be written.
 pub fn compose(
@@ -67,7 +68,7 @@ pub fn compose(
     output: &Path,
     seed: u64,
     progress: &mut dyn FnMut(f64),
-) -> anyhow::Result<()> {
+) -> Result<(), WriteError> {
     output::check_empty(output)?;
     let source = Source::load(source)?;
     let backdrop = Backdrop::new(kind, seed);

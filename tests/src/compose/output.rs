@@ -1,10 +1,10 @@
 //! The files of a variant.
 
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::path::Path;
 
 use dataset::View;
-use files::{InputError, atomic_write, check_output_folder};
+use files::{InputError, WriteError, atomic_write, check_output_folder};
 use film::write_image;
 use film::{Film, srgb_decode, srgb_encode};
 use image::{ImageFormat, RgbaImage};
@@ -17,7 +17,7 @@ use super::source::Layers;
 const MESHES: [&str; 3] = ["ply", "obj", "glb"];
 
 /// Refuses a folder that has files: those of another variant would mix with the new ones.
-pub(super) fn check_empty(folder: &Path) -> anyhow::Result<()> {
+pub(super) fn check_empty(folder: &Path) -> Result<(), WriteError> {
     let has_files = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     if has_files || folder.is_file() {
         let found = if has_files { "a folder with files" } else { "a file" };
@@ -37,14 +37,14 @@ pub(super) fn create_folders(folder: &Path, set: &str, kind: Kind) -> Result<(),
 }
 
 /// Writes the coverage as a grey picture.
-pub(super) fn write_mask(path: &Path, layers: &Layers) -> anyhow::Result<()> {
+pub(super) fn write_mask(path: &Path, layers: &Layers) -> Result<(), WriteError> {
     // A mask file holds coverage as display values; `write_image` encodes linear ones.
     let linear = layers.coverage.iter().map(|a| srgb_decode(*a));
     write_image(path, &Film::grey(layers.width, layers.height, linear))
 }
 
 /// Writes the object with its coverage as the alpha channel, not multiplied into the colours.
-pub(super) fn write_straight_alpha(path: &Path, layers: &Layers) -> anyhow::Result<()> {
+pub(super) fn write_straight_alpha(path: &Path, layers: &Layers) -> Result<(), WriteError> {
     let byte = |display: f32| (display.clamp(0.0, 1.0) * 255.0).round() as u8;
     let pixel = |(object, a): (&[f32; 3], &f32)| match byte(*a) {
         0 => [0; 4],
@@ -55,16 +55,18 @@ pub(super) fn write_straight_alpha(path: &Path, layers: &Layers) -> anyhow::Resu
         }
     };
     let bytes = layers.object.iter().zip(&layers.coverage).flat_map(pixel).collect();
-    let image = RgbaImage::from_raw(layers.width, layers.height, bytes)
-        .ok_or_else(|| anyhow::anyhow!("{}: fewer pixels than the size has", path.display()))?;
-    let mut file = Cursor::new(Vec::new());
-    image.write_to(&mut file, ImageFormat::Png)?;
-    atomic_write(path, |out| Ok(out.write_all(file.get_ref())?))
+    atomic_write(path, |out| {
+        let image = RgbaImage::from_raw(layers.width, layers.height, bytes)
+            .ok_or_else(|| io::Error::other("fewer pixels than the size has"))?;
+        let mut file = Cursor::new(Vec::new());
+        image.write_to(&mut file, ImageFormat::Png).map_err(io::Error::other)?;
+        out.write_all(file.get_ref())
+    })
 }
 
 /// Writes `transforms_SET.json`: the poses and intrinsics of all views. Those at the top of the
 /// file, for programs that know no others, are of the first view.
-pub(super) fn write_transforms(folder: &Path, set: &str, views: &[View]) -> anyhow::Result<()> {
+pub(super) fn write_transforms(folder: &Path, set: &str, views: &[View]) -> Result<(), WriteError> {
     let intrinsics = |view: &View| {
         let camera = &view.camera;
         json!({
@@ -91,25 +93,25 @@ pub(super) fn write_record(
     kind: Kind,
     seed: u64,
     views: Vec<Value>,
-) -> anyhow::Result<()> {
+) -> Result<(), WriteError> {
     let record = json!({"kind": kind.name(), "seed": seed, "views": views});
     write_json(&folder.join("compose.json"), &record)
 }
 
-fn write_json(path: &Path, value: &Value) -> anyhow::Result<()> {
-    let text = serde_json::to_vec_pretty(value)?;
-    atomic_write(path, |out| Ok(out.write_all(&text)?))
+fn write_json(path: &Path, value: &Value) -> Result<(), WriteError> {
+    atomic_write(path, |out| out.write_all(&serde_json::to_vec_pretty(value)?))
 }
 
 /// Copies the meshes that lie in the folder `from` itself.
-pub(super) fn copy_meshes(from: &Path, to: &Path) -> anyhow::Result<()> {
+pub(super) fn copy_meshes(from: &Path, to: &Path) -> Result<(), WriteError> {
     let from = if from.as_os_str().is_empty() { Path::new(".") } else { from };
-    for entry in std::fs::read_dir(from)? {
-        let path = entry?.path();
+    // The views were read from this folder: it can be listed.
+    for entry in std::fs::read_dir(from).into_iter().flatten().flatten() {
+        let path = entry.path();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
         if let Some(name) = path.file_name().filter(|_| MESHES.contains(&extension)) {
             let bytes = files::read(&path, "mesh", "a readable file")?;
-            atomic_write(&to.join(name), |out| Ok(out.write_all(&bytes)?))?;
+            atomic_write(&to.join(name), |out| out.write_all(&bytes))?;
         }
     }
     Ok(())

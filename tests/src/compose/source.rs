@@ -42,7 +42,7 @@ impl Source {
     /// # Errors
     /// An [`InputError`] if it cannot be read, if a view has no mask, or if the uncovered pixels
     /// have several colours.
-    pub(super) fn load(path: &Path) -> anyhow::Result<Self> {
+    pub(super) fn load(path: &Path) -> Result<Self, InputError> {
         let dataset = load(path, &LoadOptions::default())?;
         let folder = if path.is_file() { path.parent().unwrap_or(path) } else { path }.to_owned();
         let background = background(&dataset)?;

@@ -120,7 +120,7 @@ impl Demo {
         let bar = global.progress("views");
         synthesise(&scene, &source, data, &options, &bar.mover())?;
         bar.finish_and_clear();
-        files::atomic_write(&source, |out| Ok(out.write_all(SCENE.as_bytes())?))
+        Ok(files::atomic_write(&source, |out| out.write_all(SCENE.as_bytes()))?)
     }
 }
 

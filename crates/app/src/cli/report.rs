@@ -95,7 +95,7 @@ pub(super) fn write_whole(run: &Run<'_>, path: &Path, global: &Global) -> anyhow
 }
 
 fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
-    files::atomic_write(path, |out| Ok(out.write_all(html.as_bytes())?))?;
+    files::atomic_write(path, |out| out.write_all(html.as_bytes()))?;
     Ok(html.len())
 }
 

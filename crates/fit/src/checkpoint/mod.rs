@@ -181,7 +181,7 @@ impl State {
             metadata.insert(SURVEY.to_owned(), number.to_string());
         }
         let bytes = safetensors::serialize(views, Some(metadata))?;
-        atomic_write(path, |out| Ok(out.write_all(&bytes)?))
+        Ok(atomic_write(path, |out| out.write_all(&bytes))?)
     }
 
     /// Reads a state. `count` gives the number of parameters for a number of free nodes of

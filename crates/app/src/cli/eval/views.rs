@@ -98,7 +98,7 @@ fn write_picture(path: &Path, render: &Render, view: &View) -> anyhow::Result<()
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create {}", folder.display()))?;
-    film::write_image(path, &comparison(&view.image, render))
+    Ok(film::write_image(path, &comparison(&view.image, render))?)
 }
 
 /// The errors as a table, one view a line.

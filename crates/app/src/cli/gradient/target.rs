@@ -40,7 +40,7 @@ impl Gradient {
         let mut network = scene::network::<R>(model, bytes)?;
         network.set_parameters(&gradient.parameters);
         let bytes = network.to_safetensors()?;
-        atomic_write(&self.output, |out| Ok(out.write_all(&bytes)?))?;
+        atomic_write(&self.output, |out| out.write_all(&bytes))?;
         Ok(GradientReport {
             seconds,
             evaluations: Evaluations::default(),
