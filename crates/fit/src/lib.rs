@@ -33,7 +33,7 @@ pub use model::Model;
 pub use model_background::ModelBackground;
 pub use multiview::calibrate::{CameraDecision, RefineCameras};
 pub use multiview::stereo::StereoChoice;
-pub use options::FitOptions;
+pub use options::{FitOptions, FitWarp};
 pub use run::{Fit, write_preview};
 pub use run_cameras::{RunCamera, RunCameras};
 pub use run_file::RunFile;

@@ -13,21 +13,30 @@ use multiview::calibrate::RefineCameras;
 use multiview::stereo::StereoChoice;
 use sdf_nn::grids::GridLevels;
 use serde::{Deserialize, Serialize};
-use warp::WarpOptions;
+use warp::{WarpArgs, WarpDefaults, WarpOptions};
 
 use crate::grid_levels::{is_fine, spline_size};
 use crate::model::encoding;
 use loss::photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
+
+// The headings of the options in the help. `-h` shows the options of the first three alone.
+const BUDGET: &str = "Budget";
+const PHOTOGRAPHS: &str = "Photographs";
+const CAMERAS: &str = "Cameras and bounds";
+const SHAPE: &str = "Shape and schedule";
+const ESTIMATOR: &str = "Estimator";
+const FILES: &str = "Files of the run";
 
 /// The options of `dsdf fit`. The `fit.toml` of a run records all of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitOptions {
     /// Number of iterations [default: 6000, without --time]
-    #[arg(long, value_name = "N")]
+    #[arg(long, help_heading = BUDGET, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u64>,
     /// Wall time to spend, for example 90 (seconds), 10m or 1h30m; the schedule follows the clock
+    #[arg(help_heading = BUDGET)]
     #[arg(long, conflicts_with = "iterations", value_parser = files::parse_duration)]
     #[serde(skip_serializing_if = "Option::is_none", with = "files::seconds")]
     pub time: Option<Duration>,
@@ -37,129 +46,137 @@ pub struct FitOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub schedule_threads: Option<usize>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
+    #[arg(long, help_heading = BUDGET, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
     /// Read images at 1/N of their width and height [default: 1, or more if the images have more
     /// pixels than 8 million and than the budget can draw, or than 4 GiB of memory can hold]
-    #[arg(long, value_name = "N")]
+    #[arg(long, help_heading = PHOTOGRAPHS, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub downscale: Option<u32>,
     /// Use of masks and alpha channels
+    #[arg(help_heading = PHOTOGRAPHS)]
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().masks)]
     pub masks: MaskChoice,
     /// Model for the background
+    #[arg(help_heading = PHOTOGRAPHS)]
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
     /// Refinement of the cameras: by places of points before the fit, or by the loss once the
     /// surface is sharp
+    #[arg(help_heading = CAMERAS)]
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().refine_cameras)]
     pub refine_cameras: RefineCameras,
     /// Model for the exposures of the photographs
+    #[arg(help_heading = PHOTOGRAPHS)]
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().exposure)]
     pub exposure: ExposureChoice,
     /// Bounding sphere x,y,z,radius in world units, instead of the estimated one
+    #[arg(help_heading = CAMERAS)]
     #[arg(long, value_parser = files::parse_bounds, allow_hyphen_values = true,
           value_name = "X,Y,Z,RADIUS")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bounds: Option<[f64; 4]>,
     /// Width of the network's hidden layers
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().width)]
     pub width: usize,
     /// Number of the network's hidden layers
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().layers)]
     pub layers: usize,
     /// Octaves of the network's frequency encoding
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().bands)]
     pub bands: usize,
     /// Coefficients along a side of each level of the network's grid of splines: up to 4 rising
     /// numbers from 4 to 256, or none. Levels of 32 and less are everywhere from the start, others
     /// near the surface once it is sharp
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().grid)]
     pub grid: GridLevels,
     /// Sharpness β of the softplus ln(1 + exp(βx))/β, per unit of pre-activation
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().beta)]
     pub beta: f64,
     /// Radius of the initial sphere, as a fraction of the bounding radius
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().initial_radius)]
     pub initial_radius: f64,
     /// Largest learning rate of Adam
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().learning_rate)]
     pub learning_rate: f64,
     /// Pixels per iteration, at full size and once the surface is sharp
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().batch)]
     pub batch: usize,
     /// Estimator of pixels that a silhouette may cross: see `dsdf gradient --estimator`
+    #[arg(help_heading = ESTIMATOR, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().estimator)]
     pub estimator: String,
     /// Samples in each pixel that a silhouette may cross
+    #[arg(help_heading = ESTIMATOR, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().edge_rays)]
     pub edge_rays: u32,
     /// Samples on each border edge of such a pixel; with refined, lines along each axis
+    #[arg(help_heading = ESTIMATOR, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().edge_samples)]
     pub edge_samples: u32,
     /// Largest coefficient of f of one sample, in units of that of a silhouette across its whole
     /// pixel; inf for no limit
+    #[arg(help_heading = ESTIMATOR, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().sample_limit)]
     pub sample_limit: f64,
     /// Constant that the warps subtract from the radiance of a pixel (a control variate)
+    #[arg(help_heading = ESTIMATOR, hide_short_help = true)]
     #[arg(long, value_enum, default_value_t = Self::default().baseline)]
     pub baseline: Baseline,
     /// Largest norm of the gradient of an iteration, in units of its running mean; inf for no limit
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().clip)]
     pub clip: f64,
     /// The options of the published warp.
-    #[command(flatten)]
-    #[serde(deserialize_with = "warp_of_fit")]
-    pub warp: WarpOptions,
+    #[command(flatten, next_help_heading = ESTIMATOR)]
+    pub warp: WarpArgs<FitWarp>,
     /// Weight of the eikonal term (|∇f| − 1)²
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().eikonal)]
     pub eikonal: f64,
     /// Weight of the bending term: changes of ∇f along the surface, where the photographs are even;
     /// with levels of the grid above 32, it falls in the sharp part of long fits
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().bending)]
     pub bending: f64,
     /// Share of the budget, from its start, with a soft surface: parts of it can appear and vanish
     /// [default: 0.5, or down to 0.2 in long fits in front of a uniform background]
-    #[arg(long)]
+    #[arg(long, help_heading = SHAPE, hide_short_help = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub soft: Option<f64>,
     /// Depths of the photographs, by comparison with their neighbours: they guide the surface, and
     /// a surface that photographs contradict goes back where none is known
+    #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
     pub stereo: StereoChoice,
     /// Iterations between checkpoints
+    #[arg(help_heading = FILES, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().checkpoint_every)]
     pub checkpoint_every: u64,
     /// Iterations between preview pictures
+    #[arg(help_heading = FILES, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().preview_every)]
     pub preview_every: u64,
 }
 
-/// The `[warp]` table of a `fit.toml`. Absent entries have the values of [`WarpOptions::FIT`], and
-/// not those of derivative images.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WarpTable {
-    steps: Option<usize>,
-    top_k: Option<usize>,
-    gamma: Option<f64>,
-    lambda_d: Option<f64>,
-    epsilon: Option<f64>,
-}
+/// The defaults of the warp of a fit: flags and entries of the `[warp]` table that are not given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitWarp;
 
-fn warp_of_fit<'de, D: serde::Deserializer<'de>>(table: D) -> Result<WarpOptions, D::Error> {
-    let (table, fit) = (WarpTable::deserialize(table)?, WarpOptions::FIT);
-    Ok(WarpOptions {
-        steps: table.steps.unwrap_or(fit.steps),
-        top_k: table.top_k.unwrap_or(fit.top_k),
-        gamma: table.gamma.unwrap_or(fit.gamma),
-        lambda_d: table.lambda_d.unwrap_or(fit.lambda_d),
-        epsilon: table.epsilon.unwrap_or(fit.epsilon),
-    })
+impl WarpDefaults for FitWarp {
+    const OPTIONS: WarpOptions = WarpOptions::FIT;
 }
 
 // The evidence for the two limits is in the module `loss::schedule`.
@@ -174,52 +191,6 @@ const SAMPLE_LIMIT: f64 = 1.0;
 /// Clipping by the norm: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent
 /// neural networks", ICML 2013.
 const CLIP: f64 = 3.0;
-
-/// A heading of the help, whether `-h` shows it too, and the names of its options.
-type Group = (&'static str, bool, &'static [&'static str]);
-
-/// The groups of options in the help.
-const GROUPS: [Group; 6] = [
-    ("Budget", true, &["iterations", "time", "preset", "seed"]),
-    ("Photographs", true, &["downscale", "masks", "exposure", "background"]),
-    ("Cameras and bounds", true, &["refine_cameras", "bounds"]),
-    (
-        "Shape and schedule",
-        false,
-        &[
-            "width",
-            "layers",
-            "bands",
-            "grid",
-            "beta",
-            "initial_radius",
-            "learning_rate",
-            "batch",
-            "clip",
-            "eikonal",
-            "bending",
-            "soft",
-            "stereo",
-        ],
-    ),
-    (
-        "Estimator",
-        false,
-        &[
-            "estimator",
-            "edge_rays",
-            "edge_samples",
-            "sample_limit",
-            "baseline",
-            "steps",
-            "top_k",
-            "gamma",
-            "lambda_d",
-            "epsilon",
-        ],
-    ),
-    ("Files of the run", false, &["checkpoint_every", "preview_every"]),
-];
 
 /// The number of iterations without `--iterations` and without `--time`.
 pub(crate) const DEFAULT_ITERATIONS: u64 = 6000;
@@ -251,7 +222,7 @@ impl Default for FitOptions {
             // It has a tenth of the variance of the background as baseline.
             baseline: Baseline::PixelMean,
             clip: CLIP,
-            warp: WarpOptions::FIT,
+            warp: WarpArgs::default(),
             eikonal: 0.1,
             bending: 0.1,
             schedule_threads: None,
@@ -288,25 +259,6 @@ const MEMORY_PER_EDGE_SAMPLE: u64 = 5 << 10;
 const MEMORY_PER_PARAMETER: u64 = 160;
 
 impl FitOptions {
-    /// Changes the defaults of `command`, which has these options as flags, to those of fits. (The
-    /// flags of [`WarpOptions`] have the defaults of derivative images.)
-    /// It also sorts all flags into groups; those of rarely needed groups are in `--help` only.
-    pub fn with_fit_defaults(command: clap::Command) -> clap::Command {
-        let WarpOptions { top_k, lambda_d, .. } = WarpOptions::FIT;
-        command
-            .mut_args(|arg| {
-                let is_of = |(_, _, names): &&Group| names.contains(&arg.get_id().as_str());
-                match GROUPS.iter().find(is_of) {
-                    Some((heading, is_short, _)) => {
-                        arg.help_heading(*heading).hide_short_help(!is_short)
-                    }
-                    None => arg,
-                }
-            })
-            .mut_arg("top_k", |arg| arg.default_value(top_k.to_string()))
-            .mut_arg("lambda_d", |arg| arg.default_value(lambda_d.to_string()))
-    }
-
     /// Checks every option. `source` is their origin, for the message of the error.
     ///
     /// # Errors
@@ -318,7 +270,7 @@ impl FitOptions {
             return Err(InputError::new(source, "estimator", &self.estimator, expected));
         }
         Check::all(source, self.checks())?;
-        let warp = self.warp.validate();
+        let warp = WarpOptions::from(self.warp).validate();
         warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))?;
         let found = format!("{} layers of width {}", self.layers, self.width);
         check_memory(source, "width", found, self.network_memory())?;
@@ -397,7 +349,7 @@ impl FitOptions {
 
     /// The options of the estimator.
     pub(crate) fn estimator_options(&self) -> EstimatorOptions {
-        EstimatorOptions { warp: self.warp, baseline: self.baseline }
+        EstimatorOptions { warp: self.warp.into(), baseline: self.baseline }
     }
 
     /// The way in which an iteration adds up the coefficients of its samples.
@@ -439,9 +391,23 @@ mod tests {
     }
 
     #[test]
+    fn absent_entries_have_the_defaults_of_fits() {
+        assert_eq!(toml::from_str::<FitOptions>("").unwrap(), FitOptions::default());
+        let options = toml::from_str::<FitOptions>("[warp]\nsteps = 30").unwrap();
+        let warp = WarpOptions { steps: 30, ..WarpOptions::FIT }.into();
+        assert_eq!(options, FitOptions { warp, ..FitOptions::default() });
+        let error = toml::from_str::<FitOptions>("[warp]\nk = 7").unwrap_err();
+        let expected = "`steps`, `top_k`, `gamma`, `lambda_d`, `epsilon`";
+        assert_eq!(error.message(), format!("unknown field `k`, expected one of {expected}"));
+    }
+
+    #[test]
     fn the_error_of_an_invalid_value_names_its_option() {
         let (source, registry) = (Path::new("arguments"), Registry::default());
-        let with_warp = |warp| FitOptions { warp, ..FitOptions::default() };
+        let with_warp = |warp: WarpOptions| {
+            let warp = warp.into();
+            FitOptions { warp, ..FitOptions::default() }
+        };
         let cases = [
             (with_warp(WarpOptions { top_k: 1, ..WarpOptions::FIT }), "top_k"),
             (with_warp(WarpOptions { gamma: f64::NAN, ..WarpOptions::FIT }), "gamma"),

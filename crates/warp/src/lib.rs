@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod args;
 mod evaluate;
 mod options;
 mod projection;
@@ -8,6 +9,7 @@ mod warp;
 mod weighting;
 mod weights;
 
+pub use args::{WarpArgs, WarpDefaults};
 pub use evaluate::{evaluate, evaluate_with_divergence};
 pub use field;
 pub use options::{InvalidOptions, WarpOptions};

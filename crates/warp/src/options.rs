@@ -7,25 +7,18 @@ use crate::weighting::PublishedWeighting;
 /// N, k, γ, λ_d and ε of the published warp (Bangaru et al. 2022, supplement, sections 1 and 3).
 ///
 /// Lengths are in bounding radii, so that the same numbers mean the same for a scene of any size.
-/// `dsdf gradient` starts from [`WarpOptions::IMAGE`], `dsdf fit` from [`WarpOptions::FIT`].
+/// [`crate::WarpArgs`] has the same settings as flags of a command and as a table of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "clap", derive(clap::Args))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct WarpOptions {
-    /// N: points of the quadrature along a ray (only the warps use this and the next four options)
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.steps))]
+    /// N: points of the quadrature along a ray.
     pub steps: usize,
-    /// k: points that are weighed; the smallest weight is subtracted, so k − 1 keep one
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.top_k))]
+    /// k: points that are weighed; the smallest weight is subtracted, so k − 1 keep one.
     pub top_k: usize,
-    /// γ: exponent of the weights
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.gamma))]
+    /// γ: exponent of the weights.
     pub gamma: f64,
-    /// λ_d: weight of |∇f·d| beside |f|, in bounding radii
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.lambda_d))]
+    /// λ_d: weight of |∇f·d| beside |f|, in bounding radii.
     pub lambda_d: f64,
-    /// ε: length added to |f| + λ_d |∇f·d|, in bounding radii
-    #[cfg_attr(feature = "clap", arg(long, default_value_t = Self::IMAGE.epsilon))]
+    /// ε: length added to |f| + λ_d |∇f·d|, in bounding radii.
     pub epsilon: f64,
 }
 

@@ -34,9 +34,10 @@ pub(crate) enum Cull {
 #[derive(Args, Debug)]
 pub(crate) struct CullOptions {
     /// Faces to cut off, by photographs
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, help_heading = "Cuts", value_enum, default_value_t)]
     cull: Cull,
     /// Dilation of masks, as a part of the image's width [default: 0.03125, 50 of 1600 pixels]
+    #[arg(help_heading = "Cuts")]
     #[arg(long, value_name = "PART", value_parser = part, default_value = "0.03125",
           hide_default_value = true)]
     mask_margin: f64,
@@ -49,11 +50,11 @@ pub(crate) struct CutOptions {
     culling: CullOptions,
     /// Region to cut the mesh to, in data set units; may be given again:
     /// box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,radius
-    #[arg(long, value_name = "REGION")]
+    #[arg(long, help_heading = "Cuts", value_name = "REGION")]
     crop: Vec<Region>,
     /// Cut off the table and all below it: the largest flat, level part of the surface, up to this
     /// height above it, in bounding radii; auto is 0.01
-    #[arg(long, value_name = "HEIGHT")]
+    #[arg(long, help_heading = "Cuts", value_name = "HEIGHT")]
     above: Option<Height>,
     /// Data set folder for --cull, --above, colours and the upward direction [default: the data set
     /// of the run]

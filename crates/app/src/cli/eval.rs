@@ -31,23 +31,25 @@ pub(crate) struct Eval {
     #[arg(long)]
     dataset: Option<PathBuf>,
     /// True surface (.ply, .obj, .glb or .stl), in the units of the data set
-    #[arg(long)]
+    #[arg(long, help_heading = "Shape")]
     mesh: Option<PathBuf>,
     #[command(flatten)]
     reference: PointOptions,
     #[command(flatten)]
     culling: CullOptions,
     /// Print the errors of each held-out view; --json always has them
-    #[arg(long)]
+    #[arg(long, help_heading = "Views")]
     views: bool,
     /// Folder for a picture of each held-out view: photograph, render, normals, error
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, help_heading = "Views", value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// Samples per pixel
+    #[arg(help_heading = "Views")]
     #[arg(long, default_value_t = SAMPLES,
           value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Grid cells along the diameter of the bounding sphere, for the mesh of the run
+    #[arg(help_heading = "Shape")]
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
 }

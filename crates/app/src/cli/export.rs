@@ -26,19 +26,22 @@ const UP_WITHOUT_CAMERAS: DVec3 = DVec3::Z;
 #[derive(Args, Debug)]
 pub(super) struct Export {
     /// Vertex colours; an .stl file has none
-    #[arg(long, value_enum, default_value = "auto")]
+    #[arg(long, help_heading = "Colours, size and direction", value_enum, default_value = "auto")]
     color: Color,
     /// Width in texels of an image with the colours, in a .glb file or beside an .obj file, in the
     /// place of vertex colours
+    #[arg(help_heading = "Colours, size and direction")]
     #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(64..=8192))]
     texture: Option<u32>,
     /// Axis of the data set that points up in a .glb file [default: auto]
+    #[arg(help_heading = "Colours, size and direction")]
     #[arg(long, value_enum, allow_hyphen_values = true)]
     up: Option<Up>,
     /// Factor on all lengths, for example to millimetres
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, help_heading = "Colours, size and direction", default_value_t = 1.0)]
     scale: f64,
     /// Reduce the mesh to about this number of faces
+    #[arg(help_heading = "Colours, size and direction")]
     #[arg(long, value_name = "FACES", value_parser = clap::value_parser!(u32).range(4..))]
     decimate: Option<u32>,
 }

@@ -7,7 +7,6 @@ mod eval;
 mod export;
 mod fit;
 mod gradient;
-mod groups;
 mod inspect;
 mod mesh;
 mod poses;
@@ -24,7 +23,6 @@ use std::sync::Arc;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::messages::{Console, Host};
-use ::fit::FitOptions;
 use estimate::Registry;
 
 use crate::error::{Interrupted, WrongArguments, exit_status};
@@ -189,16 +187,14 @@ fn parse(
 
 /// The definition of the command line.
 ///
-/// The help of `--estimator` lists the registry, and `fit` has its own defaults of the warp.
+/// The help of `--estimator` lists the registry.
 fn command(registry: &Registry) -> clap::Command {
     let estimators = estimator_list(registry);
     let for_gradient = format!("{estimators}{}", gradient::FD_HELP);
     with_negative_numbers(Cli::command())
-        .mut_subcommands(|command| groups::grouped(with_negative_numbers(command)))
+        .mut_subcommands(with_negative_numbers)
         .mut_subcommand("gradient", |command| with_estimator_help(command, &for_gradient))
-        .mut_subcommand("fit", |command| {
-            FitOptions::with_fit_defaults(with_estimator_help(command, &estimators))
-        })
+        .mut_subcommand("fit", |command| with_estimator_help(command, &estimators))
 }
 
 /// The name and the summary of each estimator, one line each.
@@ -263,4 +259,24 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Poses(command) => command.run(&global),
         Command::Report(command) => command.run(&global),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_has_its_own_defaults_of_the_warp() {
+        let command = command(&Registry::default());
+        let defaults = |name: &str| {
+            let command = command.find_subcommand(name).unwrap();
+            let default = |id: &str| {
+                let arg = command.get_arguments().find(|arg| arg.get_id() == id).unwrap();
+                arg.get_default_values()[0].to_str().unwrap().to_owned()
+            };
+            ["steps", "top_k", "gamma", "lambda_d", "epsilon"].map(default)
+        };
+        assert_eq!(defaults("gradient"), ["22", "14", "3", "1", "0.000001"]);
+        assert_eq!(defaults("fit"), ["22", "7", "3", "0.02", "0.000001"]);
+    }
 }

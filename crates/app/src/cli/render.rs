@@ -27,24 +27,24 @@ pub(crate) struct Render {
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Seed of the samples, for scene files [default: 0]
-    #[arg(long)]
+    #[arg(long, help_heading = "Scene files")]
     seed: Option<u64>,
     /// Floating-point precision, for scene files [default: f32]
-    #[arg(long, value_enum)]
+    #[arg(long, help_heading = "Scene files", value_enum)]
     precision: Option<PrecisionArg>,
     /// ρ: length of a tracing step as a fraction of f, for scene files; below 1 for fields steeper
     /// than a distance [default: 1]
-    #[arg(long)]
+    #[arg(long, help_heading = "Scene files")]
     relaxation: Option<f64>,
     /// Data set folder whose cameras tell the upward direction, for runs [default: the data set of
     /// the run]
     #[arg(long)]
     dataset: Option<PathBuf>,
     /// Number of views around the object, for runs [default: 8]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=360))]
+    #[arg(long, help_heading = "Runs", value_parser = clap::value_parser!(u32).range(1..=360))]
     views: Option<u32>,
     /// Width and height of each view in pixels, for runs [default: 256]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    #[arg(long, help_heading = "Runs", value_parser = clap::value_parser!(u32).range(8..=4096))]
     size: Option<u32>,
 }
 

@@ -26,14 +26,16 @@ const MEMORY_PER_POINT: u64 = 192;
 pub(super) struct PointOptions {
     /// Reference points (.ply without faces), in the units of the data set: accuracy, completeness
     /// and their mean as for DTU, and medians
-    #[arg(long)]
+    #[arg(long, help_heading = "Shape")]
     pub(super) points: Option<PathBuf>,
     /// Least distance of the points on the reconstruction, in data set units; DTU: 0.2 mm
     /// [default: 1/800 of the bounding radius]
+    #[arg(help_heading = "Shape")]
     #[arg(long, value_name = "LENGTH", value_parser = length, requires = "points")]
     point_spacing: Option<f64>,
     /// Larger distances are left out, in data set units; DTU: 20 mm [default: 1/8 of the bounding
     /// radius]
+    #[arg(help_heading = "Shape")]
     #[arg(long, value_name = "LENGTH", value_parser = length, requires = "points")]
     point_cap: Option<f64>,
 }

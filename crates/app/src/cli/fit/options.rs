@@ -30,7 +30,7 @@ pub(crate) struct Fit {
     #[arg(long)]
     pub(super) check: bool,
     /// Speed/accuracy preset; explicit options override it
-    #[arg(long, value_enum, conflicts_with = "resume")]
+    #[arg(long, help_heading = "Budget", value_enum, conflicts_with = "resume")]
     preset: Option<Preset>,
     #[command(flatten)]
     pub(super) options: FitOptions,

@@ -7,7 +7,7 @@ use estimate::gradient::Sampling;
 use estimate::{EstimatorOptions, SampleCounts};
 use field::Real;
 use files::InputError;
-use warp::WarpOptions;
+use warp::{WarpArgs, WarpDefaults, WarpOptions};
 
 use crate::cli::common::{PrecisionArg, option_error};
 use crate::cli::preset::{Preset, is_explicit};
@@ -31,33 +31,43 @@ pub(crate) struct Gradient {
     #[arg(long)]
     pub(super) estimator: Option<String>,
     /// Speed/accuracy preset; explicit options override it
-    #[arg(long, value_enum)]
+    #[arg(long, help_heading = "Sampling", value_enum)]
     preset: Option<Preset>,
     /// Samples per pixel
+    #[arg(help_heading = "Sampling")]
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
     spp: u32,
     /// Samples per edge between pixels; for refined, lines per axis of a pixel [default: half of
     /// --spp]
+    #[arg(help_heading = "Sampling")]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     edge_samples: Option<u32>,
-    #[command(flatten)]
-    warp: WarpOptions,
+    #[command(flatten, next_help_heading = "Warps")]
+    warp: WarpArgs<ImageWarp>,
     /// ρ: length of a tracing step as a fraction of f; below 1 for fields steeper than a distance
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, help_heading = "Tracing", hide_short_help = true, default_value_t = 1.0)]
     relaxation: f64,
     /// Largest |f| of a hit, in bounding radii, or in widths of the film at the surface if these
     /// are smaller [default: 16 units in the last place]
-    #[arg(long)]
+    #[arg(long, help_heading = "Tracing", hide_short_help = true)]
     hit_tolerance: Option<f64>,
     /// Pixel filter, box or gaussian [default: the filter of the estimator]
-    #[arg(long)]
+    #[arg(long, help_heading = "Sampling")]
     pub(super) filter: Option<String>,
     /// Seed of the samples
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, help_heading = "Sampling", default_value_t = 0)]
     seed: u64,
     /// Floating-point precision
-    #[arg(long, value_enum, default_value = "f64")]
+    #[arg(long, help_heading = "Sampling", value_enum, default_value = "f64")]
     pub(super) precision: PrecisionArg,
+}
+
+/// The defaults of the warp of a derivative image.
+#[derive(Clone, Copy, Debug)]
+struct ImageWarp;
+
+impl WarpDefaults for ImageWarp {
+    const OPTIONS: WarpOptions = WarpOptions::IMAGE;
 }
 
 impl Gradient {
@@ -79,12 +89,13 @@ impl Gradient {
 
     /// The options of the estimator.
     pub(super) fn estimator_options(&self) -> EstimatorOptions {
-        EstimatorOptions { warp: self.warp, ..EstimatorOptions::default() }
+        EstimatorOptions { warp: self.warp.into(), ..EstimatorOptions::default() }
     }
 
     /// Checks the options of the warp.
     pub(super) fn validate_warp(&self) -> Result<(), InputError> {
-        self.warp.validate().map_err(|e| option_error(e.name, e.found, e.expected))
+        let refused = |e: warp::InvalidOptions| option_error(e.name, e.found, e.expected);
+        WarpOptions::from(self.warp).validate().map_err(refused)
     }
 
     /// The options of the tracer, checked.
