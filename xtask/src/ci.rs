@@ -7,8 +7,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
-use sweep::measure::cargo;
-use sweep::measure::dsdf::root;
+use sweep::measure::{cargo, workspace_root};
 
 use crate::style;
 
@@ -60,11 +59,11 @@ struct Beside {
 
 impl Beside {
     fn start(name: &str, script: &str) -> anyhow::Result<Self> {
-        let folder = root().join("target");
+        let folder = workspace_root().join("target");
         fs::create_dir_all(&folder)?;
         let log = folder.join(format!("{name}.log"));
         let mut command = Command::new("bash");
-        command.args(["-c", script]).current_dir(root());
+        command.args(["-c", script]).current_dir(workspace_root());
         let output = File::create(&log)?;
         command.stdout(output.try_clone()?).stderr(output);
         #[cfg(unix)]

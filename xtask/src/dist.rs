@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
-use sweep::measure::cargo;
+use sweep::measure::{cargo, workspace_root};
 
 /// The files beside the binary in the archive.
 const FILES: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "CHANGELOG.md"];
@@ -40,7 +40,7 @@ impl Dist {
         check_compiler(target)?;
         let arguments = ["build", "--locked", "--profile", "dist", "--target", target];
         cargo(&[&arguments[..], &["--package", "dsdf", "--bin", "dsdf"]].concat(), &[])?;
-        let root = sweep::measure::dsdf::root();
+        let root = workspace_root();
         let folder = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
         let built = root.join(folder);
         let binary = built.join(target).join("dist/dsdf");

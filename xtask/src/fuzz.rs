@@ -9,9 +9,10 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use clap::Args;
-use sweep::measure::dsdf::{build_package, root};
+use sweep::measure::dsdf::build_package;
+use sweep::measure::workspace_root;
 
-use crate::{WrongArgument, minutes};
+use crate::arguments::{WrongArgument, minutes};
 
 /// Arguments of `cargo xtask fuzz`.
 #[derive(Args)]
@@ -50,7 +51,7 @@ impl Fuzz {
             .arg(self.minutes.as_secs_f64().to_string())
             .arg(self.seed.to_string())
             .arg(&self.output)
-            .arg(root().join("crates/fuzz/corpus"))
+            .arg(workspace_root().join("crates/fuzz/corpus"))
             .arg(self.reader.unwrap_or_default())
             .status()?;
         ensure!(status.success(), "the campaigns: {status}");

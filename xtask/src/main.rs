@@ -1,20 +1,22 @@
 #![doc = include_str!("../README.md")]
 
+mod arguments;
 mod bench;
 mod ci;
 mod dist;
 mod figures;
 mod fuzz;
+mod output;
 mod soak;
 mod style;
 mod tradeoff;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 
+use arguments::WrongArgument;
 use figures::Figure;
 
 /// Development commands of dsdf
@@ -86,18 +88,6 @@ fn main() -> ExitCode {
             ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
-}
-
-/// A wrong argument of a command.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{0}")]
-struct WrongArgument(String);
-
-/// Parses a number of minutes.
-fn minutes(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse::<f64>().ok().map(|minutes| 60.0 * minutes);
-    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    time.ok_or_else(|| "expected a number of minutes, 0 or more".to_owned())
 }
 
 /// The first paragraph of a message in one line: refusals have one line, without the usage.

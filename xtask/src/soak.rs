@@ -11,7 +11,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use sweep::measure::dsdf::{self, run_json};
 
-use crate::minutes;
+use crate::arguments::minutes;
 
 /// Arguments of `cargo xtask soak`.
 #[derive(Args)]

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use files::{InputError, extension, open};
 
-use crate::image_read::IMAGE;
+use crate::formats::{EXTENSIONS, IMAGE};
 
 /// The brands of HEIF files, and the name of their format.
 const BRANDS: [(&[u8; 4], &str); 12] = [
@@ -31,9 +31,6 @@ const BRANDS: [(&[u8; 4], &str); 12] = [
 
 /// The number of bytes at the start of a file that are searched for brands. Files have about five.
 const START: usize = 64;
-
-/// Extensions of the images that can be read, in lower case.
-const READABLE: [&str; 5] = ["png", "jpg", "jpeg", "exr", "npy"];
 
 /// Refuses a file that starts with these bytes if it is a HEIF file, whatever its extension.
 pub(crate) fn refuse(path: &Path, start: &[u8]) -> Result<(), InputError> {
@@ -77,7 +74,7 @@ pub fn refuse_unconverted(path: &Path) -> Result<(), InputError> {
     let names = [path.file_stem(), path.file_name()];
     let has_name = |file: &&PathBuf| !path.is_dir() && names.contains(&file.file_stem());
     files.iter().filter(has_name).try_for_each(|file| refuse_file(file))?;
-    let is_readable = |file: &PathBuf| READABLE.contains(&extension(file).as_str());
+    let is_readable = |file: &PathBuf| EXTENSIONS.contains(&extension(file).as_str());
     if files.iter().any(is_readable) {
         return Ok(());
     }

@@ -9,12 +9,10 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, Imag
 
 use crate::exif::{self, FocalLength};
 use crate::film::Film;
+use crate::formats::IMAGE;
 use crate::heif::{refuse, refuse_unconverted};
 use crate::npy::read_npy;
 use crate::srgb::srgb_decode;
-
-/// The files that can be read, for messages.
-pub(crate) const IMAGE: &str = "a PNG, JPEG, EXR or NPY image";
 
 /// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
 /// single precision, and its alpha channel.

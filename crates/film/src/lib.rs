@@ -2,6 +2,7 @@
 
 mod exif;
 mod film;
+mod formats;
 mod heif;
 mod image_read;
 #[cfg(test)]

@@ -16,6 +16,34 @@ impl Isa for Portable {
     fn call<P: Pass>(part: P) {
         part.run::<Self>();
     }
+
+    #[inline(always)]
+    fn multiply<const N: usize>(
+        packed: &[[f32; TILE]],
+        start: &[f32],
+        rows: usize,
+        input: &[Row<f32>],
+        output: &mut [Row<f32>],
+    ) {
+        multiply::<f32, Self, N>(packed, start, rows, input, output);
+    }
+    #[inline(always)]
+    fn multiply_few<const P: usize>(
+        columns: &[Row<f32>],
+        start: &[Row<f32>],
+        input: [&[Row<f32>]; P],
+        output: &mut [Row<f32>],
+    ) {
+        multiply_few::<f32, Self, P>(columns, start, input, output);
+    }
+    #[inline(always)]
+    fn outer(sides: &[(&[Row<f32>], &[f32])], rows: usize, columns: usize, gradient: &mut [f32]) {
+        outer::<f32, Self>(sides, rows, columns, gradient);
+    }
+    #[inline(always)]
+    fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
+        transpose(rows, out);
+    }
 }
 
 /// Rows and lanes (or columns) whose sums stay in registers.

@@ -9,9 +9,8 @@ use std::io::{self, Write};
 use glam::{DQuat, DVec3, Vec2, Vec3};
 use serde_json::{Value, json};
 
-use crate::Mesh;
 use crate::bytes::little_endian;
-use crate::write::Export;
+use crate::{Export, Mesh};
 
 /// Numbers of the glTF 2.0 specification.
 pub(crate) const MAGIC: u32 = 0x4654_6c67;

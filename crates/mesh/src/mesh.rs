@@ -1,8 +1,7 @@
-//! The mesh type, its measures and its topology.
+//! The mesh type and its measures.
 
+use film::srgb_encode;
 use glam::{DVec3, Vec3};
-
-use crate::{components, edges};
 
 /// A triangle mesh; the vertices of a face are counter-clockwise as seen from outside.
 ///
@@ -30,6 +29,16 @@ impl Mesh {
     /// Whether every vertex has a colour.
     pub(crate) fn has_colors(&self) -> bool {
         !self.colors.is_empty() && self.colors.len() == self.vertices.len()
+    }
+
+    /// Whether positions in world units need double precision.
+    pub(crate) fn is_far(&self) -> bool {
+        self.origin != DVec3::ZERO
+    }
+
+    /// The sRGB values of the colour of vertex `i`, 0 to 1.
+    pub(crate) fn srgb(&self, i: usize) -> [f32; 3] {
+        self.colors[i].to_array().map(|c| srgb_encode(c.clamp(0.0, 1.0)).clamp(0.0, 1.0))
     }
 
     /// The corners of face `i` relative to `origin`, world units, in double precision.
@@ -101,33 +110,5 @@ impl Mesh {
     /// The volume of the tetrahedron of face `i` and `apex`, positive if the face points away.
     pub(crate) fn volume_to(&self, i: usize, apex: DVec3) -> f64 {
         (self.corners(i)[0] - apex).dot(self.face_cross(i)) / 6.0
-    }
-
-    /// Whether each edge has exactly two half-edges, in opposite directions. False for a mesh
-    /// without faces.
-    pub fn is_closed(&self) -> bool {
-        !self.faces.is_empty()
-            && edges::sorted(self).chunk_by(edges::same).all(|e| edges::is_simple(self, e))
-    }
-
-    /// The Euler characteristic: vertices − edges + faces, without vertices that no face uses.
-    pub fn euler_characteristic(&self) -> i64 {
-        let mut used = vec![false; self.vertices.len()];
-        self.faces.as_flattened().iter().for_each(|v| used[*v as usize] = true);
-        let vertices = used.iter().filter(|u| **u).count() as i64;
-        let edges = edges::sorted(self).chunk_by(edges::same).count() as i64;
-        vertices - edges + self.faces.len() as i64
-    }
-
-    /// The number of connected components. The wall of a cavity is a component of its own; a vertex
-    /// that no face uses is none.
-    pub fn components(&self) -> usize {
-        components::count(self)
-    }
-
-    /// The number of handles, (2 − χ)/2, of a closed mesh of one component; `None` for other
-    /// meshes.
-    pub fn genus(&self) -> Option<i64> {
-        (self.components() == 1 && self.is_closed()).then(|| (2 - self.euler_characteristic()) / 2)
     }
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use files::{InputError, WriteError, atomic_write};
 
-use crate::write::{is_far, srgb};
 use crate::{Mesh, Texture};
 
 /// The end of the name of a textured file's image.
@@ -80,14 +79,14 @@ fn write(mesh: &Mesh, texture: Option<(&Texture, &str)>, out: &mut dyn Write) ->
     }
     let colored = texture.is_none() && mesh.has_colors();
     for (i, v) in mesh.vertices.iter().enumerate() {
-        if is_far(mesh) {
+        if mesh.is_far() {
             let v = mesh.origin + v.as_dvec3();
             write!(out, "v {} {} {}", v.x, v.y, v.z)?;
         } else {
             write!(out, "v {} {} {}", v.x, v.y, v.z)?;
         }
         if colored {
-            let [r, g, b] = srgb(mesh.colors[i]);
+            let [r, g, b] = mesh.srgb(i);
             write!(out, " {r:.4} {g:.4} {b:.4}")?;
         }
         writeln!(out)?;

@@ -1,36 +1,24 @@
 //! Writing of mesh files: .ply, .obj, .glb and .stl.
 
+<<<<<<< HEAD
 use std::io::{self, Write};
 use std::path::Path;
 
 use files::{InputError, WriteError, atomic_write, extension};
 use film::srgb_encode;
 use glam::{DVec3, Vec3};
+=======
+use std::path::Path;
 
-use crate::bytes::little_endian;
+use files::{InputError, atomic_write, extension};
+use glam::DVec3;
+>>>>>>> f3dd8395aa8178d46a7a7f17ec2aae4047fe05e1
+
 use crate::glb::write_glb;
 use crate::obj::write_obj;
+use crate::ply::write_ply;
 use crate::stl::write_stl;
-use crate::{Mesh, Texture};
-
-/// The size, the direction and the texture of a mesh in a file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Export<'a> {
-    /// The factor on all lengths, finite and above 0.
-    pub scale: f64,
-    /// The direction that a .glb file shows upwards: a unit vector in the coordinates of the mesh.
-    /// Files in other formats keep the axes of the mesh.
-    pub up: DVec3,
-    /// The texture of the mesh, in the place of its colours.
-    pub texture: Option<&'a Texture>,
-}
-
-impl Default for Export<'_> {
-    /// The mesh as it is: the factor 1, and the upward direction of glTF, which is y.
-    fn default() -> Self {
-        Export { scale: 1.0, up: DVec3::Y, texture: None }
-    }
-}
+use crate::{Export, Mesh};
 
 /// Writes a mesh as it is: [`export_mesh`] with the default [`Export`].
 ///
@@ -93,6 +81,7 @@ pub fn check_stl(path: &Path, center: DVec3, reach: f64) -> Result<(), InputErro
     let expected = ".ply, .obj or .glb: .stl has single precision";
     Err(InputError::new(path, "output", found, expected))
 }
+<<<<<<< HEAD
 
 /// Whether positions need double precision.
 pub(crate) fn is_far(mesh: &Mesh) -> bool {
@@ -143,3 +132,5 @@ fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     }
     writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")
 }
+=======
+>>>>>>> f3dd8395aa8178d46a7a7f17ec2aae4047fe05e1

@@ -8,8 +8,7 @@ use files::InputError;
 use crate::Error;
 use crate::photographs::Photographs;
 use crate::program::Help;
-use crate::state::{Entry, Settings};
-use crate::step::Step;
+use crate::step::{Entry, Settings, Step};
 
 /// The largest number of photographs whose pairs are all compared by default: 11,175 pairs.
 const MOST_FOR_ALL_PAIRS: usize = 150;

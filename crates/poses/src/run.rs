@@ -13,8 +13,8 @@ use crate::output::Log;
 use crate::photographs::Photographs;
 use crate::program::{End, Program};
 use crate::result::{Poses, models};
-use crate::state::{Entry, State};
-use crate::step::Step;
+use crate::state::State;
+use crate::step::{Entry, Step};
 
 /// The folder of intermediate results in that of a data set.
 const WORK: &str = "colmap";

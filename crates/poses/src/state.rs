@@ -1,6 +1,5 @@
 //! The state of a data set: its photographs, and the steps that are done.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use files::{InputError, WriteError};
@@ -8,21 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::photographs::{PhotoFile, Photographs};
 use crate::result::Poses;
-use crate::step::Step;
+use crate::step::Entry;
 
 /// The name of the file with the state.
 pub(crate) const FILE: &str = "poses.json";
-
-/// The options that the result of a step depends on.
-pub(crate) type Settings = BTreeMap<String, String>;
-
-/// A step, and the options that it ran with.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Entry {
-    pub(crate) step: Step,
-    pub(crate) settings: Settings,
-}
 
 /// The content of `poses.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,5 +1,6 @@
 //! The steps from photographs to poses, and the progress that COLMAP prints in each.
 
+use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 
 use serde::{Deserialize, Serialize};
@@ -62,6 +63,17 @@ impl Display for Step {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.name())
     }
+}
+
+/// The options that the result of a step depends on.
+pub(crate) type Settings = BTreeMap<String, String>;
+
+/// A step, and the options that it ran with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Entry {
+    pub(crate) step: Step,
+    pub(crate) settings: Settings,
 }
 
 /// The numbers of a line such as `Matching block [1/5, 2/5] in 3.1s`, after `start`.

@@ -9,7 +9,7 @@ pub mod synth;
 
 use std::path::Path;
 
-use field::{Field, Real, Sphere, Vector3};
+use field::{Field, Sphere};
 use glam::DVec3;
 use serde_json::Value;
 
@@ -18,7 +18,7 @@ pub use background::BackgroundModel;
 pub use precision::ScenePrecision;
 pub use sdf::{Sdf, network};
 
-use field::{Background, Precision, Shader};
+use field::{Background, Shader};
 use files::InputError;
 use files::json::Object;
 use render::Camera;
@@ -104,7 +104,7 @@ impl SceneFile {
     /// # Errors
     /// If a model file cannot be used.
     pub fn field<R: ScenePrecision>(&self) -> Result<Box<dyn Field<R>>> {
-        R::field_of(self)
+        R::field(&self.sdf, self.origin, self.clip.as_ref())
     }
 
     /// Builds the shader of the appearance.
@@ -118,7 +118,7 @@ impl SceneFile {
         &self,
         occluders: &'a dyn Field<R>,
     ) -> Result<Box<dyn Shader<R> + 'a>> {
-        R::shader_of(self, occluders)
+        R::shader(&self.appearance, self.origin, occluders, &self.bounds)
     }
 
     /// Builds the background in single or double precision.
@@ -126,7 +126,7 @@ impl SceneFile {
     /// # Errors
     /// If a background file cannot be used.
     pub fn background<R: ScenePrecision>(&self) -> Result<Box<dyn Background<R>>> {
-        R::background_of(self)
+        R::background(&self.background, self.origin)
     }
 }
 
@@ -153,11 +153,4 @@ fn unbounded_ball(sdf: &Sdf, eye: DVec3) -> Result<Sphere<f64>> {
     let radius = (REACH_OF_SURFACE * distance[0].abs()).max(REACH_OF_PARTS * furthest);
     let radius = if radius > 0.0 && radius.is_finite() { radius } else { REACH_OF_SURFACE };
     Ok(Sphere { center: eye, radius })
-}
-
-fn in_precision<R: Precision>(ball: &Sphere<f64>) -> Sphere<R> {
-    Sphere {
-        center: <R::Vec3 as Vector3<R>>::of(ball.center),
-        radius: <R as Real>::of(ball.radius),
-    }
 }

@@ -1,58 +1,79 @@
 //! The parts of a scene in single and in double precision, compiled once.
 
-use field::{Background, Precision, Shader};
-use field::{Clipped, Field};
+use field::{Background, Clipped, Field, Precision, Real, Shader, Sphere, Vector3};
+use files::InputError;
+use glam::DVec3;
 use sdf_nn::Passes;
 
-use crate::{Result, SceneFile, in_precision};
+use crate::{AppearanceModel, BackgroundModel, Sdf};
 
 /// A precision that the parts of a scene are built in: `f32` or `f64`.
 ///
 /// Its functions are compiled in this crate. Generic functions would be compiled again, with every
-/// shape and shader, in each crate that builds a scene.
+/// shape and shader, in each crate that builds a scene. `origin` is the point that positions are
+/// relative to, world units.
 pub trait ScenePrecision: Precision + Passes {
-    /// [`SceneFile::field`].
+    /// The field, cut off at a ball if `clip` has one: [`SceneFile::field`](crate::SceneFile::field).
     ///
     /// # Errors
     /// If a model file cannot be used.
-    fn field_of(file: &SceneFile) -> Result<Box<dyn Field<Self>>>;
+    fn field(
+        sdf: &Sdf,
+        origin: DVec3,
+        clip: Option<&Sphere<f64>>,
+    ) -> Result<Box<dyn Field<Self>>, InputError>;
 
-    /// [`SceneFile::shader`].
+    /// [`SceneFile::shader`](crate::SceneFile::shader). `bounds` is the sphere in which rays are
+    /// traced.
     ///
     /// # Errors
     /// If a model file cannot be used.
-    fn shader_of<'a>(
-        file: &SceneFile,
+    fn shader<'a>(
+        appearance: &AppearanceModel,
+        origin: DVec3,
         occluders: &'a dyn Field<Self>,
-    ) -> Result<Box<dyn Shader<Self> + 'a>>;
+        bounds: &Sphere<f64>,
+    ) -> Result<Box<dyn Shader<Self> + 'a>, InputError>;
 
-    /// [`SceneFile::background`].
+    /// [`SceneFile::background`](crate::SceneFile::background).
     ///
     /// # Errors
     /// If a background file cannot be used.
-    fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>>;
+    fn background(
+        background: &BackgroundModel,
+        origin: DVec3,
+    ) -> Result<Box<dyn Background<Self>>, InputError>;
 }
 
 macro_rules! precision {
     ($real:ty) => {
         impl ScenePrecision for $real {
-            fn field_of(file: &SceneFile) -> Result<Box<dyn Field<Self>>> {
-                let field = file.sdf.build(file.origin)?;
-                Ok(match &file.clip {
+            fn field(
+                sdf: &Sdf,
+                origin: DVec3,
+                clip: Option<&Sphere<f64>>,
+            ) -> Result<Box<dyn Field<Self>>, InputError> {
+                let field = sdf.build(origin)?;
+                Ok(match clip {
                     Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
                     None => field,
                 })
             }
 
-            fn shader_of<'a>(
-                file: &SceneFile,
+            fn shader<'a>(
+                appearance: &AppearanceModel,
+                origin: DVec3,
                 occluders: &'a dyn Field<Self>,
-            ) -> Result<Box<dyn Shader<Self> + 'a>> {
-                file.appearance.build(file.origin, occluders, in_precision(&file.bounds))
+                bounds: &Sphere<f64>,
+            ) -> Result<Box<dyn Shader<Self> + 'a>, InputError> {
+                appearance.build(origin, occluders, in_precision(bounds))
             }
 
-            fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>> {
-                file.background.build(file.origin)
+            fn background(
+                background: &BackgroundModel,
+                origin: DVec3,
+            ) -> Result<Box<dyn Background<Self>>, InputError> {
+                background.build(origin)
             }
         }
     };
@@ -60,3 +81,10 @@ macro_rules! precision {
 
 precision!(f32);
 precision!(f64);
+
+fn in_precision<R: Precision>(ball: &Sphere<f64>) -> Sphere<R> {
+    Sphere {
+        center: <R::Vec3 as Vector3<R>>::of(ball.center),
+        radius: <R as Real>::of(ball.radius),
+    }
+}

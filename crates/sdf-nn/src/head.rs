@@ -1,16 +1,13 @@
 //! The radiance head: the radiance from a surface point towards the camera.
 
-use std::ops::Range;
-
 use crate::grids::Grids;
-use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
+use field::{Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
 use crate::mlp::Mlp;
-use crate::passes::Passes;
 use lanes::{Isa, LANES, Lane, Pass, Row};
 
 /// A network from a surface point, its unit normal n and the view direction d to linear RGB.
@@ -136,55 +133,6 @@ impl<R: Lane> RadianceHead<R> {
         window.extend([direction; 3]);
         window.resize(self.mlp.features, R::one());
         self.mlp.set_window(window);
-    }
-}
-
-impl<R: Passes> RadianceHead<R> {
-    /// Writes the radiance, in linear RGB, from every point of a batch towards the camera.
-    pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
-        R::radiance(self, *points, rgb);
-    }
-
-    /// VJP of (x, n, d; θ) ↦ RGB to all of its inputs.
-    ///
-    /// `rgb_adjoint` has one element for each point. The adjoints of x, n and d replace the
-    /// contents of `surface_adjoint`; that of θ is added to `parameter_adjoint`.
-    ///
-    /// # Panics
-    /// If `parameter_adjoint` does not have the length of θ, or if `surface_adjoint` is shorter
-    /// than the batch.
-    pub fn vjp(
-        &self,
-        points: &SurfaceBatch<'_, R>,
-        rgb_adjoint: &[R::Vec3],
-        surface_adjoint: &mut SurfaceAdjoint<R>,
-        parameter_adjoint: &mut [R],
-    ) {
-        assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, parameter_adjoint);
-    }
-
-    /// The place of the features of details among the parameters.
-    pub fn table(&self) -> Range<usize> {
-        self.mlp.parameters.len()..self.parameter_count()
-    }
-
-    /// As [`vjp`](Self::vjp), for a part of a batch: the adjoints of the features of details are
-    /// additions.
-    ///
-    /// # Panics
-    /// If the table of `sum` has another place, or if `surface_adjoint` is shorter than the batch.
-    pub fn add_vjp(
-        &self,
-        points: &SurfaceBatch<'_, R>,
-        rgb_adjoint: &[R::Vec3],
-        surface_adjoint: &mut SurfaceAdjoint<R>,
-        sum: &mut PartialSum<R>,
-    ) {
-        assert_eq!(sum.place(), self.table(), "place of the features of details");
-        if !points.is_empty() {
-            R::add_radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, sum);
-        }
     }
 }
 

@@ -15,6 +15,8 @@ mod init;
 mod mlp;
 mod model_file;
 mod network;
+mod network_field;
+mod network_passes;
 mod passes;
 mod shader;
 

@@ -1,18 +1,14 @@
 //! A perceptron as a signed distance field.
 
-use std::ops::Range;
-
 use crate::grids::Splines;
-use field::{Field, PartialSum, Real, Sphere, TableSum, Vector3};
+use field::Real;
 use glam::DVec3;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::few_points::{FewPoints, block_points};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use crate::passes::Passes;
-use lanes::{HALF, Instructions, Isa, LANES, Lane, Pass, Portable, Row};
+use lanes::{Instructions, Isa, LANES, Lane, Portable, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -174,7 +170,7 @@ impl<R: Lane> Network<R> {
 
     /// The output of one block: a forward sweep.
     #[inline(always)]
-    fn block_values<I: Isa, const N: usize>(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
+    pub(crate) fn block_values<I: Isa, const N: usize>(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
         self.encoder.encode::<I, N>(x, &mut s.features[0]);
         I::call(self.grid_values(x.len(), &mut s.features[0]));
         self.mlp.forward::<I, N, false, false>(s);
@@ -182,7 +178,7 @@ impl<R: Lane> Network<R> {
 
     /// Value and gradient of one block: a forward and a backward sweep.
     #[inline(always)]
-    fn block_gradient<I: Isa, const N: usize>(
+    pub(crate) fn block_gradient<I: Isa, const N: usize>(
         &self,
         x: &[R::Vec3],
         (s, jets): (&mut Scratch<R>, &mut Jets<R>),
@@ -223,7 +219,7 @@ impl<R: Lane> Network<R> {
     ///
     /// Without `alpha`, α is 0.
     #[inline(always)]
-    fn block_tangent<I: Isa, const N: usize, const WEIGHTS: bool>(
+    pub(crate) fn block_tangent<I: Isa, const N: usize, const WEIGHTS: bool>(
         &self,
         x: &[R::Vec3],
         p: &[R::Vec3],
@@ -251,203 +247,5 @@ impl<R: Lane> Network<R> {
             s.output[1][0].0[l] = if on { factor } else { R::zero() };
         }
         self.mlp.backward::<I, N, true, WEIGHTS>(s);
-    }
-}
-
-impl<R: Passes> Field<R> for Network<R> {
-    fn parameter_count(&self) -> usize {
-        self.parameters.len()
-    }
-
-    fn bounds(&self) -> Option<Sphere<R>> {
-        let center = <R::Vec3 as Vector3<R>>::of(self.transform.center);
-        Some(Sphere { center, radius: R::of(self.transform.radius) })
-    }
-
-    fn value(&self, x: &[R::Vec3], f: &mut [R]) {
-        R::value(self, x, f);
-    }
-
-    fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
-        R::value_gradient(self, x, f, gradient);
-    }
-
-    fn hessian_vector(
-        &self,
-        x: &[R::Vec3],
-        p: &[R::Vec3],
-        gradient: &mut [R::Vec3],
-        product: &mut [R::Vec3],
-    ) {
-        R::hessian_vector(self, x, p, gradient, product);
-    }
-
-    fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
-        assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::parameter_vjp(self, x, (alpha, c), adjoint);
-    }
-
-    fn table(&self) -> Range<usize> {
-        self.weight_count()..self.parameter_count()
-    }
-
-    fn add_parameter_vjp(
-        &self,
-        x: &[R::Vec3],
-        alpha: &[R],
-        c: &[R::Vec3],
-        sum: &mut PartialSum<R>,
-    ) {
-        assert_eq!(sum.place(), self.table(), "place of the grid's coefficients");
-        if !x.is_empty() {
-            R::add_parameter_vjp(self, x, (alpha, c), sum);
-        }
-    }
-}
-
-/// The pass of [`Field::value`].
-pub(crate) struct Value<'a, R: Real> {
-    pub(crate) network: &'a Network<R>,
-    pub(crate) x: &'a [R::Vec3],
-    pub(crate) f: &'a mut [R],
-}
-
-impl<R: Lane> Pass for Value<'_, R> {
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let (network, factor) = (self.network, self.network.output_factor());
-        let (mut scratch, mut few) = (None, None);
-        for (x, f) in self.x.chunks(LANES).zip(self.f.chunks_mut(LANES)) {
-            let count = block_points(x.len());
-            let ((x, few_x), (f, few_f)) = (x.split_at(count), f.split_at_mut(count));
-            if !few_x.is_empty() {
-                let few = few.get_or_insert_with(|| FewPoints::new(network, false));
-                few.values::<I>(network, few_x, few_f);
-            }
-            if x.is_empty() {
-                continue;
-            }
-            let s = scratch.get_or_insert_with(|| network.mlp.scratch(false, false, false));
-            if x.len() <= HALF {
-                network.block_values::<I, HALF>(x, s);
-            } else {
-                network.block_values::<I, LANES>(x, s);
-            }
-            for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
-                *f = y * factor;
-            }
-        }
-    }
-}
-
-/// The pass of [`Field::value_gradient`].
-pub(crate) struct ValueGradient<'a, R: Real> {
-    pub(crate) network: &'a Network<R>,
-    pub(crate) x: &'a [R::Vec3],
-    pub(crate) f: &'a mut [R],
-    pub(crate) gradient: &'a mut [R::Vec3],
-}
-
-impl<R: Lane> Pass for ValueGradient<'_, R> {
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let network = self.network;
-        let (mut scratch, mut few) = (None, None);
-        let mut jets = Jets::new(&network.splines, true, false);
-        let outputs = self.f.chunks_mut(LANES).zip(self.gradient.chunks_mut(LANES));
-        for (x, (f, gradient)) in self.x.chunks(LANES).zip(outputs) {
-            let count = block_points(x.len());
-            let (x, few_x) = x.split_at(count);
-            let ((f, few_f), (gradient, few_gradient)) =
-                (f.split_at_mut(count), gradient.split_at_mut(count));
-            if !few_x.is_empty() {
-                let few = few.get_or_insert_with(|| FewPoints::new(network, true));
-                few.gradients::<I>(network, few_x, &mut jets, few_f, few_gradient);
-            }
-            if x.is_empty() {
-                continue;
-            }
-            let s = scratch.get_or_insert_with(|| network.mlp.scratch(true, false, false));
-            if x.len() <= HALF {
-                network.block_gradient::<I, HALF>(x, (s, &mut jets), f, gradient);
-            } else {
-                network.block_gradient::<I, LANES>(x, (s, &mut jets), f, gradient);
-            }
-        }
-    }
-}
-
-/// The pass of [`Field::hessian_vector`].
-pub(crate) struct HessianVector<'a, R: Real> {
-    pub(crate) network: &'a Network<R>,
-    pub(crate) x: &'a [R::Vec3],
-    pub(crate) p: &'a [R::Vec3],
-    pub(crate) gradient: &'a mut [R::Vec3],
-    pub(crate) product: &'a mut [R::Vec3],
-}
-
-impl<R: Lane> Pass for HessianVector<'_, R> {
-    #[inline(always)]
-    fn run<I: Isa>(self) {
-        let encoder = &self.network.encoder;
-        let mut s = self.network.mlp.scratch(true, true, false);
-        let mut jets = Jets::new(&self.network.splines, true, true);
-        let first = self.network.first_of_grid();
-        let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
-        for ((x, p), (gradient, product)) in
-            self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs)
-        {
-            if x.len() <= HALF {
-                self.network.block_tangent::<I, HALF, false>(x, p, &[], (&mut s, &mut jets));
-            } else {
-                self.network.block_tangent::<I, LANES, false>(x, p, &[], (&mut s, &mut jets));
-            }
-            // The adjoints of the outputs already include the output factor, so it is 1 here.
-            let mut g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
-            let mut h = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
-            let [features, tangent] = &s.features;
-            encoder.add_vjp_of_jvp::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
-            let scale = encoder.inverse_radius();
-            jets.add_vjp::<I>(&s.adjoint[1][first..], scale, &mut g);
-            jets.add_vjp::<I>(&s.adjoint[0][first..], scale, &mut h);
-            jets.add_vjp_of_jvp::<I>(&s.adjoint[1][first..], scale, &mut h);
-            for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
-                *gradient = lane(&g, l);
-                *product = lane(&h, l);
-            }
-        }
-    }
-}
-
-/// The pass of [`Field::parameter_vjp`].
-pub(crate) struct ParameterVjp<'a, R: Real> {
-    pub(crate) network: &'a Network<R>,
-    pub(crate) x: &'a [R::Vec3],
-    pub(crate) alpha: &'a [R],
-    pub(crate) c: &'a [R::Vec3],
-    pub(crate) weights: &'a mut [R],
-    /// The sums of the free coefficients of the grid.
-    pub(crate) table: TableSum<'a, R>,
-}
-
-impl<R: Lane> Pass for ParameterVjp<'_, R> {
-    #[inline(always)]
-    fn run<I: Isa>(mut self) {
-        let network = self.network;
-        let mut s = network.mlp.scratch(true, true, true);
-        let mut jets = Jets::new(&network.splines, true, false);
-        let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
-        for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
-            network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
-            grid::add_coefficients(
-                &network.splines,
-                network.first_of_grid(),
-                x.len(),
-                &s.features,
-                &s.adjoint,
-                &mut self.table,
-            );
-        }
-        network.mlp.collect_gradient(&s, self.weights);
     }
 }

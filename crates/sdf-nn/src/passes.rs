@@ -9,7 +9,8 @@ use lanes::{Lane, Pass, dispatch};
 
 use crate::head::{Radiance, RadianceHead, Vjp};
 use crate::mlp::Mlp;
-use crate::network::{HessianVector, Network, ParameterVjp, Value, ValueGradient};
+use crate::network::Network;
+use crate::network_passes::{HessianVector, ParameterVjp, Value, ValueGradient};
 
 /// A precision of networks, `f32` or `f64`, with their passes.
 ///

@@ -115,7 +115,7 @@ impl JobArray {
         let out = output.to_string_lossy();
         // Slurm expands % in the names of logs.
         let [root, out, logs] =
-            [&crate::measure::dsdf::root().to_string_lossy(), &out, &*out.replace('%', "%%")]
+            [&crate::measure::workspace_root().to_string_lossy(), &out, &*out.replace('%', "%%")]
                 .map(quote);
         // The number of shards is fixed here: if some tasks are submitted again, Slurm counts only
         // those.

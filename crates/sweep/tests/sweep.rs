@@ -120,7 +120,7 @@ fn wrong_sweep_files_are_refused_in_one_line() {
 fn shipped_sweeps_are_read_and_have_their_number_of_cells() {
     let cells = |name: &str| Sweep::load(name).unwrap().0.cells().len();
     assert_eq!(SHIPPED.map(cells), [96, 42, 96, 150, 48, 36, 12, 66, 4]);
-    let folder = sweep::measure::dsdf::root().join("xtask/sweeps");
+    let folder = sweep::measure::workspace_root().join("xtask/sweeps");
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let sweeps = files.filter(|path| path.extension().is_some_and(|e| e == "toml"));
     for path in sweeps {

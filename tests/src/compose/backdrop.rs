@@ -6,7 +6,7 @@ use random::{Purpose, Stream};
 use render::Camera;
 use serde_json::{Value, json};
 
-use super::Kind;
+use super::kind::Kind;
 use super::source::Layers;
 use super::texture::Texture;
 

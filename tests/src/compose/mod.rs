@@ -10,41 +10,19 @@
 //! ```
 
 mod backdrop;
+mod kind;
 mod output;
 mod source;
 mod texture;
 
 use std::path::Path;
 
-use clap::ValueEnum;
 use files::WriteError;
+
+pub use kind::Kind;
 
 use backdrop::Backdrop;
 use source::Source;
-
-/// The kind of a variant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Kind {
-    /// One environment by direction, with detail from 40 degrees to 1 degree
-    Panorama,
-    /// Another coloured noise picture in each view
-    Noise,
-    /// Mid-grey, and another exposure of the whole photograph in each view
-    GreyExposure,
-    /// Another uniform colour in each view
-    PerView,
-    /// No background: the coverage is the alpha channel
-    Alpha,
-    /// Black
-    Black,
-}
-
-impl Kind {
-    /// The kind's name on the command line.
-    fn name(self) -> String {
-        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
-    }
-}
 
 /// Writes a variant of the data set `source` into `output`, as a NeRF/Blender data set.
 ///

@@ -10,7 +10,7 @@ use film::{Film, srgb_decode, srgb_encode};
 use image::{ImageFormat, RgbaImage};
 use serde_json::{Value, json};
 
-use super::Kind;
+use super::kind::Kind;
 use super::source::Layers;
 
 /// The extensions of mesh files.

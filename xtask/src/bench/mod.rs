@@ -18,7 +18,7 @@ use accuracy::Accuracy;
 use growth::Growth;
 use programs::CommandCost;
 use sweep::measure::host::{processor, revision};
-use sweep::measure::{cargo_command, dsdf};
+use sweep::measure::{cargo_command, dsdf, workspace_root};
 
 /// All measurements, as the JSON file has them.
 #[derive(Serialize)]
@@ -61,7 +61,7 @@ impl Machine {
 
 /// Measures, prints tables, and writes the JSON file `output`.
 pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
-    let path = output.unwrap_or_else(|| dsdf::root().join("target/bench.json"));
+    let path = output.unwrap_or_else(|| workspace_root().join("target/bench.json"));
     let binary = dsdf::build()?;
     eprintln!("{}", processor());
     let results = BenchResults {

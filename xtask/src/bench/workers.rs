@@ -5,7 +5,7 @@ use std::process::Stdio;
 
 use anyhow::ensure;
 use serde_json::{Value, json};
-use sweep::measure::{cargo_command, dsdf};
+use sweep::measure::{cargo_command, dsdf, workspace_root};
 
 /// The scene, as the sweep `detail` has it: a slab with ridges.
 const SCENE: &str = "xtask/sweeps/scenes/ridges.json";
@@ -20,11 +20,11 @@ const SIMULATED: &str = "200";
 
 /// Simulates iterations on `workers` threads, prints the result, and writes it to `output`.
 pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()> {
-    let path = output.unwrap_or_else(|| dsdf::root().join("target/workers.json"));
+    let path = output.unwrap_or_else(|| workspace_root().join("target/workers.json"));
     let binary = dsdf::build()?;
     let folder = tempfile::tempdir()?;
     let [data, run] = ["data", "run"].map(|n| folder.path().join(n).to_string_lossy().into_owned());
-    let scene = dsdf::root().join(SCENE).to_string_lossy().into_owned();
+    let scene = workspace_root().join(SCENE).to_string_lossy().into_owned();
     dsdf::run_json(&binary, &["synth", &scene, "-o", &data, "--views", "24", "--size", "200x200"])?;
     println!(
         "A simulation: one thread computes all tasks, and their times are dealt to workers.\n"

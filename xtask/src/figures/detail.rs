@@ -4,8 +4,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use sweep::measure::dsdf;
 use sweep::measure::plot::{Curve, Panel, svg};
+use sweep::measure::{dsdf, workspace_root};
+
+use crate::output::write;
 
 /// Data sets of renders, in the folder `shared/data` beside the workspace: a smooth solid, and one
 /// with ridges.
@@ -28,7 +30,7 @@ const METRICS: [(&str, f64, &str); 2] = [
 
 /// Fits each data set for each time, and writes `detail.csv` and `detail.svg`.
 pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
-    let data = dsdf::root().join("../shared/data");
+    let data = workspace_root().join("../shared/data");
     for set in SETS {
         let mesh = data.join(set).join(MESH);
         ensure!(mesh.is_file(), "{}: found no file, expected a mesh", mesh.display());
@@ -52,7 +54,7 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
                     "{set},{name},{seconds},{},{},{},{}",
                     row["iterations"], row["chamfer_relative"], row["normal_error"], row["psnr"]
                 );
-                super::write(folder, "detail.csv", &csv)?;
+                write(folder, "detail.csv", &csv)?;
             }
             for (curves, points) in curves.iter_mut().zip(points) {
                 curves.push(Curve { name: name.to_owned(), points });
@@ -64,7 +66,7 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
             front: false,
         }));
     }
-    super::write(folder, "detail.svg", svg(&panels, "seconds of the fit", "error"))
+    write(folder, "detail.svg", svg(&panels, "seconds of the fit", "error"))
 }
 
 /// The evaluation of a fit, with its number of iterations.

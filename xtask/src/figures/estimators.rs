@@ -10,6 +10,8 @@ use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::reference::{box_filtered, gaussian_filtered};
 use sweep::measure::suite::{Case, cases, scene};
 
+use crate::output::write;
+
 /// The estimators, each with whether its pixels are Gaussian-filtered.
 const ESTIMATORS: [(&str, bool); 8] = [
     ("interior", false),
@@ -53,9 +55,9 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
             curves: ESTIMATORS.iter().zip(curves).map(curve).collect(),
             front: false,
         });
-        super::write(folder, "estimators.csv", &csv)?;
-        super::write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
-        super::write(folder, "estimators.md", table(&rows))?;
+        write(folder, "estimators.csv", &csv)?;
+        write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
+        write(folder, "estimators.md", table(&rows))?;
     }
     Ok(())
 }

@@ -14,6 +14,8 @@ use sweep::measure::image::Image;
 use sweep::measure::reference::box_filtered;
 use sweep::measure::suite::scene;
 
+use crate::output::write;
+
 /// Runs of every estimator.
 const SEEDS: u32 = 32;
 
@@ -58,8 +60,8 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         }
         picture(&variances, scene.reference.width).save(folder.join(format!("{name}.png")))?;
     }
-    super::write(folder, "filters.csv", csv)?;
-    super::write(folder, "filters.md", table)
+    write(folder, "filters.csv", csv)?;
+    write(folder, "filters.md", table)
 }
 
 /// A magnified scene with its reference image and its pixels' kinds.

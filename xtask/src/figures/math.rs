@@ -13,6 +13,8 @@ mod velocity;
 
 use std::path::Path;
 
+use crate::output::write;
+
 /// Draws and measures all figures, and writes them into a folder.
 pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
     let drawings = [
@@ -24,10 +26,10 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         ("opacity.svg", opacity::draw()),
     ];
     for (name, drawing) in drawings {
-        super::write(folder, name, drawing)?;
+        write(folder, name, drawing)?;
     }
-    super::write(folder, "images.svg", measured::pictures(binary)?)?;
+    write(folder, "images.svg", measured::pictures(binary)?)?;
     let (plot, table) = measured::errors(binary)?;
-    super::write(folder, "errors.svg", plot)?;
-    super::write(folder, "errors.csv", table)
+    write(folder, "errors.svg", plot)?;
+    write(folder, "errors.csv", table)
 }

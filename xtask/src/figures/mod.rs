@@ -6,11 +6,11 @@ mod filters;
 mod math;
 mod steps;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 
-use sweep::measure::dsdf;
+use sweep::measure::{dsdf, workspace_root};
 
 /// A figure of the documentation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -37,7 +37,7 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
         Figure::Detail => "detail",
         Figure::Math => "math",
     };
-    let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results").join(name));
+    let folder = output.unwrap_or_else(|| workspace_root().join("docs/results").join(name));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let binary = dsdf::build()?;
     match figure {
@@ -48,13 +48,5 @@ pub(crate) fn run(figure: Figure, output: Option<PathBuf>) -> anyhow::Result<()>
         Figure::Math => math::run(&binary, &folder),
     }?;
     eprintln!("{}", folder.display());
-    Ok(())
-}
-
-/// Replaces a file in a folder whole.
-pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    std::io::Write::write_all(&mut file, content.as_ref())?;
-    file.persist(folder.join(name)).with_context(|| name.to_owned())?;
     Ok(())
 }

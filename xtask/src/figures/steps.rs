@@ -8,6 +8,8 @@ use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::reference::box_filtered;
 use sweep::measure::suite::scene;
 
+use crate::output::write;
+
 /// Points along a ray.
 const STEPS: [u32; 5] = [6, 10, 22, 64, 200];
 
@@ -29,9 +31,9 @@ pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
         eprintln!("{name}");
         panels.extend(measure(binary, name, wrt, &mut csv)?);
     }
-    super::write(folder, "steps.csv", csv)?;
+    write(folder, "steps.csv", csv)?;
     let plot = svg(&panels, "points along a ray", "relative L2 error at 256 spp");
-    super::write(folder, "steps.svg", plot)
+    write(folder, "steps.svg", plot)
 }
 
 /// One panel for each parameter of a scene, with a curve for each estimator. Adds rows to `csv`.

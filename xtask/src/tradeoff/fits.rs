@@ -6,7 +6,8 @@ use std::path::Path;
 use anyhow::Context;
 use serde_json::Value;
 
-use sweep::measure::dsdf::{root, run_json};
+use sweep::measure::dsdf::run_json;
+use sweep::measure::workspace_root;
 
 /// Options of `dsdf fit` under a name.
 pub(super) struct FitSetting {
@@ -50,7 +51,8 @@ pub(super) struct FitOutcome {
 /// Renders 24 views of the demo's scene as a data set, and returns its folder.
 pub(super) fn photographs(binary: &Path, folder: &Path) -> anyhow::Result<String> {
     let data = folder.join("dataset").to_string_lossy().into_owned();
-    let scene = root().join("crates/app/src/cli/demo_scene.json").to_string_lossy().into_owned();
+    let scene =
+        workspace_root().join("crates/app/src/cli/demo_scene.json").to_string_lossy().into_owned();
     run_json(binary, &["synth", &scene, "-o", &data, "--views", "24", "--size", "128x128"])?;
     Ok(data)
 }

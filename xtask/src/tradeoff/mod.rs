@@ -9,12 +9,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use crate::figures::write;
+use crate::output::write;
 use fits::{FitOutcome, NETWORKS, PRESETS};
 use gradients::{AXES, Axis, AxisMeasurements, GradientScenes, Measurement, SPP};
 use sweep::measure::dsdf;
 use sweep::measure::plot::{Curve, Panel, front, svg};
 use sweep::measure::reference::GAUSSIAN;
+use sweep::measure::workspace_root;
 
 /// Index in [`SPP`] of the samples per pixel in tables of one number.
 const SHOWN: usize = 2;
@@ -24,7 +25,7 @@ const GRADIENT_PRESETS: [&str; 3] = ["fast", "balanced", "accurate"];
 
 /// Measures derivative images and fits, and writes CSV, SVG and tables into the folder `output`.
 pub(crate) fn run(output: Option<PathBuf>) -> anyhow::Result<()> {
-    let folder = output.unwrap_or_else(|| dsdf::root().join("docs/results/tradeoff"));
+    let folder = output.unwrap_or_else(|| workspace_root().join("docs/results/tradeoff"));
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let binary = dsdf::build()?;
     let scenes = GradientScenes::new(&binary)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use crate::readers::Result;
+use crate::readers::result::Result;
 use files::InputError;
 use film::refuse_unconverted;
 

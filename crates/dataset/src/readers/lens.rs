@@ -5,9 +5,6 @@ use glam::{DMat2, DVec2};
 use film::Film;
 use rayon::prelude::*;
 use render::Camera;
-use serde::Serialize;
-
-use crate::readers::unread::UnreadView;
 
 /// Distortion and skew: the difference between a photograph's camera and a pinhole camera.
 ///
@@ -39,37 +36,6 @@ pub(crate) struct Lens {
     pub(crate) prism: [f64; 2],
     /// The element of K in row 0, column 1, in pixels.
     pub(crate) skew: f64,
-}
-
-/// The difference of photographs from those of pinhole cameras. It is removed when they are read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Distortion {
-    /// The number of views that are resampled.
-    pub views: usize,
-    /// The number of them with a fisheye lens.
-    pub fisheye: usize,
-    /// The largest displacement along the border of a photograph of another lens, in pixels of the
-    /// whole photograph.
-    pub pixels: f64,
-}
-
-impl Distortion {
-    /// The distortion of all views.
-    pub fn of<'a>(views: impl IntoIterator<Item = &'a UnreadView>) -> Self {
-        let mut all = Distortion::default();
-        for UnreadView { lens, camera, .. } in views {
-            if lens.is_negligible(camera) {
-                continue;
-            }
-            all.views += 1;
-            if lens.is_fisheye() {
-                all.fisheye += 1;
-            } else {
-                all.pixels = all.pixels.max(lens.displacement(camera));
-            }
-        }
-        all
-    }
 }
 
 /// Displacement in pixels below which a lens is ignored. Resampling would blur the photograph more
@@ -158,12 +124,12 @@ impl Lens {
     }
 
     /// The length of the largest displacement of a point of the film's border, in pixels.
-    fn displacement(&self, camera: &Camera) -> f64 {
+    pub(crate) fn displacement(&self, camera: &Camera) -> f64 {
         self.displacements(camera).map(DVec2::length).fold(0.0, f64::max)
     }
 
     /// The displacements of the tested points of the film's border, in pixels.
-    fn displacements(&self, camera: &Camera) -> impl Iterator<Item = DVec2> {
+    pub(crate) fn displacements(&self, camera: &Camera) -> impl Iterator<Item = DVec2> {
         border(camera).map(|u| self.source_position(camera, camera, u) - u)
     }
 

@@ -13,9 +13,11 @@ use glam::{DMat4, DVec2, DVec3};
 
 use crate::readers::images::{image_folder, images, images_in, positions};
 use crate::readers::lens::Lens;
+use crate::readers::npy;
 use crate::readers::projection::pose_fault;
+use crate::readers::recognised::{Recognised, Views};
+use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
-use crate::readers::{Recognised, Result, Views, npy};
 use files::InputError;
 use render::Camera;
 

@@ -16,8 +16,9 @@ use roxmltree::{Document, Node};
 use crate::readers::images::{FOLDERS, image_named, reduced_copies};
 use crate::readers::lens::Lens;
 use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::recognised::{Recognised, Views};
+use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
-use crate::readers::{Recognised, Result, Views};
 use files::InputError;
 use render::Camera;
 

@@ -2,6 +2,7 @@
 
 mod blended_mvs;
 mod colmap;
+mod distortion;
 mod images;
 mod lens;
 mod llff;
@@ -14,81 +15,24 @@ mod notes;
 mod npy;
 mod ply;
 mod projection;
+mod recognised;
+mod result;
 mod unread;
 mod unsupported;
 mod view;
 
 pub use colmap::{SparseCamera, SparseModel, sparse_model};
-pub use lens::Distortion;
+pub use distortion::Distortion;
 pub use mask::{ALL_USED, Mask, MaskKind};
+pub use recognised::Recognised;
 pub use unread::UnreadView;
 pub use view::View;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use field::Sphere;
 use files::InputError;
-use film::refuse_unconverted;
-use glam::DVec3;
 
-type Result<T> = std::result::Result<T, InputError>;
-
-/// The content of a data set before its images are read.
-#[derive(Default)]
-pub struct Recognised {
-    /// The format and camera convention, as text.
-    pub format: String,
-    /// Views to fit.
-    pub train: Vec<UnreadView>,
-    /// Held-out views; `None` if the data set has no split of its own.
-    pub test: Option<Vec<UnreadView>>,
-    /// The bounding sphere, if the data set has one.
-    pub bounds: Option<Sphere<f64>>,
-    /// Points on the scene's surfaces, if the data set has any.
-    pub points: Vec<DVec3>,
-    /// One sentence for each thing that a user should know: images that are missing, models that
-    /// are not read, photographs that are cut.
-    pub notes: Vec<String>,
-    /// Images that the camera file names and that do not exist, but for those in `missing_test`.
-    missing: Vec<PathBuf>,
-    /// The same, of the views to hold out.
-    missing_test: Vec<PathBuf>,
-}
-
-impl Recognised {
-    /// A data set of these views, without a split.
-    fn new(format: &str, views: Views) -> Self {
-        let Views { found, missing } = views;
-        Recognised { format: format.to_owned(), train: found, missing, ..Recognised::default() }
-    }
-}
-
-/// The views of a camera file whose images exist, and the images that do not.
-#[derive(Default)]
-struct Views {
-    found: Vec<UnreadView>,
-    missing: Vec<PathBuf>,
-}
-
-impl Views {
-    /// Adds the view of an image, or the image to the missing ones.
-    ///
-    /// # Errors
-    /// Those of `view`, and if a HEIF file is in the place of the image.
-    fn add(
-        &mut self,
-        image: PathBuf,
-        view: impl FnOnce(PathBuf) -> Result<UnreadView>,
-    ) -> Result<()> {
-        if image.exists() {
-            self.found.push(view(image)?);
-        } else {
-            refuse_unconverted(&image)?;
-            self.missing.push(image);
-        }
-        Ok(())
-    }
-}
+use result::Result;
 
 /// Recognises the format by the files in `folder` and runs its reader.
 ///

@@ -17,8 +17,10 @@ use zip::result::ZipError;
 
 use crate::readers::images::{images, images_in, positions};
 use crate::readers::projection::decompose;
+use crate::readers::recognised::{Recognised, Views};
+use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
-use crate::readers::{MaskKind, Recognised, Result, Views, npy};
+use crate::readers::{MaskKind, npy};
 use files::InputError;
 use film::image_size;
 

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::readers::{Recognised, Result, UnreadView};
+use crate::readers::UnreadView;
+use crate::readers::recognised::Recognised;
+use crate::readers::result::Result;
 use files::{InputError, printable};
 use film::{TurnedByExif, turned_by_exif};
 

@@ -8,7 +8,7 @@ use ply_rs_bw::ply::{
     Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use crate::readers::Result;
+use crate::readers::result::Result;
 use files::InputError;
 
 /// The coordinates of a vertex; NaN if missing.

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use crate::case::Case;
 use crate::formats::arrays::Array;
-use crate::formats::datasets::{FOCAL, SIZE, TRANSLATION, axes, eye, with_photographs, words};
+use crate::formats::views::{FOCAL, SIZE, TRANSLATION, axes, eye, with_photographs, words};
 use crate::lines::Lines;
 use crate::spoil::{sometimes_spoiled, spoiled};
 

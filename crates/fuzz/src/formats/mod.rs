@@ -10,3 +10,4 @@ pub(crate) mod runs;
 pub(crate) mod scenes;
 pub(crate) mod solids;
 pub(crate) mod sweeps;
+mod views;

@@ -8,6 +8,7 @@ use render::Camera;
 
 use crate::calibrate::calibration::MOST;
 use crate::calibrate::freedom::{OF_LENS, OF_POSE};
+use crate::calibrate::median::median;
 use crate::calibrate::solve::{Row, System};
 use crate::calibrate::units::half_frame;
 use crate::calibrate::{Calibration, Freedom};
@@ -260,12 +261,6 @@ impl Calibration {
         let pull = priors.iter().zip(&self.parameters).map(|(w, p)| w * p).collect();
         System::new(rows, points.len(), priors, pull)
     }
-}
-
-/// The median; infinite for none.
-pub(crate) fn median(numbers: &mut [f64]) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The point that is nearest to the rays of a track; `None` if they are nearly parallel.

@@ -6,9 +6,9 @@ use optim::{Adam, Group, OptimError};
 use render::{Camera, CameraAdjoint};
 use serde::Serialize;
 
-use crate::calibrate::bundle::median;
 use crate::calibrate::freedom::{Freedom, OF_LENS, OF_POSE};
 use crate::calibrate::gauge::Gauge;
+use crate::calibrate::median::median;
 use crate::calibrate::units::{of_lens, of_pose};
 
 /// The weight of the prior ½ |correction|², in pixels, per view: a thousandth of the slope of the

@@ -6,6 +6,7 @@ mod choice;
 mod freedom;
 mod gauge;
 mod matching;
+mod median;
 mod solve;
 mod trial;
 mod units;

@@ -185,6 +185,15 @@ impl<R: Real> Background<R> for Quadrature<'_, R> {
 }
 
 impl<R: Real> Volume<R> {
+    /// The volume for training: each ray has its points at random places of their parts.
+    ///
+    /// A place is a function of the stream and of the ray's direction, so that a ray has the same
+    /// points in radiance and derivatives. Points in the middle of the parts would be the same in
+    /// each iteration, and matter between them could not be trained away.
+    pub fn jittered(&self, stream: Stream) -> Quadrature<'_, R> {
+        Quadrature { volume: self, places: Places::Random(stream) }
+    }
+
     fn with_middles(&self) -> Quadrature<'_, R> {
         Quadrature { volume: self, places: Places::At(0.5) }
     }

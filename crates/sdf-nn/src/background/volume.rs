@@ -8,7 +8,6 @@ use random::{Purpose, Stream};
 
 use crate::background::decoder::{DENSITY_BIAS, LENGTH, initial_range};
 use crate::background::grid::table_length;
-use crate::background::quadrature::{Places, Quadrature};
 
 /// The part of space that a background shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,14 +103,5 @@ impl<R: Real> Volume<R> {
     pub fn about(mut self, origin: DVec3) -> Self {
         self.sphere.center -= origin;
         self
-    }
-
-    /// The volume for training: each ray has its points at random places of their parts.
-    ///
-    /// A place is a function of the stream and of the ray's direction, so that a ray has the same
-    /// points in radiance and derivatives. Points in the middle of the parts would be the same in
-    /// each iteration, and matter between them could not be trained away.
-    pub fn jittered(&self, stream: Stream) -> Quadrature<'_, R> {
-        Quadrature { volume: self, places: Places::Random(stream) }
     }
 }

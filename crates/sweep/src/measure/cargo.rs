@@ -1,17 +1,21 @@
 //! Running cargo in the workspace.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, bail};
 
-use crate::measure::dsdf;
+/// The workspace's root folder.
+pub fn workspace_root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).map(Path::to_owned).unwrap_or_default()
+}
 
 /// The command `cargo` with these arguments, to be run in the workspace's root.
 ///
 /// The environment variable `CARGO` names the program, which makes nested calls use the same one.
 pub fn cargo_command(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
-    command.args(arguments).current_dir(dsdf::root());
+    command.args(arguments).current_dir(workspace_root());
     command
 }
 

@@ -7,12 +7,7 @@ use anyhow::{Context, bail, ensure};
 use serde_json::Value;
 
 use crate::measure::image::Image;
-use crate::measure::npy;
-
-/// The workspace's root folder.
-pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).map(Path::to_owned).unwrap_or_default()
-}
+use crate::measure::{npy, workspace_root};
 
 /// Builds `dsdf` in the profile `release` and returns its path.
 ///
@@ -34,8 +29,8 @@ pub fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
         &["build", "--profile", profile, "--package", package, "--bin", name],
         &[],
     )?;
-    let target =
-        root().join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()));
+    let target = workspace_root()
+        .join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()));
     // The folder of the profile `dev` has another name.
     let folder = if profile == "dev" { "debug" } else { profile };
     Ok(target.join(folder).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))

@@ -13,7 +13,7 @@ pub fn processor() -> String {
 pub fn revision() -> String {
     let output = Command::new("git")
         .args(["describe", "--always", "--dirty"])
-        .current_dir(crate::measure::dsdf::root())
+        .current_dir(crate::measure::workspace_root())
         .output();
     let revision =
         output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();

@@ -9,4 +9,4 @@ pub mod plot;
 pub mod reference;
 pub mod suite;
 
-pub use cargo::{cargo, cargo_command};
+pub use cargo::{cargo, cargo_command, workspace_root};

@@ -4,7 +4,7 @@ use anyhow::Context;
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::measure::dsdf::root;
+use crate::measure::workspace_root;
 
 /// A case of the gradient suite.
 #[derive(Clone, Debug, Deserialize)]
@@ -24,7 +24,7 @@ pub fn cases() -> anyhow::Result<Vec<Case>> {
     struct Suite {
         case: Vec<Case>,
     }
-    let path = root().join("tests/gradients/suite.toml");
+    let path = workspace_root().join("tests/gradients/suite.toml");
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     Ok(toml::from_str::<Suite>(&text)?.case)
 }
@@ -35,13 +35,13 @@ pub fn cases() -> anyhow::Result<Vec<Case>> {
 /// # Errors
 /// If the file cannot be read.
 pub fn scene(name: &str) -> anyhow::Result<Value> {
-    let path = root().join("tests/gradients").join(format!("{name}.json"));
+    let path = workspace_root().join("tests/gradients").join(format!("{name}.json"));
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let mut scene: Value = serde_json::from_str(&text)?;
     if let Some(weights) = scene.pointer_mut("/sdf/weights")
         && let Some(name) = weights.as_str()
     {
-        let absolute = root().join("tests/gradients").join(name);
+        let absolute = workspace_root().join("tests/gradients").join(name);
         *weights = absolute.to_string_lossy().into_owned().into();
     }
     Ok(scene)

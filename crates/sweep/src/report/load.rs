@@ -60,7 +60,7 @@ pub fn shipped(name: &str) -> Result<String, Refusal> {
 /// The path and the text of a shipped sweep or a file.
 fn source(name: &str) -> Result<(PathBuf, String), Refusal> {
     let path = match SHIPPED.contains(&name) {
-        true => crate::measure::dsdf::root().join("xtask/sweeps").join(format!("{name}.toml")),
+        true => crate::measure::workspace_root().join("xtask/sweeps").join(format!("{name}.toml")),
         false => PathBuf::from(name),
     };
     let source = read_text(&path).map_err(|e| {

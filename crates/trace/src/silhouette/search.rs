@@ -2,8 +2,8 @@
 
 use field::{Real, Vector3};
 
+use super::family::{RayFamily, Start, Tangency};
 use super::minimum::{Minimum, Point, on_different_faces};
-use super::{RayFamily, Start, Tangency};
 
 // Evidence: one constant changed at a time, for 28 000 starts about the seven solids of
 // tests/tracing.rs, with s an angle, a range of ±0.25 and a tolerance of 1e-6 radians, in double

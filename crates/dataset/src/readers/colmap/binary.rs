@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{CameraRecord, ImageRecord, PointRecord, Result};
+use super::records::{CameraRecord, ImageRecord, PointRecord};
+use crate::readers::result::Result;
 use files::InputError;
 
 /// Name and parameter count of each camera model; the index is the model's number.

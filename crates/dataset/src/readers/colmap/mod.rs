@@ -6,7 +6,9 @@
 //! origin at the image's top left corner, as those of [`Camera`].
 
 mod binary;
+mod model;
 mod models;
+mod records;
 mod summary;
 mod text;
 
@@ -18,13 +20,17 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
+use crate::readers::MaskKind;
 use crate::readers::images::{ImageFolder, image_folder, image_named, image_place};
 use crate::readers::lens::Lens;
 use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::recognised::{Recognised, Views};
+use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
-use crate::readers::{MaskKind, Recognised, Result, Views};
 use files::InputError;
+use model::Model;
 use models::Candidates;
+use records::{CameraRecord, ImageRecord};
 use render::Camera;
 
 /// The camera models that a pinhole and a [`Lens`] describe.
@@ -43,73 +49,6 @@ const SUPPORTED: [&str; 10] = [
 
 /// The largest deviation of a quaternion's length from 1.
 const UNIT: f64 = 1e-3;
-
-/// A record of `cameras`: the camera model gives the parameters their meaning.
-#[derive(Clone, Debug, PartialEq)]
-struct CameraRecord {
-    id: u32,
-    model: String,
-    /// Width and height in pixels.
-    size: [u64; 2],
-    parameters: Vec<f64>,
-}
-
-/// A record of `images`: an image and its world-to-camera pose.
-#[derive(Clone, Debug, PartialEq)]
-struct ImageRecord {
-    /// (w, x, y, z).
-    quaternion: [f64; 4],
-    translation: DVec3,
-    /// The id of its [`CameraRecord`].
-    camera: u32,
-    name: String,
-}
-
-/// A record of `points3D`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct PointRecord {
-    position: DVec3,
-    /// Its mean distance in the images from the places where it was found, in pixels.
-    error: Option<f64>,
-}
-
-/// The three files of a model, all text or all binary.
-struct Model {
-    binary: bool,
-    cameras: PathBuf,
-    images: PathBuf,
-    points: PathBuf,
-}
-
-impl Model {
-    /// If a folder has both forms, the binary one is read, as COLMAP does.
-    fn in_folder(folder: &Path) -> Self {
-        let binary = folder.join("cameras.bin").is_file();
-        let extension = if binary { "bin" } else { "txt" };
-        let [cameras, images, points] = ["cameras", "images", "points3D"]
-            .map(|name| folder.join(format!("{name}.{extension}")));
-        Model { binary, cameras, images, points }
-    }
-
-    fn cameras(&self) -> Result<Vec<CameraRecord>> {
-        if self.binary { binary::cameras(&self.cameras) } else { text::cameras(&self.cameras) }
-    }
-
-    fn images(&self) -> Result<Vec<ImageRecord>> {
-        if self.binary { binary::images(&self.images) } else { text::images(&self.images) }
-    }
-
-    /// The finite points; none if the file is missing.
-    fn points(&self) -> Result<Vec<PointRecord>> {
-        let mut points = match self.points.is_file() {
-            true if self.binary => binary::points(&self.points)?,
-            true => text::points(&self.points)?,
-            false => Vec::new(),
-        };
-        points.retain(|p| p.position.is_finite());
-        Ok(points)
-    }
-}
 
 /// Reads the model with the most images. Its images are in `images/` or `input/`, or else in a
 /// reduced copy of these, in the model's folder or up to three folders above.

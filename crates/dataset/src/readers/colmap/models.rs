@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{ImageRecord, Model};
-use crate::readers::Result;
+use super::model::Model;
+use super::records::ImageRecord;
+use crate::readers::result::Result;
 
 /// The model that is read.
 pub(super) struct Candidates {

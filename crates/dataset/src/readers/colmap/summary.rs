@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Model, Result};
+use super::model::Model;
+use super::records::CameraRecord;
+use crate::readers::result::Result;
 
 /// A camera of a sparse model.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,11 +39,8 @@ pub fn sparse_model(folder: &Path) -> Result<SparseModel> {
     let model = Model::in_folder(folder);
     let mut images: Vec<String> = model.images()?.into_iter().map(|image| image.name).collect();
     images.sort();
-    let camera = |c: super::CameraRecord| SparseCamera {
-        model: c.model,
-        size: c.size,
-        parameters: c.parameters,
-    };
+    let camera =
+        |c: CameraRecord| SparseCamera { model: c.model, size: c.size, parameters: c.parameters };
     let cameras = model.cameras()?.into_iter().map(camera).collect();
     let points = model.points()?;
     let errors: Vec<f64> =

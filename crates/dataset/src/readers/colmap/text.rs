@@ -6,7 +6,8 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use super::{CameraRecord, ImageRecord, PointRecord, Result};
+use super::records::{CameraRecord, ImageRecord, PointRecord};
+use crate::readers::result::Result;
 use files::InputError;
 
 fn read(file: &Path) -> Result<String> {

@@ -1,8 +1,8 @@
 //! The distortion of a frame.
 
-use super::Frame;
-use crate::readers::Result;
+use super::frame::Frame;
 use crate::readers::lens::Lens;
+use crate::readers::result::Result;
 use files::InputError;
 use files::json::shown;
 

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{frames, read_frames, with_split};
-use crate::readers::{Recognised, Result};
+use super::views::{frames, read_frames};
+use crate::readers::recognised::Recognised;
+use crate::readers::result::Result;
 use files::InputError;
 use files::json::shown;
 
@@ -87,7 +88,7 @@ impl Lists {
         }
         let train = read_frames(folder, file, train, root)?;
         let test = read_frames(folder, file, test, root)?;
-        let mut recognised = with_split(format, train, test);
+        let mut recognised = Recognised::with_split(format, train, test);
         if unused > 0 {
             let text = "frames are neither in the list to fit nor in the one held out";
             recognised.notes.push(format!("{unused} {text}"));

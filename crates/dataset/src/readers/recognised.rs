@@ -1,0 +1,75 @@
+//! The views of a data set before their images are read: the result of every reader.
+
+use std::path::PathBuf;
+
+use field::Sphere;
+use film::refuse_unconverted;
+use glam::DVec3;
+
+use crate::readers::result::Result;
+use crate::readers::unread::UnreadView;
+
+/// The content of a data set before its images are read.
+#[derive(Default)]
+pub struct Recognised {
+    /// The format and camera convention, as text.
+    pub format: String,
+    /// Views to fit.
+    pub train: Vec<UnreadView>,
+    /// Held-out views; `None` if the data set has no split of its own.
+    pub test: Option<Vec<UnreadView>>,
+    /// The bounding sphere, if the data set has one.
+    pub bounds: Option<Sphere<f64>>,
+    /// Points on the scene's surfaces, if the data set has any.
+    pub points: Vec<DVec3>,
+    /// One sentence for each thing that a user should know: images that are missing, models that
+    /// are not read, photographs that are cut.
+    pub notes: Vec<String>,
+    /// Images that the camera file names and that do not exist, but for those in `missing_test`.
+    pub(super) missing: Vec<PathBuf>,
+    /// The same, of the views to hold out.
+    pub(super) missing_test: Vec<PathBuf>,
+}
+
+impl Recognised {
+    /// A data set of these views, without a split.
+    pub(super) fn new(format: &str, views: Views) -> Self {
+        let Views { found, missing } = views;
+        Recognised { format: format.to_owned(), train: found, missing, ..Recognised::default() }
+    }
+
+    /// A data set with a split of its own. With no image to hold out, the usual split is made.
+    pub(super) fn with_split(format: &str, train: Views, test: Views) -> Self {
+        let mut recognised = Recognised::new(format, train);
+        recognised.missing_test = test.missing;
+        recognised.test = Some(test.found).filter(|found| !found.is_empty());
+        recognised
+    }
+}
+
+/// The views of a camera file whose images exist, and the images that do not.
+#[derive(Default)]
+pub(super) struct Views {
+    pub(super) found: Vec<UnreadView>,
+    pub(super) missing: Vec<PathBuf>,
+}
+
+impl Views {
+    /// Adds the view of an image, or the image to the missing ones.
+    ///
+    /// # Errors
+    /// Those of `view`, and if a HEIF file is in the place of the image.
+    pub(super) fn add(
+        &mut self,
+        image: PathBuf,
+        view: impl FnOnce(PathBuf) -> Result<UnreadView>,
+    ) -> Result<()> {
+        if image.exists() {
+            self.found.push(view(image)?);
+        } else {
+            refuse_unconverted(&image)?;
+            self.missing.push(image);
+        }
+        Ok(())
+    }
+}
