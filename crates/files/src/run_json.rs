@@ -6,38 +6,36 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{InputError, WriteError, atomic_write};
 
-/// Writes a value to the file `name` of a run folder.
+/// Writes a value to a file of a run folder.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn save(run: &Path, name: &str, value: &impl Serialize) -> Result<(), WriteError> {
-    atomic_write(&run.join(name), |out| {
+pub fn save(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
+    atomic_write(path, |out| {
         let text = serde_json::to_string_pretty(value)?;
         out.write_all(text.as_bytes())
     })
 }
 
-/// Reads the file `name` of a run folder; `None` if there is none. `content` names its content in
+/// Reads a file of a run folder; `None` if there is none. `content` names its content in
 /// messages, in the plural.
 ///
 /// # Errors
 /// If the file is there and cannot be read, or has a wrong entry.
 pub fn load<T: DeserializeOwned>(
-    run: &Path,
-    name: &str,
+    path: &Path,
     content: &str,
 ) -> Result<Option<T>, InputError> {
-    let path = run.join(name);
     if !path.exists() {
         return Ok(None);
     }
-    let text = crate::read_text(&path, content, &format!("the {content} of a run"))?;
-    let value = serde_json::from_str(&text).map_err(|e| wrong(run, name, content, &e))?;
+    let text = crate::read_text(path, content, &format!("the {content} of a run"))?;
+    let value = serde_json::from_str(&text).map_err(|e| wrong(path, content, &e))?;
     Ok(Some(value))
 }
 
 /// The error of a file whose content no fit wrote.
-pub fn wrong(run: &Path, name: &str, content: &str, found: &dyn std::fmt::Display) -> InputError {
+pub fn wrong(path: &Path, content: &str, found: &dyn std::fmt::Display) -> InputError {
     let expected = format!("the {content} that a fit wrote");
-    InputError::new(run.join(name), content, found, expected)
+    InputError::new(path, content, found, expected)
 }

@@ -1,8 +1,8 @@
 //! The alignment of held-out cameras to a model whose cameras were refined.
 
 use estimate::{Refined, SampleCounts};
-use loss::photometry::{MaskUse, Pixel, pyramid};
-use loss::{Batch, Workspace, gradient};
+use loss::photometry::{Draw, MaskUse, pyramid};
+use loss::{Objective, Surface, Wanted, Workspace, gradient};
 use random::{Purpose, Stream};
 use render::{Camera, Scene};
 
@@ -10,9 +10,10 @@ use dataset::View;
 use multiview::calibrate::{Calibration, Freedom};
 
 use crate::cameras::corrected;
+use crate::error::FitError;
 use crate::model::Model;
-use crate::run::SLOPE_POINTS;
 use crate::run_file::RunFile;
+use crate::solid::SLOPE_POINTS;
 
 /// Steps of an alignment.
 const STEPS: u64 = 200;
@@ -36,7 +37,7 @@ pub fn align(
     file: &RunFile,
     views: &[View],
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<Vec<Camera>> {
+) -> Result<Vec<Camera>, FitError> {
     let given: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let colors = file.background_of(views);
     let background = file.background_model(views);
@@ -50,31 +51,23 @@ pub fn align(
     let mut work = Workspace::default();
     for step in 0..STEPS {
         let draw = |i| level.draw(i, 1, stream.at(3));
-        let pixels: Vec<Pixel> = (step * draws..(step + 1) * draws).map(draw).collect();
+        let pixels: Vec<Draw> = (step * draws..(step + 1) * draws).map(draw).collect();
         let cameras = corrected(Some(&calibration), &level.cameras);
         let own = model.background.as_background();
         let behind = colors.as_ref().map_or(own, |colors| colors);
         let scene = Scene::new(&model.field, &model.head, &cameras, &file.sphere(), behind);
-        let batch = Batch {
-            scene: scene.with_slope_of_field(SLOPE_POINTS),
-            level,
-            pixels: &pixels,
-            pixel_count: draws as f32,
-            trains_background: false,
-            refines_cameras: true,
-            behind: &[],
-            gains: &[],
-            eikonal: 0.0,
-            bending: 0.0,
+        let surface = Surface::Sharp {
             estimator: &Refined,
             counts: SampleCounts { spp: 4, edge_samples: 1 },
             pass: file.options.pass(),
-            sharpness: None,
-            depths: None,
-            carves: false,
-            seed: stream.at(4).at(step).bits(),
         };
-        let found = gradient(&batch, &mut work)?;
+        let scene = scene.with_slope_of_field(SLOPE_POINTS);
+        let objective = Objective {
+            wanted: Wanted { background: false, cameras: true },
+            seed: stream.at(4).at(step).bits(),
+            ..Objective::photometric(scene, level, &pixels, surface)
+        };
+        let found = gradient(&objective, &mut work)?;
         work.reuse(found.parameters);
         let rate = RATE * (1.0 - step as f64 / STEPS as f64);
         calibration.step(&level.cameras, &found.cameras, rate)?;

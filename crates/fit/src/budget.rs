@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::grid_levels::is_fine;
+use crate::architecture::is_fine;
 use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 
 /// The assumed number of iterations in a second on one thread, for a budget of time: with the speed

@@ -1,60 +1,13 @@
 //! Depth maps of the photographs, which guide the soft surface.
 
-use std::time::{Duration, Instant};
-
-use loss::photometry::{Level, Photograph};
-use multiview::calibrate::Calibration;
-use multiview::stereo::{DepthMap, Guide, Stereo, View};
-
-use crate::budget::Budget;
-use crate::cameras::corrected;
-use crate::options::FitOptions;
-use crate::run::Fit;
-use crate::run_file::RunFile;
-use loss::schedule::{ends_depths, is_carving};
-
-/// Pixels of photographs for each iteration of the budget: the search takes about a tenth of the
-/// fit's time. Larger photographs are searched at a half, a quarter or an eighth of their size, or
-/// not at all.
-const PIXELS_PER_ITERATION: u64 = 240;
-
-/// The largest shares of a budget of time for the first search, and for all of them. A search that
-/// would take longer begins anew at half of the size.
-const LARGEST_SHARES: [f64; 2] = [0.15, 0.3];
-
-/// The most pixels of photographs, whatever the budget is: 32 bytes of memory for each.
-const MOST_PIXELS: u64 = 1 << 23;
-
-/// Adjustments of the cameras, each by the planes that the search finds with those of the one
-/// before. docs/rooms.md compares numbers of them.
-const ROUNDS: usize = 2;
+use multiview::stereo::{DepthMap, Guide};
 
 /// The share of the pixels that must have a known depth. Without depths nothing tells a wrong
 /// surface from one whose colour is not learned yet, so nothing is carved.
 const LEAST_KNOWN: f64 = 0.02;
 
-impl FitOptions {
-    /// The largest number of pixels of photographs that are searched for depths.
-    fn searched_pixels(&self) -> u64 {
-        self.assumed_iterations().saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
-    }
-}
-
-impl RunFile {
-    /// Whether depths guide the soft surface of the run.
-    fn uses_depths(&self) -> bool {
-        self.options.stereo.is_used(self.background_kind.is_trained()) && self.options.soft() > 0.0
-    }
-}
-
-/// Whether a search would take longer than `limit`, if `done` of all its photographs took
-/// `elapsed`. Once half of them are done, it is not given up.
-fn is_late(elapsed: Duration, done: usize, all: usize, limit: Duration) -> bool {
-    let is_early = (1..=all / 2).contains(&done);
-    is_early && elapsed.as_secs_f64() * all as f64 > limit.as_secs_f64() * done as f64
-}
-
 /// The depth maps of the training views.
+#[derive(Clone, Debug)]
 pub(crate) struct Depths {
     /// The maps; none if too little is known.
     maps: Vec<DepthMap>,
@@ -64,150 +17,25 @@ pub(crate) struct Depths {
     known: f64,
 }
 
-impl Fit {
-    /// Whether this part of the run needs depths that it has not looked for.
-    fn lacks_depths(&self) -> bool {
-        let is_over = ends_depths(self.progress(), self.file.options.soft());
-        self.file.uses_depths() && !is_over && self.depths.is_none()
-    }
+impl Depths {
+    /// No depths.
+    pub(crate) const NONE: Self = Depths { maps: Vec::new(), level: 0, known: 0.0 };
 
-    /// Finds the depths that guide the soft surface, if this part of the run needs them. `report`
-    /// gets the number of photographs that are done, and that of all. If `stop` is true, nothing is
-    /// found. The time counts as time of the fit. A resumed run finds them again.
-    ///
-    /// If cameras are refined, places of points in the photographs adjust them. If that makes them
-    /// better, the search begins anew, up to two times.
-    ///
-    /// [`Fit::run`] calls it; another call before it shows the progress.
-    pub fn find_depths(&mut self, stop: &dyn Fn() -> bool, report: &mut dyn FnMut(usize, usize)) {
-        if self.lacks_depths() {
-            let begin = Instant::now();
-            self.depths = self.searched_depths(stop, report);
-            let taken = begin.elapsed().as_secs_f64();
-            self.seconds += taken;
-            self.searching += taken;
-        }
-    }
-
-    /// The depth maps, after an adjustment of the cameras; `None` if `stop` was true.
-    fn searched_depths(
-        &mut self,
-        stop: &dyn Fn() -> bool,
-        report: &mut dyn FnMut(usize, usize),
-    ) -> Option<Depths> {
-        let most = self.file.options.searched_pixels();
-        let fits = |level: &Level| level.photograph_pixels() <= most;
-        let nothing = Depths { maps: Vec::new(), level: 0, known: 0.0 };
-        let Some(mut level) = self.levels.iter().position(fits) else { return Some(nothing) };
-        let begin = Instant::now();
-        let [of_first, of_all] = LARGEST_SHARES.map(|share| match self.file.options.budget() {
-            Budget::Time(time) => time.mul_f64(share),
-            Budget::Iterations(_) => Duration::MAX,
-        });
-        // A run that is resumed has decided before its first iteration.
-        let is_open = self.corrections.is_undecided() && self.iteration == 0;
-        let freedom = self.freedom_by_places().filter(|_| is_open);
-        // Cameras that the loss refines moved after the search of a run without an interruption.
-        let cameras = self.corrections.adjusted();
-        let mut search = self.search(&mut level, cameras, of_first, stop, report)?;
-        let mut adjusted = None;
-        for freedom in std::iter::repeat_n(freedom, ROUNDS).flatten() {
-            let Some(of_places) = self.match_cameras(level, freedom, search.tracks()) else {
-                break;
-            };
-            let (is_kept, matched_level) = (of_places.1.is_kept, level);
-            if is_kept || adjusted.is_some() {
-                let (cameras, limit) =
-                    (is_kept.then_some(&of_places.0), of_all.saturating_sub(begin.elapsed()));
-                search = self.search(&mut level, cameras, limit, stop, report)?;
-            }
-            adjusted = Some((of_places, matched_level));
-            if !is_kept {
-                break;
-            }
-        }
-        // A later search may be on a coarser level.
-        if let Some(((calibration, matching), matched_level)) = adjusted {
-            self.decide_cameras(calibration, matching, matched_level);
-        }
-        let mut maps = search.depth_maps();
-        for (map, photograph) in maps.iter_mut().zip(&self.levels[level].photographs) {
-            map.forget_unless(|x, y| photograph.is_used(x, y));
-        }
+    /// These maps of a level of the pyramid; [`NONE`](Self::NONE) if they know too little.
+    pub(crate) fn new(maps: Vec<DepthMap>, level: usize) -> Self {
         let known = maps.iter().map(DepthMap::known).sum::<f64>() / maps.len().max(1) as f64;
-        Some(if known < LEAST_KNOWN { nothing } else { Depths { maps, level, known } })
-    }
-
-    /// The planes of all photographs of a level; `None` if `stop` was true. A search that would
-    /// take longer than `limit` begins anew on the next level, which `level` is then.
-    fn search(
-        &self,
-        level: &mut usize,
-        calibration: Option<&Calibration>,
-        limit: Duration,
-        stop: &dyn Fn() -> bool,
-        report: &mut dyn FnMut(usize, usize),
-    ) -> Option<Stereo> {
-        let (mut search, mut begin) = (self.stereo(*level, calibration), Instant::now());
-        loop {
-            let (done, all) = search.progress();
-            report(done, all);
-            if done == all {
-                return Some(search);
-            }
-            if stop() {
-                return None;
-            }
-            if *level + 1 < self.levels.len() && is_late(begin.elapsed(), done, all, limit) {
-                *level += 1;
-                (search, begin) = (self.stereo(*level, calibration), Instant::now());
-            }
-            search.search(rayon::current_num_threads());
-        }
-    }
-
-    /// A search in the photographs of a level.
-    fn stereo(&self, level: usize, calibration: Option<&Calibration>) -> Stereo {
-        let Level { cameras, photographs, .. } = &self.levels[level];
-        let cameras = corrected(calibration, cameras);
-        let view = |(camera, photograph)| {
-            let photograph: &Photograph = photograph;
-            View { camera, image: &photograph.image }
-        };
-        let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
-        Stereo::new(&views, &self.file.sphere(), self.file.options.seed)
+        if known < LEAST_KNOWN { Self::NONE } else { Depths { maps, level, known } }
     }
 
     /// The depths that guide an iteration on a level of the pyramid.
     pub(crate) fn guide(&self, level: usize) -> Option<Guide<'_>> {
-        let Depths { maps, level: own, .. } = self.depths.as_ref()?;
+        let Depths { maps, level: own, .. } = self;
         let scale = 2f64.powi(level as i32 - *own as i32);
         (!maps.is_empty()).then_some(Guide { maps, scale })
     }
 
-    /// Whether this iteration carves.
-    pub(crate) fn carves(&self) -> bool {
-        is_carving(self.progress(), self.file.options.soft())
-    }
-
-    /// The share of the pixels with a known depth, if depths were looked for; 0 if too little is
-    /// known to use it.
-    pub fn known_depths(&self) -> Option<f64> {
-        self.depths.as_ref().map(|depths| depths.known)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_search_is_late_by_what_it_took_so_far_until_half_of_it_is_done() {
-        let late = |seconds, done, limit| {
-            is_late(Duration::from_secs(seconds), done, 48, Duration::from_secs(limit))
-        };
-        assert!(late(2, 4, 20) && late(2, 2, 20) && late(1, 24, 0));
-        assert!(!late(2, 4, 24) && !late(9, 0, 1) && !late(9, 25, 1));
-        assert!(!is_late(Duration::from_secs(9), 1, 48, Duration::MAX));
+    /// The share of the pixels with a known depth; 0 if too little is known to use it.
+    pub(crate) fn known(&self) -> f64 {
+        self.known
     }
 }

@@ -1,42 +1,62 @@
 #![doc = include_str!("../README.md")]
 
 mod alignment;
+mod architecture;
 mod budget;
 mod cameras;
 pub mod checkpoint;
+mod clock;
+mod corrections;
+mod depth_search;
 mod depths;
 mod downscale;
-mod exposure;
-mod grid_levels;
-mod iteration;
+mod error;
+mod exposures;
+mod fit;
+mod gradient;
+mod matching;
+mod metrics;
 mod metrics_file;
 mod model;
 mod model_background;
+mod optimiser;
 mod options;
-mod run;
+mod photographs;
+mod preview;
 mod run_cameras;
 mod run_file;
+mod run_folder;
+mod session;
 mod solid;
 mod split;
+mod step;
+mod survey;
+mod trial;
 
 pub use alignment::align;
 pub use budget::Budget;
-pub use exposure::{RunExposure, RunExposures, match_exposures};
-pub use iteration::Metrics;
+pub use clock::Clock;
+pub use corrections::Corrections;
+pub use error::FitError;
+pub use exposures::{RunExposure, RunExposures, match_exposures};
+pub use fit::Fit;
 pub use loss::photometry::{
     BackgroundChoice, BackgroundKind, ExposureChoice, ExposureModel, Limit, MaskChoice, MaskUse,
     check_masks,
 };
-pub use loss::{Observer, Stage};
-pub use metrics_file::MetricsFile;
+pub use loss::{Observer, Stage, Workspace};
+pub use metrics::Metrics;
 pub use model::Model;
 pub use model_background::ModelBackground;
 pub use multiview::calibrate::{CameraDecision, RefineCameras};
 pub use multiview::stereo::StereoChoice;
-pub use options::{FitOptions, FitWarp};
-pub use run::{Fit, write_preview};
+pub use options::FitOptions;
+pub use photographs::Photographs;
+pub use preview::write_preview;
 pub use run_cameras::{RunCamera, RunCameras};
 pub use run_file::RunFile;
+pub use run_folder::RunFolder;
 pub use sdf_nn::grids::GridLevels;
+pub use session::Session;
 pub use solid::Solid;
 pub use split::Split;

@@ -4,12 +4,12 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use files::WriteError;
 
-use crate::iteration::Metrics;
+use crate::metrics::Metrics;
 
 /// `metrics.jsonl`: one line of JSON per iteration.
-pub struct MetricsFile {
+pub(crate) struct MetricsFile {
     path: PathBuf,
     writer: BufWriter<File>,
 }
@@ -20,7 +20,7 @@ impl MetricsFile {
     ///
     /// # Errors
     /// If the file cannot be read or written.
-    pub fn open(path: &Path, iteration: u64) -> anyhow::Result<Self> {
+    pub(crate) fn open(path: &Path, iteration: u64) -> Result<Self, WriteError> {
         let known = match path.symlink_metadata() {
             Ok(_) => files::read(path, "metrics", "the metrics of a run")?,
             Err(_) => Vec::new(),
@@ -34,7 +34,7 @@ impl MetricsFile {
         }
         files::atomic_write(path, |out| out.write_all(&kept))?;
         let file = OpenOptions::new().append(true).open(path);
-        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
+        let file = file.map_err(|e| WriteError::of_file(path, e))?;
         Ok(MetricsFile { path: path.to_owned(), writer: BufWriter::new(file) })
     }
 
@@ -42,14 +42,14 @@ impl MetricsFile {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
-        self.append(metrics).with_context(|| format!("cannot write {}", self.path.display()))
+    pub(crate) fn write(&mut self, metrics: &Metrics) -> Result<(), WriteError> {
+        self.append(metrics).map_err(|e| WriteError::of_file(&self.path, e))
     }
 
-    fn append(&mut self, metrics: &Metrics) -> anyhow::Result<()> {
+    fn append(&mut self, metrics: &Metrics) -> std::io::Result<()> {
         serde_json::to_writer(&mut self.writer, metrics)?;
         self.writer.write_all(b"\n")?;
-        Ok(self.writer.flush()?)
+        self.writer.flush()
     }
 }
 

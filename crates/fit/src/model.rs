@@ -6,12 +6,13 @@ use files::{InputError, atomic_write};
 use glam::DVec3;
 use optim::Group;
 use random::{Purpose, Stream};
-use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
+use sdf_nn::{Activation, Architecture, Network, RadianceHead, Transform};
 
-use crate::grid_levels::{is_fine, spline_size};
+use crate::architecture::{encoding, is_fine, mlp_parameters, spline_size};
+use crate::error::FitError;
 use crate::model_background::ModelBackground;
-use crate::options::mlp_parameters;
 use crate::run_file::RunFile;
+use crate::run_folder::RunFolder;
 
 /// A signed distance network, a network for the radiance on its surface, and a background.
 #[derive(Clone, Debug)]
@@ -34,8 +35,7 @@ pub(crate) const HEAD_BANDS: usize = 6;
 /// background; see docs/rooms.md.
 const DETAILS: [usize; 4] = [32, 64, 128, 256];
 
-/// The grids of details of a run's radiance head. Renders before a uniform background are explained
-/// by octaves, and an iteration takes less time without grids.
+/// The grids of details of a run's radiance head. Octaves explain renders in front of a uniform background, and an iteration takes less time without grids.
 fn details(file: &RunFile) -> &'static [usize] {
     if file.background_kind.is_trained() { &DETAILS } else { &[] }
 }
@@ -174,11 +174,11 @@ impl Model {
     ///
     /// # Errors
     /// If a file cannot be written. A file that was there before then stays complete.
-    pub fn save(&self, run: &Path, origin: DVec3) -> anyhow::Result<()> {
+    pub(crate) fn save(&self, run: &RunFolder, origin: DVec3) -> Result<(), FitError> {
         let field = self.field.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join("model.safetensors"), |out| out.write_all(&field))?;
+        atomic_write(&run.model(), |out| out.write_all(&field))?;
         let head = self.head.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.join("radiance.safetensors"), |out| out.write_all(&head))?;
+        atomic_write(&run.radiance(), |out| out.write_all(&head))?;
         self.background.save(run, origin)
     }
 
@@ -189,24 +189,18 @@ impl Model {
     /// If a file is missing or is not a model file.
     pub fn load(run: &Path, file: &RunFile) -> Result<Self, InputError> {
         let origin = file.origin();
-        let read = |name: &str| {
-            let path = run.join(name);
-            files::read(&path, "model", "the model file of a run")
+        let folder = RunFolder::new(run);
+        let read = |path: &Path| files::read(path, "model", "the model file of a run");
+        let wrong = |path: &Path, e: sdf_nn::ModelError| {
+            InputError::new(path, "weights", e, "a model file")
         };
-        let wrong = |name: &str, e: sdf_nn::ModelError| {
-            InputError::new(run.join(name), "weights", e, "a model file")
-        };
-        let field: Network<f32> = Network::from_safetensors(&read("model.safetensors")?)
-            .map_err(|e| wrong("model.safetensors", e))?;
+        let path = folder.model();
+        let field: Network<f32> =
+            Network::from_safetensors(&read(&path)?).map_err(|e| wrong(&path, e))?;
+        let path = folder.radiance();
         let head: RadianceHead<f32> =
-            RadianceHead::from_safetensors(&read("radiance.safetensors")?)
-                .map_err(|e| wrong("radiance.safetensors", e))?;
-        let background = ModelBackground::load(run, file)?;
+            RadianceHead::from_safetensors(&read(&path)?).map_err(|e| wrong(&path, e))?;
+        let background = ModelBackground::load(&folder, file)?;
         Ok(Model { field: field.about(origin), head: head.about(origin), background })
     }
-}
-
-/// The frequency encoding of `bands` octaves; none for 0.
-pub(crate) fn encoding(bands: usize) -> Encoding {
-    if bands == 0 { Encoding::None } else { Encoding::Frequency { bands } }
 }

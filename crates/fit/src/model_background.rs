@@ -1,7 +1,5 @@
 //! The background of a model: the radiance along rays that miss its solid.
 
-use std::path::Path;
-
 use field::{Background, UniformBackground};
 use files::{InputError, atomic_write};
 use glam::{DVec3, Vec3};
@@ -9,7 +7,9 @@ use loss::photometry::BackgroundKind;
 use random::{Purpose, Stream};
 use sdf_nn::background::{Extent, Quadrature, Volume};
 
+use crate::error::FitError;
 use crate::run_file::RunFile;
+use crate::run_folder::RunFolder;
 
 /// The background of a model.
 #[derive(Clone, Debug)]
@@ -29,9 +29,6 @@ fn extent_of(kind: BackgroundKind) -> Option<Extent> {
         BackgroundKind::Volume => Some(Extent::Volume),
     }
 }
-
-/// The file of a trained background in a run folder.
-const FILE: &str = "background.safetensors";
 
 impl ModelBackground {
     /// The background at the start of a fit.
@@ -53,7 +50,7 @@ impl ModelBackground {
         }
     }
 
-    /// The background with random places of the points on its rays, if it is trained; see
+    /// The background with random positions of the points on its rays, if it is trained; see
     /// [`Volume::jittered`].
     pub(crate) fn jittered(&self, seed: u64) -> Option<Quadrature<'_, f32>> {
         match self {
@@ -89,18 +86,18 @@ impl ModelBackground {
 
     /// Writes `background.safetensors` into a run folder if it is trained, in world units. The
     /// model is relative to `origin`.
-    pub(crate) fn save(&self, run: &Path, origin: DVec3) -> anyhow::Result<()> {
+    pub(crate) fn save(&self, run: &RunFolder, origin: DVec3) -> Result<(), FitError> {
         let ModelBackground::Trained(volume) = self else { return Ok(()) };
         let bytes = volume.clone().about(-origin).to_safetensors()?;
-        Ok(atomic_write(&run.join(FILE), |out| out.write_all(&bytes))?)
+        Ok(atomic_write(&run.background(), |out| out.write_all(&bytes))?)
     }
 
     /// Reads the background of a run folder, for points relative to the run's origin.
-    pub(crate) fn load(run: &Path, file: &RunFile) -> Result<Self, InputError> {
+    pub(crate) fn load(run: &RunFolder, file: &RunFile) -> Result<Self, InputError> {
         let Some(expected) = extent_of(file.background_kind) else {
             return Ok(Self::constant(file));
         };
-        let path = run.join(FILE);
+        let path = run.background();
         let bytes = files::read(&path, "background", "the background of a run")?;
         let volume = Volume::from_safetensors(&bytes)
             .map_err(|e| InputError::new(&path, "background", e, "a background file"))?;

@@ -15,8 +15,7 @@ use sdf_nn::grids::GridLevels;
 use serde::{Deserialize, Serialize};
 use warp::{WarpArgs, WarpDefaults, WarpOptions};
 
-use crate::grid_levels::{is_fine, spline_size};
-use crate::model::encoding;
+use crate::architecture::{encoding, is_fine, mlp_parameters, spline_size};
 use loss::photometry::{BackgroundChoice, ExposureChoice, MaskChoice};
 
 // The headings of the options in the help. `-h` shows the options of the first three alone.
@@ -367,12 +366,6 @@ impl FitOptions {
     pub fn bounds(&self) -> Option<Sphere<f64>> {
         self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius })
     }
-}
-
-/// The number of weights and biases of a perceptron with `layers` hidden layers of `width`.
-pub(crate) fn mlp_parameters(inputs: usize, width: usize, layers: usize, outputs: usize) -> u64 {
-    let [inputs, width, layers, outputs] = [inputs, width, layers, outputs].map(|n| n as u64);
-    (inputs + 1) * width + (layers - 1) * (width + 1) * width + (width + 1) * outputs
 }
 
 #[cfg(test)]

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
-use files::{InputError, run_json};
+use files::{InputError, WriteError, run_json};
 use glam::{DMat4, DVec2, DVec3};
 use multiview::calibrate::{Calibration, Correction};
 use render::Camera;
 use serde::{Deserialize, Serialize};
+
+use crate::run_folder::RunFolder;
 
 /// The content of `cameras.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,9 +44,6 @@ pub struct RunCamera {
     pub pixels: f64,
 }
 
-/// The name of the file.
-const FILE: &str = "cameras.json";
-
 impl RunCameras {
     /// The corrected cameras of these views, which are relative to `origin`.
     pub(crate) fn new(views: &[View], calibration: &Calibration, origin: DVec3) -> Self {
@@ -66,8 +65,8 @@ impl RunCameras {
         RunCameras { views: views.iter().zip(cameras).map(of_view).collect() }
     }
 
-    pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        Ok(run_json::save(run, FILE, self)?)
+    pub(crate) fn save(&self, run: &RunFolder) -> Result<(), WriteError> {
+        run_json::save(&run.cameras(), self)
     }
 
     /// The refined cameras of a run; `None` if they are those of the data set.
@@ -75,7 +74,7 @@ impl RunCameras {
     /// # Errors
     /// If the file is there and cannot be read, or has a wrong entry.
     pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
-        run_json::load(run, FILE, "cameras")
+        run_json::load(&RunFolder::new(run).cameras(), "cameras")
     }
 
     /// The camera of a view, which has its name.
@@ -102,8 +101,8 @@ impl RunCameras {
             let own = self.of(view).filter(|own| own.size != [width, height]);
             if let Some(RunCamera { size, .. }) = own {
                 let found = format!("{width} x {height} pixels");
-                let expected =
-                    format!("{} x {}, as in {}", size[0], size[1], run.join(FILE).display());
+                let path = RunFolder::new(run).cameras();
+                let expected = format!("{} x {}, as in {}", size[0], size[1], path.display());
                 return Err(InputError::new(&view.path, "size", found, expected));
             }
         }
@@ -156,7 +155,7 @@ fn at_size(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
 /// The error of a view of the file in the folder `run`.
 fn wrong(run: &Path, name: &str, found: &str) -> InputError {
     let field = format!("cameras: {name}");
-    InputError::new(run.join(FILE), field, found, "a camera of each view to fit")
+    InputError::new(RunFolder::new(run).cameras(), field, found, "a camera of each view to fit")
 }
 
 impl RunCamera {

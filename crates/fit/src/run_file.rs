@@ -12,7 +12,9 @@ use inspect::exposures_differ;
 use inspect::{BackgroundEstimate, SphereSource, check_places, surroundings};
 use serde::{Deserialize, Serialize};
 
+use crate::error::FitError;
 use crate::options::FitOptions;
+use crate::run_folder::RunFolder;
 use crate::split::Split;
 use loss::photometry::{
     BackgroundChoice, BackgroundKind, BackgroundModel, ExposureModel, MaskUse, put_over_black,
@@ -142,7 +144,7 @@ impl RunFile {
     /// # Errors
     /// If it cannot be read, or if the run's own data set lacks a view of the run or has another
     /// pose for it.
-    pub fn open(&self, other: Option<&Path>) -> anyhow::Result<Unread> {
+    pub fn open(&self, other: Option<&Path>) -> Result<Unread, InputError> {
         let path = other.unwrap_or(&self.dataset);
         if !path.exists() {
             let expected = match other {
@@ -153,12 +155,12 @@ impl RunFile {
                 }
             };
             let found = "no such file or folder";
-            return Err(InputError::new(path, "data set", found, expected).into());
+            return Err(InputError::new(path, "data set", found, expected));
         }
         let unread = dataset::open(path)?;
         match (&self.views, other) {
             (None, _) => Ok(unread),
-            (Some(split), None) => Ok(split.choose(unread, self.bounds[3])?),
+            (Some(split), None) => split.choose(unread, self.bounds[3]),
             (Some(Split { train, held_out, .. }), Some(_)) => {
                 Ok(unread.split_like([train, held_out]))
             }
@@ -169,8 +171,8 @@ impl RunFile {
     ///
     /// # Errors
     /// If they cannot be read.
-    pub fn read(&self, other: Option<&Path>) -> anyhow::Result<Dataset> {
-        Ok(self.open(other)?.read(&LoadOptions { downscale: self.downscale() }, &mut |_| {})?)
+    pub fn read(&self, other: Option<&Path>) -> Result<Dataset, InputError> {
+        self.open(other)?.read(&LoadOptions { downscale: self.downscale() }, &mut |_| {})
     }
 
     /// The data set as the run sees it: relative to [`origin`](Self::origin), and over black if
@@ -254,7 +256,7 @@ impl RunFile {
     /// If the file is missing, has a wrong entry or lacks one, or if a number of the bounding
     /// sphere or of the background is out of range.
     pub fn load(run: &Path) -> Result<Self, InputError> {
-        let path = run.join("fit.toml");
+        let path = RunFolder::new(run).fit_toml();
         let text = files::read_text(&path, "run", "the folder of a fit")?;
         let file: RunFile = toml::from_str(&text).map_err(|e| {
             InputError::new(&path, key_of(&text, &e), e.message(), "the entries of a fit.toml")
@@ -327,10 +329,10 @@ impl RunFile {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn save(&self, run: &Path) -> anyhow::Result<()> {
+    pub fn save(&self, run: &Path) -> Result<(), FitError> {
         let options = FitOptions { downscale: Some(self.downscale()), ..self.options.clone() };
         let text = toml::to_string(&RunFile { options, ..self.clone() })?;
-        Ok(atomic_write(&run.join("fit.toml"), |out| out.write_all(text.as_bytes()))?)
+        Ok(atomic_write(&RunFolder::new(run).fit_toml(), |out| out.write_all(text.as_bytes()))?)
     }
 }
 

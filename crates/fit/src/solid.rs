@@ -5,7 +5,6 @@ use field::{Clipped, Field, Sphere, may_reach};
 use render::{Camera, Scene};
 
 use crate::model::Model;
-use crate::run::SLOPE_POINTS;
 use crate::run_file::RunFile;
 
 /// The solid of a run, to render it.
@@ -17,6 +16,9 @@ pub struct Solid<'a> {
     field: Box<dyn Field<f32> + 'a>,
     bounds: Sphere<f64>,
 }
+
+/// Points at which the slope of the field is taken: a hundredth of the evaluations of an iteration.
+pub(crate) const SLOPE_POINTS: u64 = 128;
 
 /// Radius of the tracing sphere of a solid with a cap, in bounding radii: the cap is inside.
 const MARGIN: f64 = 1.5;

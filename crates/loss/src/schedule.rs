@@ -68,7 +68,7 @@ const FINAL_RATE: f64 = 0.03;
 const WARM_UP: f64 = 0.01;
 
 /// The level of a pyramid of `levels` levels: the coarsest at the start, 0 at the end.
-pub fn level(progress: f64, levels: usize) -> usize {
+pub fn pyramid_level(progress: f64, levels: usize) -> usize {
     let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
     remaining.min(levels - 1)
 }
@@ -198,8 +198,11 @@ mod tests {
 
     #[test]
     fn schedules_have_the_expected_values_at_start_and_end() {
-        assert_eq!((level(0.0, 4), level(0.3, 4), level(1.0, 4)), (3, 0, 0));
-        assert_eq!((level(0.0, 1), level(0.1, 4)), (0, 2));
+        assert_eq!(
+            (pyramid_level(0.0, 4), pyramid_level(0.3, 4), pyramid_level(1.0, 4)),
+            (3, 0, 0)
+        );
+        assert_eq!((pyramid_level(0.0, 1), pyramid_level(0.1, 4)), (0, 2));
         assert!(learning_rate(0.0) < 1e-9 && (learning_rate(1.0) - FINAL_RATE).abs() < 1e-9);
         assert_eq!(band_window(0.0, 4), vec![1.0, 1.0, 0.0, 0.0]);
         assert_eq!(band_window(BANDS_ON, 4), vec![1.0; 4]);

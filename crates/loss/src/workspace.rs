@@ -41,6 +41,13 @@ pub struct Workspace {
     observed: Option<(usize, Observer)>,
 }
 
+impl std::fmt::Debug for Workspace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let workers = self.observed.as_ref().map(|(workers, _)| workers);
+        f.debug_struct("Workspace").field("workers", &workers).finish_non_exhaustive()
+    }
+}
+
 impl Workspace {
     /// Shares the tasks as for this number of threads, and shows each task to an observer.
     pub fn observed(workers: usize, observer: Observer) -> Self {

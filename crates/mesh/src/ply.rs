@@ -1,12 +1,12 @@
 //! Writing of .ply files.
 
-use std::io::Write;
+use std::io::{self, Write};
 
 use crate::Mesh;
 use crate::bytes::little_endian;
 
 /// Writes the mesh as a binary .ply file, little endian.
-pub(crate) fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
+pub(crate) fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let (normals, colors) = (mesh.has_normals(), mesh.has_colors());
     write_ply_header(mesh, out)?;
     for (i, v) in mesh.vertices.iter().enumerate() {
@@ -30,7 +30,7 @@ pub(crate) fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> anyhow::Result<()> {
+fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
     let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
     writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment dsdf\nelement vertex {vertices}")?;
     let position = if mesh.is_far() { "double" } else { "float" };

@@ -1,18 +1,9 @@
 //! Writing of mesh files: .ply, .obj, .glb and .stl.
 
-<<<<<<< HEAD
-use std::io::{self, Write};
 use std::path::Path;
 
 use files::{InputError, WriteError, atomic_write, extension};
-use film::srgb_encode;
-use glam::{DVec3, Vec3};
-=======
-use std::path::Path;
-
-use files::{InputError, atomic_write, extension};
 use glam::DVec3;
->>>>>>> f3dd8395aa8178d46a7a7f17ec2aae4047fe05e1
 
 use crate::glb::write_glb;
 use crate::obj::write_obj;
@@ -81,56 +72,3 @@ pub fn check_stl(path: &Path, center: DVec3, reach: f64) -> Result<(), InputErro
     let expected = ".ply, .obj or .glb: .stl has single precision";
     Err(InputError::new(path, "output", found, expected))
 }
-<<<<<<< HEAD
-
-/// Whether positions need double precision.
-pub(crate) fn is_far(mesh: &Mesh) -> bool {
-    mesh.origin != DVec3::ZERO
-}
-
-/// The sRGB values of a colour, 0 to 1.
-pub(crate) fn srgb(color: Vec3) -> [f32; 3] {
-    color.to_array().map(|c| srgb_encode(c.clamp(0.0, 1.0)).clamp(0.0, 1.0))
-}
-
-fn write_ply(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
-    let (normals, colors) = (mesh.has_normals(), mesh.has_colors());
-    write_ply_header(mesh, out)?;
-    for (i, v) in mesh.vertices.iter().enumerate() {
-        if is_far(mesh) {
-            let position = (mesh.origin + v.as_dvec3()).to_array();
-            position.iter().try_for_each(|c| out.write_all(&c.to_le_bytes()))?;
-        } else {
-            out.write_all(&little_endian(v.to_array().map(f32::to_bits)))?;
-        }
-        if normals {
-            out.write_all(&little_endian(mesh.normals[i].to_array().map(f32::to_bits)))?;
-        }
-        if colors {
-            out.write_all(&srgb(mesh.colors[i]).map(|c| (c * 255.0).round() as u8))?;
-        }
-    }
-    for face in &mesh.faces {
-        out.write_all(&[3])?;
-        out.write_all(&little_endian(*face))?;
-    }
-    Ok(())
-}
-
-fn write_ply_header(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
-    let (vertices, faces) = (mesh.vertices.len(), mesh.faces.len());
-    writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment dsdf\nelement vertex {vertices}")?;
-    let position = if is_far(mesh) { "double" } else { "float" };
-    for name in ["x", "y", "z"] {
-        writeln!(out, "property {position} {name}")?;
-    }
-    for name in ["nx", "ny", "nz"].iter().filter(|_| mesh.has_normals()) {
-        writeln!(out, "property float {name}")?;
-    }
-    for name in ["red", "green", "blue"].iter().filter(|_| mesh.has_colors()) {
-        writeln!(out, "property uchar {name}")?;
-    }
-    writeln!(out, "element face {faces}\nproperty list uchar int vertex_indices\nend_header")
-}
-=======
->>>>>>> f3dd8395aa8178d46a7a7f17ec2aae4047fe05e1

@@ -7,20 +7,31 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use files::{InputError, atomic_write};
 
+use crate::clock::Clock;
+use crate::corrections::Corrections;
+use crate::error::FitError;
+
 /// The state of a fit between two iterations. Random numbers are functions of the seed and the
 /// iteration, so there is no random generator in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// The number of finished iterations.
-    pub iteration: u64,
-    /// Wall time of all sessions, in seconds.
-    pub seconds: f64,
-    /// The part of it that searches for depths took.
-    pub searching: f64,
-    /// The running mean of the gradient's norm; 0 before the first step.
-    pub usual_norm: f32,
+    /// The clock of the fit.
+    pub clock: Clock,
+    /// The parameters and their optimiser.
+    pub optimiser: OptimiserState,
     /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
     pub held_out_psnr: Option<f64>,
+    /// The corrections of the cameras: the parameters of their calibration.
+    pub corrections: Corrections<Optimised>,
+    /// The exposures of the photographs, if they are fitted.
+    pub exposures: Option<Optimised>,
+    /// The last survey of the surface, if there was one.
+    pub survey: Option<Survey>,
+}
+
+/// The state of the optimiser of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimiserState {
     /// The parameters of the field, then those of the radiance head, then the trained ones of the
     /// background.
     pub parameters: Vec<f32>,
@@ -32,12 +43,8 @@ pub struct State {
     pub second: Vec<f32>,
     /// The number of Adam's steps.
     pub steps: u64,
-    /// The refinement of the cameras.
-    pub refinement: Refinement,
-    /// The exposures of the photographs, if they are fitted.
-    pub exposures: Option<Optimised>,
-    /// The last survey of the surface, if there was one.
-    pub survey: Option<Survey>,
+    /// The running mean of the gradient's norm; 0 before the first step.
+    pub usual_norm: f32,
 }
 
 /// A mean of the parameters over steps.
@@ -84,24 +91,10 @@ impl Optimised {
     }
 }
 
-/// The state of the refinement of cameras.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Refinement {
-    /// It is not decided yet whether cameras are refined.
-    #[default]
-    Undecided,
-    /// The cameras stay as given.
-    Given,
-    /// The cameras are refined: the parameters of their calibration.
-    Refined(Optimised),
-    /// The cameras were adjusted before the fit and stay: the same parameters.
-    Adjusted(Optimised),
-}
-
-/// The name of the tensor of [`Refinement::Refined`], and of the metadata entry of the refinement.
+/// The name of the tensor of [`State::corrections`], and of their metadata entry.
 const CAMERAS: &str = "cameras";
 
-/// The name of the tensor of [`State::average`].
+/// The name of the tensor of [`OptimiserState::average`].
 const AVERAGE: &str = "average";
 
 /// The name of the tensor of [`State::exposures`].
@@ -133,13 +126,14 @@ impl State {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn save(&self, path: &Path) -> anyhow::Result<()> {
+    pub fn save(&self, path: &Path) -> Result<(), FitError> {
+        let State { clock, optimiser, .. } = self;
         let mut tensors = vec![
-            ("parameters", &self.parameters),
-            ("first", &self.first),
-            ("second", &self.second),
+            ("parameters", &optimiser.parameters),
+            ("first", &optimiser.first),
+            ("second", &optimiser.second),
         ];
-        tensors.extend(self.average.as_ref().map(|average| (AVERAGE, &average.parameters)));
+        tensors.extend(optimiser.average.as_ref().map(|average| (AVERAGE, &average.parameters)));
         let mut views: Vec<_> = tensors
             .iter()
             .map(|(name, data)| {
@@ -148,24 +142,25 @@ impl State {
             })
             .collect::<Result<_, _>>()?;
         let mut metadata = HashMap::from([
-            ("iteration".to_owned(), self.iteration.to_string()),
-            ("seconds".to_owned(), self.seconds.to_string()),
-            ("searching".to_owned(), self.searching.to_string()),
-            ("usual_norm".to_owned(), self.usual_norm.to_string()),
-            ("steps".to_owned(), self.steps.to_string()),
+            ("iteration".to_owned(), clock.iteration.to_string()),
+            ("seconds".to_owned(), clock.seconds.to_string()),
+            ("searching".to_owned(), clock.searching.to_string()),
+            ("usual_norm".to_owned(), optimiser.usual_norm.to_string()),
+            ("steps".to_owned(), optimiser.steps.to_string()),
         ]);
-        if let Some(Average { steps, .. }) = self.average {
+        if let Some(Average { steps, .. }) = optimiser.average {
             metadata.insert(steps_of(AVERAGE), steps.to_string());
         }
         if let Some(psnr) = self.held_out_psnr {
             metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
         }
-        let (word, cameras) = match &self.refinement {
-            Refinement::Undecided => ("undecided", None),
-            Refinement::Given => ("given", None),
-            Refinement::Refined(cameras) => ("refined", Some(cameras)),
-            Refinement::Adjusted(cameras) => ("adjusted", Some(cameras)),
+        let word = match &self.corrections {
+            Corrections::Undecided => "undecided",
+            Corrections::Given => "given",
+            Corrections::Refined(_) => "refined",
+            Corrections::Adjusted(_) => "adjusted",
         };
+        let cameras = self.corrections.get();
         metadata.insert(CAMERAS.to_owned(), word.to_owned());
         for (name, optimised) in [(CAMERAS, cameras), (EXPOSURES, self.exposures.as_ref())] {
             let Some(Optimised { numbers, steps }) = optimised else { continue };
@@ -190,7 +185,7 @@ impl State {
     /// # Errors
     /// If the file cannot be read, is cut short, has another number of parameters, or has a number
     /// that is not finite or out of range.
-    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> anyhow::Result<State> {
+    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> Result<State, InputError> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
         };
@@ -201,12 +196,7 @@ impl State {
         let tensors = SafeTensors::deserialize(&bytes).map_err(corrupt)?;
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(corrupt)?;
         let metadata = header.metadata().clone().unwrap_or_default();
-        let text = |key: &str| metadata.get(key).map_or("nothing", String::as_str);
         let count_of = |key: &str| read_count(path, key, &metadata);
-        let number = |key: &str| {
-            let number = text(key).parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
-            number.ok_or_else(|| error(key, text(key).to_owned(), "a number from 0 to 1e30"))
-        };
         let has = |name: &str| tensors.names().contains(&name);
         let read_survey = || read_survey(path, &metadata, &tensors);
         let survey = metadata.contains_key(SURVEY).then(read_survey).transpose()?;
@@ -233,23 +223,43 @@ impl State {
             Ok(Average { parameters, steps: count_of(&steps_of(AVERAGE))? })
         };
         Ok(State {
-            iteration: count_of("iteration")?,
-            seconds: number("seconds")?,
-            searching: number("searching")?,
-            usual_norm: number("usual_norm")? as f32,
+            clock: read_clock(path, &metadata)?,
+            optimiser: OptimiserState {
+                usual_norm: read_number(path, "usual_norm", &metadata)? as f32,
+                parameters: vector("parameters", f32::MIN, "finite numbers")?,
+                average: has(AVERAGE).then(average).transpose()?,
+                first: vector("first", f32::MIN, "finite numbers")?,
+                second: vector("second", 0.0, "finite numbers, 0 or more")?,
+                steps: count_of("steps")?,
+            },
             held_out_psnr: read_held_out_psnr(path, &metadata)?,
-            parameters: vector("parameters", f32::MIN, "finite numbers")?,
-            average: has(AVERAGE).then(average).transpose()?,
-            first: vector("first", f32::MIN, "finite numbers")?,
-            second: vector("second", 0.0, "finite numbers, 0 or more")?,
-            steps: count_of("steps")?,
-            refinement: read_refinement(path, &metadata, &tensors)?,
+            corrections: read_corrections(path, &metadata, &tensors)?,
             exposures: has(EXPOSURES)
                 .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
                 .transpose()?,
             survey,
         })
     }
+}
+
+/// The clock of a checkpoint.
+fn read_clock(path: &Path, metadata: &HashMap<String, String>) -> Result<Clock, InputError> {
+    Ok(Clock {
+        iteration: read_count(path, "iteration", metadata)?,
+        seconds: read_number(path, "seconds", metadata)?,
+        searching: read_number(path, "searching", metadata)?,
+    })
+}
+
+/// The number of this name in a checkpoint, 0 or more.
+fn read_number(
+    path: &Path,
+    key: &str,
+    metadata: &HashMap<String, String>,
+) -> Result<f64, InputError> {
+    let text = metadata.get(key).map_or("nothing", String::as_str);
+    let number = text.parse::<f64>().ok().filter(|n| (0.0..1e30).contains(n));
+    number.ok_or_else(|| InputError::new(path, key, text, "a number from 0 to 1e30"))
 }
 
 /// The number of steps of this name in a checkpoint.
@@ -274,18 +284,18 @@ fn read_held_out_psnr(
     number.map(Some).ok_or_else(error)
 }
 
-/// The refinement of the cameras in a checkpoint.
-fn read_refinement(
+/// The corrections of the cameras in a checkpoint.
+fn read_corrections(
     path: &Path,
     metadata: &HashMap<String, String>,
     tensors: &SafeTensors<'_>,
-) -> Result<Refinement, InputError> {
+) -> Result<Corrections<Optimised>, InputError> {
     let cameras = || read_optimised(path, CAMERAS, metadata, tensors);
     match metadata.get(CAMERAS).map_or("nothing", String::as_str) {
-        "undecided" => Ok(Refinement::Undecided),
-        "given" => Ok(Refinement::Given),
-        "refined" => Ok(Refinement::Refined(cameras()?)),
-        "adjusted" => Ok(Refinement::Adjusted(cameras()?)),
+        "undecided" => Ok(Corrections::Undecided),
+        "given" => Ok(Corrections::Given),
+        "refined" => Ok(Corrections::Refined(cameras()?)),
+        "adjusted" => Ok(Corrections::Adjusted(cameras()?)),
         other => {
             Err(InputError::new(path, CAMERAS, other, "undecided, given, refined or adjusted"))
         }

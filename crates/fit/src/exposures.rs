@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
-use files::{InputError, run_json};
+use files::{InputError, WriteError, run_json};
 use glam::Vec3;
 use loss::photometry::{Gains, gain_between};
-use render::render;
+use render::{InvalidField, render};
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::run_file::RunFile;
+use crate::run_folder::RunFolder;
 use crate::solid::Solid;
 
 /// The content of `exposures.json` in a run folder.
@@ -32,9 +33,6 @@ pub struct RunExposure {
     pub stops: [f64; 3],
 }
 
-/// The name of the file.
-const FILE: &str = "exposures.json";
-
 /// The largest exposure of a file, in stops.
 const MOST_STOPS: f64 = 10.0;
 
@@ -44,8 +42,8 @@ impl RunExposures {
         RunExposures { views: views.iter().zip(gains.stops()).map(of).collect() }
     }
 
-    pub(crate) fn save(&self, run: &Path) -> anyhow::Result<()> {
-        Ok(run_json::save(run, FILE, self)?)
+    pub(crate) fn save(&self, run: &RunFolder) -> Result<(), WriteError> {
+        run_json::save(&run.exposures(), self)
     }
 
     /// The exposures of a run; `None` if they are equal.
@@ -53,14 +51,15 @@ impl RunExposures {
     /// # Errors
     /// If the file is there and cannot be read, or has a wrong entry.
     pub fn load(run: &Path) -> Result<Option<Self>, InputError> {
-        let found: Option<Self> = run_json::load(run, FILE, "exposures")?;
+        let path = RunFolder::new(run).exposures();
+        let found: Option<Self> = run_json::load(&path, "exposures")?;
         let Some(exposures) = found else { return Ok(None) };
         let is_wrong =
             |own: &&RunExposure| own.stops.iter().any(|s| s.is_nan() || s.abs() > MOST_STOPS);
         match exposures.views.iter().find(is_wrong) {
             Some(own) => {
                 let found = format!("{:?} stops of {}", own.stops, own.name);
-                Err(run_json::wrong(run, FILE, "exposures", &found))
+                Err(run_json::wrong(&path, "exposures", &found))
             }
             None => Ok(Some(exposures)),
         }
@@ -81,7 +80,8 @@ impl RunExposures {
         for view in &mut dataset.train {
             let own = self.views.iter().find(|own| own.name == view.name).ok_or_else(|| {
                 let field = format!("exposures: {}", view.name);
-                InputError::new(run.join(FILE), field, "nothing", "the exposure of each view")
+                let path = RunFolder::new(run).exposures();
+                InputError::new(path, field, "nothing", "the exposure of each view")
             })?;
             divide(view, Vec3::from(own.stops.map(|stops| stops.exp2() as f32)));
         }
@@ -104,7 +104,7 @@ pub fn match_exposures(
     file: &RunFile,
     views: &mut [View],
     progress: &(dyn Fn(f64) + Sync),
-) -> anyhow::Result<()> {
+) -> Result<(), InvalidField> {
     let (solid, count) = (Solid::new(model, file), views.len() as f64);
     for (number, view) in views.iter_mut().enumerate() {
         let cameras = [view.camera];

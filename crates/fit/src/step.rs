@@ -1,0 +1,134 @@
+//! One iteration of a fit: the way of a pixel from its draw to a step of the parameters.
+
+use field::Evaluations;
+use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level};
+use loss::{Gradient, Stage, Workspace};
+use multiview::calibrate::CameraDecision;
+use random::{Purpose, Stream};
+use rayon::prelude::*;
+
+use crate::error::FitError;
+use crate::fit::Fit;
+use crate::gradient::{Drawn, differentiate};
+use crate::metrics::Metrics;
+use crate::optimiser::Moment;
+use crate::survey::survey_surface;
+use crate::trial::start_refinement;
+
+/// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
+/// of a trial. Good poses get worse if they are refined fast.
+const CAMERA_RATE: f64 = 0.01;
+
+/// The learning rate of the logarithms of exposures, times the fit's schedule.
+const GAIN_RATE: f64 = 0.01;
+
+/// Pixels that a thread draws at a time, at least.
+const DRAWS: usize = 64;
+
+impl Fit {
+    /// One iteration. A pixel passes through these stages:
+    ///
+    /// | stage | where | value |
+    /// | --- | --- | --- |
+    /// | drawn | [`draw`] | [`Drawn`]: the pixels of this iteration, on a level of the pyramid |
+    /// | traced, shaded, compared, reversed, added | [`loss::gradient()`] | [`Gradient`]: the gradient of the total loss |
+    /// | stepped | here | parameters, cameras and exposures after a step against it |
+    ///
+    /// `rays_per_second` of the result is the number of rays, and `progress` is 0; the caller
+    /// completes them. `work` is memory that the next iteration uses again.
+    ///
+    /// # Errors
+    /// If the field gives a NaN or an infinity along a ray, or a gradient is not finite.
+    pub fn step(&mut self, work: &mut Workspace) -> Result<Metrics, FitError> {
+        let trial = start_refinement(self)?;
+        survey_surface(self)?;
+
+        let drawn = draw(self);
+
+        let stream = Stream::new(self.file.options.seed, Purpose::Iteration);
+        let seed = stream.at(self.clock.iteration).bits();
+        let calibration = self.photographs.corrections.get();
+        let (mut added, evaluations) = differentiate(self, &drawn, calibration, seed, work)?;
+
+        let norm = self.take_step(&drawn, &mut added, work)?;
+        let metrics = self.metrics(&added, evaluations, drawn.level, norm, trial);
+        work.reuse(added.parameters);
+        Ok(metrics)
+    }
+
+    /// Takes a step against a gradient. Returns the norm of the gradient by field and radiance,
+    /// before clipping.
+    fn take_step(
+        &mut self,
+        drawn: &Drawn,
+        added: &mut Gradient,
+        work: &Workspace,
+    ) -> Result<f32, FitError> {
+        let (iteration, progress) = (self.clock.iteration, self.progress());
+        let schedule = learning_rate(progress);
+        let Fit { file, model, optimiser, photographs, .. } = self;
+        let moment = Moment { iteration, progress, schedule };
+        let gradient = &mut added.parameters;
+        let step = || optimiser.step(model, gradient, &file.options, moment);
+        let norm = work.run(Stage::Parameters, step)?;
+
+        if let Some(calibration) = photographs.corrections.refined_mut() {
+            let cameras = &photographs.levels[drawn.level].cameras;
+            calibration.step(cameras, &added.cameras, CAMERA_RATE * schedule)?;
+        }
+        if let Some(gains) = &mut photographs.gains {
+            gains.step(&added.gains, GAIN_RATE * schedule)?;
+        }
+
+        self.clock.iteration += 1;
+        self.set_windows();
+        Ok(norm)
+    }
+
+    fn metrics(
+        &self,
+        Gradient { stats, .. }: &Gradient,
+        evaluations: Evaluations,
+        level: usize,
+        norm: f32,
+        trial: Option<CameraDecision>,
+    ) -> Metrics {
+        let n = stats.pixels as f64;
+        Metrics {
+            iteration: self.clock.iteration,
+            seconds: self.clock.seconds,
+            progress: 0.0,
+            loss: stats.photometric / n,
+            eikonal: stats.eikonal / stats.eikonal_points.max(1) as f64,
+            train_psnr: -10.0 * (stats.squared_error / n).max(1e-10).log10(),
+            psnr: None,
+            evaluations,
+            rays_per_second: stats.rays as f64,
+            edge_fraction: stats.edge_pixels as f64 / n,
+            level,
+            gradient_norm: norm.into(),
+            trial,
+        }
+    }
+}
+
+/// Draws the pixels of an iteration.
+fn draw(fit: &Fit) -> Drawn {
+    let (progress, options) = (fit.progress(), &fit.file.options);
+    let level = pyramid_level(progress, fit.photographs.levels.len());
+    // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
+    let share = batch_share(progress, options.soft());
+    let batch = share * (options.batch >> level.min(2)) as f64;
+    let batch = (batch as u64).max(1);
+
+    let pixels = &fit.photographs.levels[level];
+    let every = background_group(progress);
+    let count = pixels.draws_for(batch, every);
+    let stream = Stream::new(options.seed, Purpose::PixelOrder).at(level as u64);
+    let draws = (0..count as usize)
+        .into_par_iter()
+        .with_min_len(DRAWS)
+        .map(|i| pixels.draw(fit.clock.iteration * count + i as u64, every, stream))
+        .collect();
+    Drawn { level, draws, pixel_count: pixels.count_of(count, every) as f32 }
+}
