@@ -33,30 +33,51 @@ pub trait ScenePrecision: Precision + Passes {
     fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>>;
 }
 
-macro_rules! precision {
-    ($real:ty) => {
-        impl ScenePrecision for $real {
-            fn field_of(file: &SceneFile) -> Result<Box<dyn Field<Self>>> {
-                let field = file.sdf.build(file.origin)?;
-                Ok(match &file.clip {
-                    Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
-                    None => field,
-                })
-            }
+impl ScenePrecision for f32 {
+    fn field_of(file: &SceneFile) -> Result<Box<dyn Field<f32>>> {
+        field(file)
+    }
 
-            fn shader_of<'a>(
-                file: &SceneFile,
-                occluders: &'a dyn Field<Self>,
-            ) -> Result<Box<dyn Shader<Self> + 'a>> {
-                file.appearance.build(file.origin, occluders, in_precision(&file.bounds))
-            }
+    fn shader_of<'a>(
+        file: &SceneFile,
+        occluders: &'a dyn Field<f32>,
+    ) -> Result<Box<dyn Shader<f32> + 'a>> {
+        shader(file, occluders)
+    }
 
-            fn background_of(file: &SceneFile) -> Result<Box<dyn Background<Self>>> {
-                file.background.build(file.origin)
-            }
-        }
-    };
+    fn background_of(file: &SceneFile) -> Result<Box<dyn Background<f32>>> {
+        file.background.build(file.origin)
+    }
 }
 
-precision!(f32);
-precision!(f64);
+impl ScenePrecision for f64 {
+    fn field_of(file: &SceneFile) -> Result<Box<dyn Field<f64>>> {
+        field(file)
+    }
+
+    fn shader_of<'a>(
+        file: &SceneFile,
+        occluders: &'a dyn Field<f64>,
+    ) -> Result<Box<dyn Shader<f64> + 'a>> {
+        shader(file, occluders)
+    }
+
+    fn background_of(file: &SceneFile) -> Result<Box<dyn Background<f64>>> {
+        file.background.build(file.origin)
+    }
+}
+
+fn field<R: ScenePrecision>(file: &SceneFile) -> Result<Box<dyn Field<R>>> {
+    let field = file.sdf.build(file.origin)?;
+    Ok(match &file.clip {
+        Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
+        None => field,
+    })
+}
+
+fn shader<'a, R: ScenePrecision>(
+    file: &SceneFile,
+    occluders: &'a dyn Field<R>,
+) -> Result<Box<dyn Shader<R> + 'a>> {
+    file.appearance.build(file.origin, occluders, in_precision(&file.bounds))
+}

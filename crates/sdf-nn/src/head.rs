@@ -10,7 +10,7 @@ use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
 use crate::init::Random;
 use crate::mlp::Mlp;
-use crate::passes::Passes;
+use crate::passes::{AnyPass, PassKind, Passes};
 use lanes::{Isa, LANES, Lane, Pass, Row};
 
 /// A network from a surface point, its unit normal n and the view direction d to linear RGB.
@@ -142,7 +142,7 @@ impl<R: Lane> RadianceHead<R> {
 impl<R: Passes> RadianceHead<R> {
     /// Writes the radiance, in linear RGB, from every point of a batch towards the camera.
     pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
-        R::radiance(self, *points, rgb);
+        R::run(AnyPass(PassKind::Radiance(Radiance { head: self, points: *points, rgb })));
     }
 
     /// VJP of (x, n, d; θ) ↦ RGB to all of its inputs.
@@ -161,7 +161,10 @@ impl<R: Passes> RadianceHead<R> {
         parameter_adjoint: &mut [R],
     ) {
         assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, parameter_adjoint);
+        let (weights, tables) = parameter_adjoint.split_at_mut(self.mlp.parameters.len());
+        let (points, tables) = (*points, TableSum::Vector(tables));
+        let pass = Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables };
+        R::run(AnyPass(PassKind::RadianceVjp(pass)));
     }
 
     /// The place of the features of details among the parameters.
@@ -183,7 +186,10 @@ impl<R: Passes> RadianceHead<R> {
     ) {
         assert_eq!(sum.place(), self.table(), "place of the features of details");
         if !points.is_empty() {
-            R::add_radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, sum);
+            let points = *points;
+            let (weights, tables) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+            let pass = Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables };
+            R::run(AnyPass(PassKind::RadianceVjp(pass)));
         }
     }
 }

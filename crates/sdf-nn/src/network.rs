@@ -11,7 +11,7 @@ use crate::encode::{Encoder, lane};
 use crate::few_points::{FewPoints, block_points};
 use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
-use crate::passes::Passes;
+use crate::passes::{AnyPass, PassKind, Passes};
 use lanes::{HALF, Instructions, Isa, LANES, Lane, Pass, Portable, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
@@ -265,11 +265,12 @@ impl<R: Passes> Field<R> for Network<R> {
     }
 
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
-        R::value(self, x, f);
+        R::run(AnyPass(PassKind::Value(Value { network: self, x, f })));
     }
 
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
-        R::value_gradient(self, x, f, gradient);
+        let pass = ValueGradient { network: self, x, f, gradient };
+        R::run(AnyPass(PassKind::ValueGradient(pass)));
     }
 
     fn hessian_vector(
@@ -279,12 +280,16 @@ impl<R: Passes> Field<R> for Network<R> {
         gradient: &mut [R::Vec3],
         product: &mut [R::Vec3],
     ) {
-        R::hessian_vector(self, x, p, gradient, product);
+        let pass = HessianVector { network: self, x, p, gradient, product };
+        R::run(AnyPass(PassKind::HessianVector(pass)));
     }
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::parameter_vjp(self, x, (alpha, c), adjoint);
+        let (weights, table) = adjoint.split_at_mut(self.weight_count());
+        let table = TableSum::Vector(table);
+        let pass = ParameterVjp { network: self, x, alpha, c, weights, table };
+        R::run(AnyPass(PassKind::ParameterVjp(pass)));
     }
 
     fn table(&self) -> Range<usize> {
@@ -300,7 +305,9 @@ impl<R: Passes> Field<R> for Network<R> {
     ) {
         assert_eq!(sum.place(), self.table(), "place of the grid's coefficients");
         if !x.is_empty() {
-            R::add_parameter_vjp(self, x, (alpha, c), sum);
+            let (weights, table) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+            let pass = ParameterVjp { network: self, x, alpha, c, weights, table };
+            R::run(AnyPass(PassKind::ParameterVjp(pass)));
         }
     }
 }
