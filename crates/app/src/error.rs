@@ -17,6 +17,7 @@ pub fn input_error(error: &anyhow::Error) -> Option<&InputError> {
         .or_else(|| error.downcast_ref::<WriteError>()?.input())
         .or_else(|| error.downcast_ref::<scene::synth::Error>()?.input())
         .or_else(|| error.downcast_ref::<poses::Error>()?.input())
+        .or_else(|| error.downcast_ref::<fit::FitError>()?.input())
         .or_else(|| error.downcast_ref::<report::Error>()?.input())
 }
 

@@ -4,3 +4,8 @@ pub mod cli;
 pub mod error;
 pub mod messages;
 pub mod prelude;
+
+pub use ::{
+    boundary, dataset, estimate, export, field, files, film, fit, glam, inspect, loss, mesh,
+    metrics, multiview, optim, poses, random, render, report, scene, sdf_nn, trace, warp,
+};

@@ -1,8 +1,8 @@
 //! The crates of dsdf and the types that most programs need, for `use app::prelude::*`.
 
-pub use ::{
+pub use crate::{
     boundary, dataset, estimate, export, field, files, film, fit, glam, inspect, loss, mesh,
-    metrics, multiview, optim, random, render, report, scene, sdf_nn, trace, warp,
+    metrics, multiview, optim, poses, random, render, report, scene, sdf_nn, trace, warp,
 };
 
 pub use ::estimate::gradient::{Direction, Sampling, differentiate, target_gradient};

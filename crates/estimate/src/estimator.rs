@@ -132,21 +132,3 @@ pub trait Estimator<R: Real>: Send + Sync {
         1
     }
 }
-
-/// Repeats its items with `R` as `f32` and as `f64`.
-///
-/// An implementation of [`Estimator`] for both types is compiled in this crate. One that is generic
-/// would be compiled again in each crate that names the estimator's type.
-macro_rules! in_both_precisions {
-    ($($item:item)*) => {
-        const _: () = {
-            type R = f32;
-            $($item)*
-        };
-        const _: () = {
-            type R = f64;
-            $($item)*
-        };
-    };
-}
-pub(crate) use in_both_precisions;

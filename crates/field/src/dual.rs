@@ -53,38 +53,31 @@ pub trait Scalar:
     }
 }
 
-/// Implements [`Scalar`] for a precision: a number without derivatives.
-macro_rules! implement_scalar {
-    ($real:ty) => {
-        impl Scalar for $real {
-            type Real = $real;
-            fn constant(value: $real) -> Self {
-                value
-            }
-            fn real(self) -> $real {
-                self
-            }
-            fn sqrt(self) -> Self {
-                <$real>::sqrt(self)
-            }
-            fn exp(self) -> Self {
-                <$real>::exp(self)
-            }
-            fn ln(self) -> Self {
-                <$real>::ln(self)
-            }
-            fn sin(self) -> Self {
-                <$real>::sin(self)
-            }
-            fn cos(self) -> Self {
-                <$real>::cos(self)
-            }
-        }
-    };
+/// A number without derivatives.
+impl<R: Real> Scalar for R {
+    type Real = R;
+    fn constant(value: R) -> Self {
+        value
+    }
+    fn real(self) -> R {
+        self
+    }
+    fn sqrt(self) -> Self {
+        Float::sqrt(self)
+    }
+    fn exp(self) -> Self {
+        Float::exp(self)
+    }
+    fn ln(self) -> Self {
+        Float::ln(self)
+    }
+    fn sin(self) -> Self {
+        Float::sin(self)
+    }
+    fn cos(self) -> Self {
+        Float::cos(self)
+    }
 }
-
-implement_scalar!(f32);
-implement_scalar!(f64);
 
 /// A number with its derivatives in `N` directions.
 ///

@@ -3,10 +3,11 @@
 use std::fmt::{Debug, Display};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
+use glam::{DVec3, Vec3};
 use num_traits::{Float, FloatConst, NumAssign};
 
-/// A floating-point type and its vector type: `f32` with [`glam::Vec3`], `f64` with
-/// [`glam::DVec3`].
+/// A floating-point type and its vector type: `f32` with [`Vec3`], `f64` with
+/// [`DVec3`].
 pub trait Real:
     Float + FloatConst + NumAssign + Debug + Display + Default + Send + Sync + 'static
 {
@@ -53,13 +54,13 @@ pub trait Vector3<R: Real>:
         Self::new(x, y, z)
     }
     /// A double-precision vector rounded to this precision.
-    fn of(v: glam::DVec3) -> Self {
+    fn of(v: DVec3) -> Self {
         Self::new(R::of(v.x), R::of(v.y), R::of(v.z))
     }
     /// The vector in double precision.
-    fn to_double(self) -> glam::DVec3 {
+    fn to_double(self) -> DVec3 {
         let [x, y, z] = self.to_array();
-        glam::DVec3::new(x.to_double(), y.to_double(), z.to_double())
+        DVec3::new(x.to_double(), y.to_double(), z.to_double())
     }
     /// The Euclidean length.
     fn length(self) -> R {
@@ -71,40 +72,64 @@ pub trait Vector3<R: Real>:
     }
 }
 
-macro_rules! implement_real {
-    ($real:ty, $vec:ty) => {
-        impl Real for $real {
-            type Vec3 = $vec;
-            #[inline(always)]
-            fn of(value: f64) -> Self {
-                value as $real
-            }
-            #[inline(always)]
-            fn to_double(self) -> f64 {
-                f64::from(self)
-            }
-        }
-
-        impl Vector3<$real> for $vec {
-            #[inline(always)]
-            fn new(x: $real, y: $real, z: $real) -> Self {
-                <$vec>::new(x, y, z)
-            }
-            #[inline(always)]
-            fn to_array(self) -> [$real; 3] {
-                <$vec>::to_array(&self)
-            }
-            #[inline(always)]
-            fn dot(self, other: Self) -> $real {
-                <$vec>::dot(self, other)
-            }
-            #[inline(always)]
-            fn cross(self, other: Self) -> Self {
-                <$vec>::cross(self, other)
-            }
-        }
-    };
+impl Real for f32 {
+    type Vec3 = Vec3;
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value as f32
+    }
+    #[inline(always)]
+    fn to_double(self) -> f64 {
+        f64::from(self)
+    }
 }
 
-implement_real!(f32, glam::Vec3);
-implement_real!(f64, glam::DVec3);
+impl Vector3<f32> for Vec3 {
+    #[inline(always)]
+    fn new(x: f32, y: f32, z: f32) -> Self {
+        Vec3::new(x, y, z)
+    }
+    #[inline(always)]
+    fn to_array(self) -> [f32; 3] {
+        Vec3::to_array(&self)
+    }
+    #[inline(always)]
+    fn dot(self, other: Self) -> f32 {
+        Vec3::dot(self, other)
+    }
+    #[inline(always)]
+    fn cross(self, other: Self) -> Self {
+        Vec3::cross(self, other)
+    }
+}
+
+impl Real for f64 {
+    type Vec3 = DVec3;
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn to_double(self) -> f64 {
+        self
+    }
+}
+
+impl Vector3<f64> for DVec3 {
+    #[inline(always)]
+    fn new(x: f64, y: f64, z: f64) -> Self {
+        DVec3::new(x, y, z)
+    }
+    #[inline(always)]
+    fn to_array(self) -> [f64; 3] {
+        DVec3::to_array(&self)
+    }
+    #[inline(always)]
+    fn dot(self, other: Self) -> f64 {
+        DVec3::dot(self, other)
+    }
+    #[inline(always)]
+    fn cross(self, other: Self) -> Self {
+        DVec3::cross(self, other)
+    }
+}

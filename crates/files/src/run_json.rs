@@ -22,10 +22,7 @@ pub fn save(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
 ///
 /// # Errors
 /// If the file is there and cannot be read, or has a wrong entry.
-pub fn load<T: DeserializeOwned>(
-    path: &Path,
-    content: &str,
-) -> Result<Option<T>, InputError> {
+pub fn load<T: DeserializeOwned>(path: &Path, content: &str) -> Result<Option<T>, InputError> {
     if !path.exists() {
         return Ok(None);
     }

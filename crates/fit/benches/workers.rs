@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 use estimate::Registry;
-use fit::{Fit, RunFile, Stage};
+use fit::{RunFile, RunFolder, Session, Stage};
 use serde_json::json;
 
 /// Iterations before the first that counts.
@@ -43,10 +43,11 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     // The run is not changed: files of the end go to another folder.
     let copy = tempfile::tempdir()?;
     std::fs::create_dir_all(copy.path().join("checkpoint"))?;
-    for name in ["checkpoint/state.safetensors", "fit.toml"] {
-        std::fs::copy(run.join(name), copy.path().join(name)).context(name)?;
+    let [from, to] = [run, copy.path()].map(RunFolder::new);
+    for [from, to] in [[from.checkpoint(), to.checkpoint()], [from.fit_toml(), to.fit_toml()]] {
+        std::fs::copy(&from, to).with_context(|| from.display().to_string())?;
     }
-    let mut fit = Fit::new(copy.path(), dataset, file, &Registry::default(), true)?;
+    let mut session = Session::new(copy.path(), dataset, file, &Registry::default(), true)?;
     let begin = Instant::now();
     let log = Arc::new(Mutex::new(Vec::<Task>::new()));
     let events = Arc::clone(&log);
@@ -58,14 +59,14 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
             None => events.push((stage, now, now)),
         }
     };
-    fit.observe(workers, Box::new(observer));
+    session.observe(workers, Box::new(observer));
     let (done, mut all) = (Cell::new(0), Vec::new());
-    let report = &mut |_: &Fit, _: &fit::Metrics| {
+    let report = &mut |_: &Session, _: &fit::Metrics| -> anyhow::Result<()> {
         done.set(done.get() + 1);
         all.extend(log.lock().map(|mut log| std::mem::take(&mut *log)));
         Ok(())
     };
-    fit.run(&|| done.get() >= WARM_UP + iterations, report)?;
+    session.run(&|| done.get() >= WARM_UP + iterations, report)?;
     Ok(all.into_iter().skip(WARM_UP as usize).collect())
 }
 

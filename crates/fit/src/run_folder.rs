@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 pub struct RunFolder(PathBuf);
 
 impl RunFolder {
+    /// The names of the subfolders that a fit needs: of the checkpoint, and of previews.
+    pub const SUBFOLDERS: [&str; 2] = ["checkpoint", "preview"];
+
     /// The run folder at this path.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         RunFolder(path.into())
@@ -52,24 +55,19 @@ impl RunFolder {
         self.0.join("metrics.jsonl")
     }
 
-    /// The folder of the checkpoint.
-    pub fn checkpoints(&self) -> PathBuf {
-        self.0.join("checkpoint")
+    /// The paths of [`SUBFOLDERS`](Self::SUBFOLDERS).
+    pub fn subfolders(&self) -> [PathBuf; 2] {
+        Self::SUBFOLDERS.map(|name| self.0.join(name))
     }
 
     /// The state between two iterations; see [`State`](crate::checkpoint::State).
     pub fn checkpoint(&self) -> PathBuf {
-        self.checkpoints().join("state.safetensors")
-    }
-
-    /// The folder of previews.
-    pub fn previews(&self) -> PathBuf {
-        self.0.join("preview")
+        self.subfolders()[0].join("state.safetensors")
     }
 
     /// The preview after an iteration.
     pub fn preview(&self, iteration: u64) -> PathBuf {
-        self.previews().join(format!("{iteration:06}.png"))
+        self.subfolders()[1].join(format!("{iteration:06}.png"))
     }
 
     /// The page of the run.
@@ -80,11 +78,6 @@ impl RunFolder {
     /// The file that a running fit locks.
     pub fn lock(&self) -> PathBuf {
         self.0.join("lock")
-    }
-
-    /// The subfolders that a fit needs.
-    pub fn subfolders(&self) -> [PathBuf; 2] {
-        [self.checkpoints(), self.previews()]
     }
 
     /// The files that a fit writes with each checkpoint, beside the checkpoint.

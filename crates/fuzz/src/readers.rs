@@ -7,7 +7,7 @@ use dataset::{Dataset, LoadOptions, View};
 use estimate::Registry;
 use film::Film;
 use film::{image_size, read_image, read_npy};
-use fit::{Fit, Model, RunFile};
+use fit::{Model, RunFile, Session};
 use glam::{DVec2, DVec3};
 use mesh::{read_mesh, read_points};
 use proptest::strategy::BoxedStrategy;
@@ -182,7 +182,7 @@ fn read_run(folder: &Path) -> anyhow::Result<()> {
     let dataset = one_view().context("a camera")?;
     // The bounding sphere of a run is seen by its photographs; here, by the view in memory.
     let file = RunFile { bounds: runs::run_file(1, 1, 0).bounds, ..file };
-    Fit::new(&run, dataset, file, &Registry::default(), true)?;
+    Session::new(&run, dataset, file, &Registry::default(), true)?;
     Ok(())
 }
 

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use curves::Metrics;
 use dataset::Dataset;
-use fit::{Budget, Model, RunFile};
+use fit::{Budget, Model, RunFile, RunFolder};
 
 pub use accuracy::sampled_psnr;
 pub use error::Error;
@@ -88,7 +88,7 @@ pub fn page(
 ) -> Result<String, Error> {
     let solid = fit::Solid::new(run.model, run.file);
     let views = views::views(run, &solid, detail, &|p| progress(0.6 * p))?;
-    let metrics = curves::metrics(&run.folder.join("metrics.jsonl"))?;
+    let metrics = curves::metrics(&RunFolder::new(run.folder).metrics())?;
     let Metrics { curves, iterations, seconds, warning } = metrics;
     let scene = page::Scene {
         frame: solid::Frame::of(run),

@@ -45,42 +45,69 @@ pub trait ScenePrecision: Precision + Passes {
     ) -> Result<Box<dyn Background<Self>>, InputError>;
 }
 
-macro_rules! precision {
-    ($real:ty) => {
-        impl ScenePrecision for $real {
-            fn field(
-                sdf: &Sdf,
-                origin: DVec3,
-                clip: Option<&Sphere<f64>>,
-            ) -> Result<Box<dyn Field<Self>>, InputError> {
-                let field = sdf.build(origin)?;
-                Ok(match clip {
-                    Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
-                    None => field,
-                })
-            }
+impl ScenePrecision for f32 {
+    fn field(
+        sdf: &Sdf,
+        origin: DVec3,
+        clip: Option<&Sphere<f64>>,
+    ) -> Result<Box<dyn Field<f32>>, InputError> {
+        field(sdf, origin, clip)
+    }
 
-            fn shader<'a>(
-                appearance: &AppearanceModel,
-                origin: DVec3,
-                occluders: &'a dyn Field<Self>,
-                bounds: &Sphere<f64>,
-            ) -> Result<Box<dyn Shader<Self> + 'a>, InputError> {
-                appearance.build(origin, occluders, in_precision(bounds))
-            }
+    fn shader<'a>(
+        appearance: &AppearanceModel,
+        origin: DVec3,
+        occluders: &'a dyn Field<f32>,
+        bounds: &Sphere<f64>,
+    ) -> Result<Box<dyn Shader<f32> + 'a>, InputError> {
+        appearance.build(origin, occluders, in_precision(bounds))
+    }
 
-            fn background(
-                background: &BackgroundModel,
-                origin: DVec3,
-            ) -> Result<Box<dyn Background<Self>>, InputError> {
-                background.build(origin)
-            }
-        }
-    };
+    fn background(
+        background: &BackgroundModel,
+        origin: DVec3,
+    ) -> Result<Box<dyn Background<f32>>, InputError> {
+        background.build(origin)
+    }
 }
 
-precision!(f32);
-precision!(f64);
+impl ScenePrecision for f64 {
+    fn field(
+        sdf: &Sdf,
+        origin: DVec3,
+        clip: Option<&Sphere<f64>>,
+    ) -> Result<Box<dyn Field<f64>>, InputError> {
+        field(sdf, origin, clip)
+    }
+
+    fn shader<'a>(
+        appearance: &AppearanceModel,
+        origin: DVec3,
+        occluders: &'a dyn Field<f64>,
+        bounds: &Sphere<f64>,
+    ) -> Result<Box<dyn Shader<f64> + 'a>, InputError> {
+        appearance.build(origin, occluders, in_precision(bounds))
+    }
+
+    fn background(
+        background: &BackgroundModel,
+        origin: DVec3,
+    ) -> Result<Box<dyn Background<f64>>, InputError> {
+        background.build(origin)
+    }
+}
+
+fn field<R: ScenePrecision>(
+    sdf: &Sdf,
+    origin: DVec3,
+    clip: Option<&Sphere<f64>>,
+) -> Result<Box<dyn Field<R>>, InputError> {
+    let field = sdf.build(origin)?;
+    Ok(match clip {
+        Some(ball) => Box::new(Clipped::new(field, in_precision(ball))),
+        None => field,
+    })
+}
 
 fn in_precision<R: Precision>(ball: &Sphere<f64>) -> Sphere<R> {
     Sphere {

@@ -27,4 +27,6 @@ pub use architecture::{Activation, Architecture, Encoding, Transform};
 pub use head::RadianceHead;
 pub use model_file::ModelError;
 pub use network::Network;
+#[doc(hidden)]
+pub use passes::AnyPass;
 pub use passes::Passes;

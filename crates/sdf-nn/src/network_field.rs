@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use field::{Field, PartialSum, Sphere, Vector3};
+use field::{Field, PartialSum, Sphere, TableSum, Vector3};
 
 use crate::network::Network;
-use crate::passes::Passes;
+use crate::network_passes::{HessianVector, ParameterVjp, Value, ValueGradient};
+use crate::passes::{AnyPass, PassKind, Passes};
 
 impl<R: Passes> Field<R> for Network<R> {
     fn parameter_count(&self) -> usize {
@@ -18,11 +19,12 @@ impl<R: Passes> Field<R> for Network<R> {
     }
 
     fn value(&self, x: &[R::Vec3], f: &mut [R]) {
-        R::value(self, x, f);
+        R::run(AnyPass(PassKind::Value(Value { network: self, x, f })));
     }
 
     fn value_gradient(&self, x: &[R::Vec3], f: &mut [R], gradient: &mut [R::Vec3]) {
-        R::value_gradient(self, x, f, gradient);
+        let pass = ValueGradient { network: self, x, f, gradient };
+        R::run(AnyPass(PassKind::ValueGradient(pass)));
     }
 
     fn hessian_vector(
@@ -32,12 +34,16 @@ impl<R: Passes> Field<R> for Network<R> {
         gradient: &mut [R::Vec3],
         product: &mut [R::Vec3],
     ) {
-        R::hessian_vector(self, x, p, gradient, product);
+        let pass = HessianVector { network: self, x, p, gradient, product };
+        R::run(AnyPass(PassKind::HessianVector(pass)));
     }
 
     fn parameter_vjp(&self, x: &[R::Vec3], alpha: &[R], c: &[R::Vec3], adjoint: &mut [R]) {
         assert_eq!(adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::parameter_vjp(self, x, (alpha, c), adjoint);
+        let (weights, table) = adjoint.split_at_mut(self.weight_count());
+        let table = TableSum::Vector(table);
+        let pass = ParameterVjp { network: self, x, alpha, c, weights, table };
+        R::run(AnyPass(PassKind::ParameterVjp(pass)));
     }
 
     fn table(&self) -> Range<usize> {
@@ -53,7 +59,9 @@ impl<R: Passes> Field<R> for Network<R> {
     ) {
         assert_eq!(sum.place(), self.table(), "place of the grid's coefficients");
         if !x.is_empty() {
-            R::add_parameter_vjp(self, x, (alpha, c), sum);
+            let (weights, table) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+            let pass = ParameterVjp { network: self, x, alpha, c, weights, table };
+            R::run(AnyPass(PassKind::ParameterVjp(pass)));
         }
     }
 }

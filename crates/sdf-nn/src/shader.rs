@@ -2,15 +2,15 @@
 
 use std::ops::Range;
 
-use field::{PartialSum, Shader, SurfaceAdjoint, SurfaceBatch};
+use field::{PartialSum, Shader, SurfaceAdjoint, SurfaceBatch, TableSum};
 
-use crate::head::RadianceHead;
-use crate::passes::Passes;
+use crate::head::{Radiance, RadianceHead, Vjp};
+use crate::passes::{AnyPass, PassKind, Passes};
 
 impl<R: Passes> RadianceHead<R> {
     /// Writes the radiance, in linear RGB, from every point of a batch towards the camera.
     pub fn radiance(&self, points: &SurfaceBatch<'_, R>, rgb: &mut [R::Vec3]) {
-        R::radiance(self, *points, rgb);
+        R::run(AnyPass(PassKind::Radiance(Radiance { head: self, points: *points, rgb })));
     }
 
     /// VJP of (x, n, d; θ) ↦ RGB to all of its inputs.
@@ -29,7 +29,10 @@ impl<R: Passes> RadianceHead<R> {
         parameter_adjoint: &mut [R],
     ) {
         assert_eq!(parameter_adjoint.len(), self.parameter_count(), "number of parameter adjoints");
-        R::radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, parameter_adjoint);
+        let (weights, tables) = parameter_adjoint.split_at_mut(self.mlp.parameters.len());
+        let (points, tables) = (*points, TableSum::Vector(tables));
+        let pass = Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables };
+        R::run(AnyPass(PassKind::RadianceVjp(pass)));
     }
 
     /// The place of the features of details among the parameters.
@@ -51,7 +54,10 @@ impl<R: Passes> RadianceHead<R> {
     ) {
         assert_eq!(sum.place(), self.table(), "place of the features of details");
         if !points.is_empty() {
-            R::add_radiance_vjp(self, *points, rgb_adjoint, surface_adjoint, sum);
+            let points = *points;
+            let (weights, tables) = (&mut sum.others[..], TableSum::Additions(&mut sum.table));
+            let pass = Vjp { head: self, points, rgb_adjoint, surface_adjoint, weights, tables };
+            R::run(AnyPass(PassKind::RadianceVjp(pass)));
         }
     }
 }

@@ -96,12 +96,14 @@ impl Demo {
         let refine_cameras = RefineCameras::None;
         let options = FitOptions { time: Some(self.time), refine_cameras, ..FitOptions::default() };
         let (dataset, file, _) = new_run(&data, &options, global)?;
-        let (fitted, fitting) = fit(dataset, file, &run, Segment::default(), global)?;
+        let (fitted, session) = fit(dataset, file, &run, Segment::default(), global)?;
         let [mesh, picture, page] =
             ["mesh.ply", "demo.png", "report.html"].map(|name| self.output.join(name));
         let metrics = evaluate(&data, &run, &mesh, &picture, global)?;
-        let of_fit = (&fitting.model, &fitting.file, &fitting.dataset);
-        let about = About::of(&fitting.dataset, &fitting.file);
+        let fitting = &session.fit;
+        let dataset = &fitting.photographs.dataset;
+        let of_fit = (&fitting.model, &fitting.file, dataset);
+        let about = About::of(dataset, &fitting.file);
         let state = fitted.verdict.as_ref().map_or(State::Stopped, State::Ended);
         write_whole(&about.run(&run, of_fit, state), &page, global)?;
         let iterations = fitted.iterations;

@@ -239,7 +239,7 @@ fn up_of(cameras: &[Camera], file: &RunFile) -> DVec3 {
 fn cameras_of(subject: &Subject<'_>) -> anyhow::Result<Vec<Camera>> {
     let Subject { run, file, .. } = *subject;
     let of_dataset = || {
-        let cameras = file.open(subject.dataset).and_then(|unread| Ok(unread.cameras()?));
+        let cameras = file.open(subject.dataset).and_then(|unread| unread.cameras());
         cameras.context("the data set cannot be read")
     };
     let other = subject.dataset.map(|_| of_dataset()).transpose()?;

@@ -12,7 +12,7 @@ use super::query::slope_of;
 use ::inspect::{Report, inspect, overlay};
 use ::report::Verdict;
 use film::write_image;
-use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile};
+use fit::{BackgroundKind, FitOptions, MaskUse, Model, RunFile, RunFolder};
 use report::{examine, modelled};
 
 /// Arguments of `dsdf inspect`.
@@ -51,7 +51,7 @@ struct InspectReport {
 impl Inspect {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         global.will_write(&self.output, &["png", "exr", "npy"])?;
-        let run = match self.dataset.join("fit.toml").is_file() {
+        let run = match RunFolder::new(&self.dataset).fit_toml().is_file() {
             true => Some(RunFile::load(&self.dataset)?),
             false => None,
         };

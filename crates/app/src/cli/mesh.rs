@@ -10,7 +10,7 @@ use super::common::Global;
 use super::cut::{CutOptions, Subject};
 use super::export::{Export, Exported};
 use files::{InputError, extension};
-use fit::{Model, RunFile};
+use fit::{Model, RunFile, RunFolder};
 use mesh::{check_stl, extract};
 
 /// Arguments of `dsdf mesh`.
@@ -78,7 +78,7 @@ impl Mesh {
         let mesh = mesh_of_run(&model, &file, cells, &bar.mover());
         bar.finish_and_clear();
         if mesh.faces.is_empty() {
-            let path = self.run.join("model.safetensors");
+            let path = RunFolder::new(&self.run).model();
             let found = "no surface inside the bounding sphere";
             return Err(InputError::new(path, "model", found, "a solid").into());
         }

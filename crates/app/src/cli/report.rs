@@ -13,7 +13,7 @@ use ::inspect::inspect;
 use ::report::Verdict;
 use ::report::{Detail, Run, State, page};
 use dataset::Dataset;
-use fit::{Fit as Fitting, FitOptions, Model, RunFile};
+use fit::{Fit as Fitting, FitOptions, Model, RunFile, RunFolder};
 use report::{examine, modelled};
 
 /// Arguments of `dsdf report`.
@@ -99,9 +99,6 @@ fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
     Ok(html.len())
 }
 
-/// The name of the page in a run folder.
-pub(super) const PAGE: &str = "report.html";
-
 /// Seconds from the start of a fit to its first page.
 const FIRST: Duration = Duration::from_secs(10);
 
@@ -111,15 +108,15 @@ const PAUSE: u32 = 40;
 /// The page of a fit that goes on.
 pub(super) struct Live {
     about: About,
-    folder: PathBuf,
+    folder: RunFolder,
     next: Cell<Instant>,
 }
 
 impl Live {
     /// The first page is written ten seconds from now.
     pub(super) fn start(folder: &Path, fitting: &Fitting) -> Self {
-        let about = About::of(&fitting.dataset, &fitting.file);
-        Live { about, folder: folder.to_owned(), next: Cell::new(Instant::now() + FIRST) }
+        let about = About::of(&fitting.photographs.dataset, &fitting.file);
+        Live { about, folder: RunFolder::new(folder), next: Cell::new(Instant::now() + FIRST) }
     }
 
     /// Writes the page if it is due.
@@ -134,9 +131,9 @@ impl Live {
 
     /// Writes the page of a fit that is not at its end. Its cameras are those of the data set.
     pub(super) fn write(&self, fitting: &Fitting, state: State<'_>) -> anyhow::Result<()> {
-        let Fitting { model, file, dataset, .. } = fitting;
-        let run = self.about.run(&self.folder, (model, file, dataset), state);
-        write(&self.folder.join(PAGE), &page(&run, Detail::LIVE, &|_| {})?).map(drop)
+        let Fitting { model, file, photographs, .. } = fitting;
+        let run = self.about.run(self.folder.path(), (model, file, &photographs.dataset), state);
+        write(&self.folder.page(), &page(&run, Detail::LIVE, &|_| {})?).map(drop)
     }
 
     /// Writes the last page. The data set has the cameras and the exposures as fitted.
@@ -146,9 +143,13 @@ impl Live {
         verdict: &Verdict,
         global: &Global,
     ) -> anyhow::Result<()> {
-        let Fitting { model, file, dataset, .. } = fitting;
-        let run = self.about.run(&self.folder, (model, file, dataset), State::Ended(verdict));
-        let path = self.folder.join(PAGE);
+        let Fitting { model, file, photographs, .. } = fitting;
+        let run = self.about.run(
+            self.folder.path(),
+            (model, file, &photographs.dataset),
+            State::Ended(verdict),
+        );
+        let path = self.folder.page();
         write_whole(&run, &path, global)?;
         global.say(&format!("report: {}", path.display()));
         Ok(())

@@ -10,7 +10,7 @@ use render::{InvalidField, Pixel, Scene};
 
 use crate::crossing::{has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
-use crate::estimator::{Batch, Estimator, SilhouetteMask, in_both_precisions};
+use crate::estimator::{Batch, Estimator, SilhouetteMask};
 use crate::record::{FilmLine, Record, SegmentEnd, Stratification, add_smooth_part};
 use cell::{Piece, pieces};
 use edge::{Event, EventKind, GridEdge};
@@ -135,42 +135,75 @@ fn add_piece<R: Real>(pixel: u32, piece: &Piece<R>, record: &mut Record<R>) {
     }
 }
 
-in_both_precisions! {
-    impl Estimator<R> for Contour {
-        fn record(
-            &self,
-            scene: &Scene<'_, R>,
-            batch: &Batch<'_>,
-            _: &mut SilhouetteMask,
-        ) -> Result<Record<R>, InvalidField> {
-            let scene = &with_steps_for_wedges(*scene);
-            let grid = Grid::of(batch.counts.spp);
-            let mut record = Record::black(batch.pixels.len());
-            let mut all = Vec::with_capacity(batch.pixels.len());
-            for (index, pixel) in batch.pixels.iter().enumerate() {
-                let mut edges = grid.edges::<R>(pixel);
-                edge::locate(scene, &mut edges)?;
-                if has_visible_creases(scene) {
-                    crease::locate(scene, &mut edges)?;
-                }
-                grid.add_cells(index as u32, &edges, &mut record);
-                all.push(edges);
-            }
-            grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
-            Ok(record)
-        }
+// Generic implementations would be compiled again in each crate that names the estimator.
 
-        fn differentiates_cameras(&self) -> bool {
-            true
-        }
-
-        fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
-            let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
-            Discontinuity::of_scene_except(scene, &modelled)
-        }
-
-        fn depends_on_seed(&self) -> bool {
-            false
-        }
+impl Estimator<f32> for Contour {
+    fn record(
+        &self,
+        scene: &Scene<'_, f32>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
+    ) -> Result<Record<f32>, InvalidField> {
+        record(scene, batch)
     }
+
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, f32>) -> Vec<Discontinuity> {
+        unmodelled(scene)
+    }
+
+    fn depends_on_seed(&self) -> bool {
+        false
+    }
+}
+
+impl Estimator<f64> for Contour {
+    fn record(
+        &self,
+        scene: &Scene<'_, f64>,
+        batch: &Batch<'_>,
+        _: &mut SilhouetteMask,
+    ) -> Result<Record<f64>, InvalidField> {
+        record(scene, batch)
+    }
+
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, f64>) -> Vec<Discontinuity> {
+        unmodelled(scene)
+    }
+
+    fn depends_on_seed(&self) -> bool {
+        false
+    }
+}
+
+/// [`Estimator::record`].
+fn record<R: Real>(scene: &Scene<'_, R>, batch: &Batch<'_>) -> Result<Record<R>, InvalidField> {
+    let scene = &with_steps_for_wedges(*scene);
+    let grid = Grid::of(batch.counts.spp);
+    let mut record = Record::black(batch.pixels.len());
+    let mut all = Vec::with_capacity(batch.pixels.len());
+    for (index, pixel) in batch.pixels.iter().enumerate() {
+        let mut edges = grid.edges::<R>(pixel);
+        edge::locate(scene, &mut edges)?;
+        if has_visible_creases(scene) {
+            crease::locate(scene, &mut edges)?;
+        }
+        grid.add_cells(index as u32, &edges, &mut record);
+        all.push(edges);
+    }
+    grid.add_smooth(scene, batch.pixels, &all, &mut record)?;
+    Ok(record)
+}
+
+/// [`Estimator::unmodelled`].
+fn unmodelled<R: Real>(scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+    let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
+    Discontinuity::of_scene_except(scene, &modelled)
 }

@@ -20,7 +20,7 @@ use render::{InvalidField, Pixel, Scene};
 
 use crate::crossing::{Crossing, has_visible_creases, with_steps_for_wedges};
 use crate::discontinuity::Discontinuity;
-use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms, in_both_precisions};
+use crate::estimator::{Batch, Estimator, SilhouetteMask, Terms};
 use crate::record::{
     FilmLine, Record, SegmentEnd, SilhouettePoint, Stratification, add_smooth_part,
 };
@@ -64,49 +64,86 @@ const SCOUTS: u32 = 4;
 /// 4: error 0.90 (0.95 with 16 samples), evaluations 1.10.
 const SEGMENT_SAMPLES: u32 = 2;
 
-in_both_precisions! {
-    impl Estimator<R> for Refined {
-        fn record(
-            &self,
-            scene: &Scene<'_, R>,
-            batch: &Batch<'_>,
-            mask: &mut SilhouetteMask,
-        ) -> Result<Record<R>, InvalidField> {
-            let scene = &with_steps_for_wedges(scene.clipped_to_solid());
-            let spp = batch.counts.spp;
-            let mut record = Record::black(batch.pixels.len());
-            let unknown = mask.may_cross.is_empty();
-            mask.may_cross.resize(batch.pixels.len(), false);
-            let mut sampled = 0;
-            if unknown {
-                sampled = spp.div_ceil(SCOUTS);
-                let not_far = sample_unmarked(scene, batch, 0..sampled, &mut record, mask)?;
-                mark_corners(scene, batch, &not_far, &mut record, mask)?;
-            }
-            if spp > sampled {
-                sample_unmarked(scene, batch, sampled..spp, &mut record, mask)?;
-            }
-            if batch.terms == Terms::Silhouettes {
-                record.area.clear();
-            }
-            keep_smooth_pixels(&mut record, mask, spp);
-            add_silhouettes(scene, batch, mask, &mut record)?;
-            Ok(record)
-        }
+// Generic implementations would be compiled again in each crate that names the estimator.
 
-        fn differentiates_cameras(&self) -> bool {
-            true
-        }
-
-        fn is_by_pixel(&self) -> bool {
-            true
-        }
-
-        fn unmodelled(&self, scene: &Scene<'_, R>) -> Vec<Discontinuity> {
-            let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
-            Discontinuity::of_scene_except(scene, &modelled)
-        }
+impl Estimator<f32> for Refined {
+    fn record(
+        &self,
+        scene: &Scene<'_, f32>,
+        batch: &Batch<'_>,
+        mask: &mut SilhouetteMask,
+    ) -> Result<Record<f32>, InvalidField> {
+        record(scene, batch, mask)
     }
+
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
+    fn is_by_pixel(&self) -> bool {
+        true
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, f32>) -> Vec<Discontinuity> {
+        unmodelled(scene)
+    }
+}
+
+impl Estimator<f64> for Refined {
+    fn record(
+        &self,
+        scene: &Scene<'_, f64>,
+        batch: &Batch<'_>,
+        mask: &mut SilhouetteMask,
+    ) -> Result<Record<f64>, InvalidField> {
+        record(scene, batch, mask)
+    }
+
+    fn differentiates_cameras(&self) -> bool {
+        true
+    }
+
+    fn is_by_pixel(&self) -> bool {
+        true
+    }
+
+    fn unmodelled(&self, scene: &Scene<'_, f64>) -> Vec<Discontinuity> {
+        unmodelled(scene)
+    }
+}
+
+/// [`Estimator::record`].
+fn record<R: Real>(
+    scene: &Scene<'_, R>,
+    batch: &Batch<'_>,
+    mask: &mut SilhouetteMask,
+) -> Result<Record<R>, InvalidField> {
+    let scene = &with_steps_for_wedges(scene.clipped_to_solid());
+    let spp = batch.counts.spp;
+    let mut record = Record::black(batch.pixels.len());
+    let unknown = mask.may_cross.is_empty();
+    mask.may_cross.resize(batch.pixels.len(), false);
+    let mut sampled = 0;
+    if unknown {
+        sampled = spp.div_ceil(SCOUTS);
+        let not_far = sample_unmarked(scene, batch, 0..sampled, &mut record, mask)?;
+        mark_corners(scene, batch, &not_far, &mut record, mask)?;
+    }
+    if spp > sampled {
+        sample_unmarked(scene, batch, sampled..spp, &mut record, mask)?;
+    }
+    if batch.terms == Terms::Silhouettes {
+        record.area.clear();
+    }
+    keep_smooth_pixels(&mut record, mask, spp);
+    add_silhouettes(scene, batch, mask, &mut record)?;
+    Ok(record)
+}
+
+/// [`Estimator::unmodelled`].
+fn unmodelled<R: Real>(scene: &Scene<'_, R>) -> Vec<Discontinuity> {
+    let modelled = [Discontinuity::Silhouettes, Discontinuity::Creases];
+    Discontinuity::of_scene_except(scene, &modelled)
 }
 
 /// Removes the area samples of marked pixels, and adds the radiance of the others to the record.

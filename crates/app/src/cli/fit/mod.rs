@@ -14,13 +14,12 @@ use serde::Serialize;
 
 use super::common::{Global, as_fitted, with_flag};
 use super::eval::{SAMPLES, compare_views};
-use super::report::{Live, PAGE};
+use super::report::Live;
 use crate::error::Interrupted;
 use ::report::State;
 use ::report::Verdict;
 use dataset::Dataset;
-use files::InputError;
-use fit::{Fit as Fitting, Metrics, MetricsFile, RunFile};
+use fit::{Clock, Fit as Fitting, FitError, Metrics, RunFile, RunFolder, Session};
 use report::examine;
 
 pub(crate) use options::Fit;
@@ -82,7 +81,7 @@ impl Fit {
             return global.report(&valid, || "the options are valid".to_owned());
         }
         if self.report && self.output.is_dir() {
-            files::check_output(&self.output.join(PAGE))?;
+            files::check_output(&RunFolder::new(&self.output).page())?;
         }
         let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
@@ -107,61 +106,61 @@ pub(super) fn fit(
     run: &Path,
     segment: Segment,
     global: &Global,
-) -> anyhow::Result<(FitReport, Fitting)> {
-    let (mut fitting, lock) = locked_fit(dataset, file, run, segment, global)?;
-    if segment.resume && fitting.progress() >= 1.0 {
-        let (iterations, seconds) = (fitting.iteration, fitting.seconds());
+) -> anyhow::Result<(FitReport, Session)> {
+    let (mut session, lock) = locked_fit(dataset, file, run, segment, global)?;
+    if segment.resume && session.fit.progress() >= 1.0 {
+        let Clock { iteration: iterations, seconds, .. } = session.fit.clock;
         global.say(&format!(
             "WARNING the run has spent this budget: {iterations} iterations in {seconds:.0} s; a \
              longer --time, or more --iterations, continues it"
         ));
     }
-    run_folder::write_run_file(run, &fitting.file)?;
+    run_folder::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
-    let live = segment.reports.then(|| Live::start(run, &fitting));
-    let last = console.while_iterating(|| {
-        iterate(&mut fitting, run, segment.stop_after, live.as_ref(), global)
-    })?;
+    let live = segment.reports.then(|| Live::start(run, &session.fit));
+    let last = console
+        .while_iterating(|| iterate(&mut session, segment.stop_after, live.as_ref(), global))?;
     if console.stop_requested() {
         if let Some(live) = &live {
-            live.write(&fitting, State::Stopped)?;
+            live.write(&session.fit, State::Stopped)?;
         }
-        let stopped = fitting.iteration;
+        let stopped = session.fit.clock.iteration;
         console.line(&format!("stopped after {stopped} iterations; --resume continues"));
         return Err(Interrupted.into());
     }
-    if fitting.iteration == 0 && fitting.progress() >= 1.0 {
+    if session.fit.clock.iteration == 0 && session.fit.progress() >= 1.0 {
         global.say(
             "WARNING the time was spent before the first iteration, on the search for depths: give \
              a longer --time, or --stereo none",
         );
     }
-    fitting.preview()?;
+    session.preview()?;
     drop(lock);
-    refuse_empty(&fitting, run)?;
+    refuse_empty(&session.fit, run)?;
     let mut report = FitReport {
         run: run.to_owned(),
-        iterations: fitting.iteration,
-        seconds: fitting.seconds(),
+        iterations: session.fit.clock.iteration,
+        seconds: session.fit.clock.seconds,
         loss: last.map(|m| m.loss),
-        psnr: fitting.held_out_psnr(),
+        psnr: session.held_out_psnr(),
         verdict: None,
     };
-    if fitting.progress() >= 1.0 {
-        let Fitting { model, file, dataset, .. } = &mut fitting;
-        as_fitted(run, model, file, dataset, false, global)?;
-        let Fitting { model, file, dataset, .. } = &fitting;
+    if session.fit.progress() >= 1.0 {
+        let Fitting { model, file, photographs, .. } = &mut session.fit;
+        as_fitted(run, model, file, &mut photographs.dataset, false, global)?;
+        let Fitting { model, file, photographs, .. } = &session.fit;
+        let dataset = &photographs.dataset;
         let errors = compare_views(model, file, &dataset.test, SAMPLES, None, &|_| {})?;
         report.psnr = errors.psnr.or(report.psnr);
         let verdict = examine(model, file, dataset)?;
         if let Some(live) = live {
-            live.finish(&fitting, &verdict, global)?;
+            live.finish(&session.fit, &verdict, global)?;
         }
         report.verdict = Some(verdict);
     } else if let Some(live) = live {
-        live.write(&fitting, State::Stopped)?;
+        live.write(&session.fit, State::Stopped)?;
     }
-    Ok((report, fitting))
+    Ok((report, session))
 }
 
 /// Fails after the last iteration of a fit without a surface: its images show the background, and
@@ -186,51 +185,49 @@ fn locked_fit(
     run: &Path,
     segment: Segment,
     global: &Global,
-) -> anyhow::Result<(Fitting, std::fs::File)> {
+) -> anyhow::Result<(Session, std::fs::File)> {
     let new = |dataset, file| {
-        let fitting = Fitting::new(run, dataset, file, &global.registry, segment.resume);
-        fitting.map_err(|e| match e.downcast::<InputError>() {
-            Ok(input) => with_flag(input).into(),
-            Err(other) => other,
+        let session = Session::new(run, dataset, file, &global.registry, segment.resume);
+        session.map_err(|error| match error {
+            FitError::Input(input) => anyhow::Error::from(with_flag(input)),
+            other => other.into(),
         })
     };
     if segment.resume {
         let lock = lock(run)?;
         return Ok((new(dataset, file)?, lock));
     }
-    let fitting = new(dataset, file)?;
+    let session = new(dataset, file)?;
     run_folder::create(run)?;
     let lock = lock(run)?;
     // Another fit may have ended here since the folder was checked.
     refuse_occupied(run)?;
-    Ok((fitting, lock))
+    Ok((session, lock))
 }
 
 /// Iterates until the budget is spent, `stop_after` is reached or Ctrl-C is pressed. Returns the
 /// metrics of the last iteration.
 fn iterate(
-    fitting: &mut Fitting,
-    run: &Path,
+    session: &mut Session,
     stop_after: Option<u64>,
     live: Option<&Live>,
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
-    let mut metrics_file = MetricsFile::open(&run.join("metrics.jsonl"), fitting.iteration)?;
     let mut last: Option<Metrics> = None;
-    let done = Cell::new(fitting.iteration);
+    let done = Cell::new(session.fit.clock.iteration);
     let stop = || global.console.stop_requested() || stop_after.is_some_and(|n| done.get() >= n);
-    progress::find_depths(fitting, &stop, global);
+    progress::find_depths(&mut session.fit, &stop, global);
     let bar = progress::start(global);
-    fitting.run(&stop, &mut |fitting, metrics| {
+    let report = &mut |session: &Session, metrics: &Metrics| -> anyhow::Result<()> {
         done.set(metrics.iteration);
-        metrics_file.write(metrics)?;
         if let Some(trial) = &metrics.trial {
             global.say(&trial.text());
         }
         progress::show(&bar, metrics);
         last = Some(metrics.clone());
-        live.map_or(Ok(()), |live| live.refresh(fitting))
-    })?;
+        live.map_or(Ok(()), |live| live.refresh(&session.fit))
+    };
+    session.run(&stop, report)?;
     bar.finish_and_clear();
     Ok(last)
 }

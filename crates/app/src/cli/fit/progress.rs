@@ -23,7 +23,7 @@ pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &G
         });
     });
     bar.finish_and_clear();
-    if let Some(known) = fitting.known_depths() {
+    if let Some(known) = fitting.photographs.known_depths() {
         let unused = if known > 0.0 { "" } else { "; too few to use, or too short a fit" };
         let share = 100.0 * known;
         global.say(&format!("depths: known at {share:.0} % of the pixels{unused} (see --stereo)"));

@@ -7,7 +7,7 @@ use super::run_folder::{absolute, refuse_without_checkpoint};
 use crate::cli::common::{ARGUMENTS, FROM_RUN, Global, option_error};
 use dataset::Dataset;
 use files::InputError;
-use fit::{RunCameras, RunFile, check_masks};
+use fit::{RunCameras, RunFile, RunFolder, check_masks};
 
 /// The options that a resumed run may change.
 const BUDGET: [&str; 2] = ["time", "iterations"];
@@ -26,7 +26,7 @@ impl Fit {
                 (self.options.time, self.options.iterations);
         }
         file.options = file.options.with_schedule();
-        let toml = self.output.join("fit.toml");
+        let toml = RunFolder::new(&self.output).fit_toml();
         // The budget alone may be from the command line.
         let is_budget = |e: &InputError| BUDGET.contains(&e.field.as_str());
         file.options.validate(&toml, &global.registry).map_err(|e| {

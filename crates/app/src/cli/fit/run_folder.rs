@@ -4,24 +4,18 @@ use std::fs::{File, create_dir_all};
 use std::path::{Path, PathBuf};
 
 use files::InputError;
-use fit::RunFile;
+use fit::{RunFile, RunFolder};
 
 use crate::cli::common::Global;
 
-/// The subfolders of a run folder.
-const SUBFOLDERS: [&str; 2] = ["checkpoint", "preview"];
-
 /// Checks that a fit can write its files in the folder.
 pub(super) fn check_output(run: &Path, global: &Global) -> anyhow::Result<()> {
-    global.will_write_in(run, &SUBFOLDERS)
+    global.will_write_in(run, &RunFolder::SUBFOLDERS)
 }
-
-/// The checkpoint of a run, in its folder.
-const CHECKPOINT: &str = "checkpoint/state.safetensors";
 
 /// Refuses to resume a run that ended before its first checkpoint.
 pub(super) fn refuse_without_checkpoint(run: &Path) -> Result<(), InputError> {
-    if exists(&run.join(CHECKPOINT)) {
+    if exists(&RunFolder::new(run).checkpoint()) {
         return Ok(());
     }
     let expected = "one to continue from: without --resume, the fit starts again";
@@ -34,22 +28,16 @@ pub(super) fn refuse_without_checkpoint(run: &Path) -> Result<(), InputError> {
 /// A folder of a run that ended before its first checkpoint is accepted, and so are files with
 /// other names than those of a run.
 pub(in crate::cli) fn refuse_occupied(run: &Path) -> Result<(), InputError> {
-    if exists(&run.join(CHECKPOINT)) {
+    if exists(&RunFolder::new(run).checkpoint()) {
         let expected = "a new folder, or --resume to continue this run";
         return Err(InputError::new(run, "run", "a run with a checkpoint", expected));
     }
     let is_run = RunFile::load(run).is_ok();
-    let results = [
-        "model.safetensors",
-        "radiance.safetensors",
-        "background.safetensors",
-        "cameras.json",
-        "exposures.json",
-    ];
-    let of_start = ["fit.toml", "metrics.jsonl", "checkpoint", "preview"];
-    let replaced = results.iter().chain(of_start.iter().filter(|_| !is_run));
-    for name in replaced {
-        let path = run.join(name);
+    let folder = RunFolder::new(run);
+    let [checkpoints, previews] = folder.subfolders();
+    let of_start = [folder.fit_toml(), folder.metrics(), checkpoints, previews];
+    let replaced = folder.results().into_iter().chain(of_start.into_iter().filter(|_| !is_run));
+    for path in replaced {
         if exists(&path) && !is_empty_folder(&path) {
             let (found, expected) = ("a file that a new run would replace", "a new folder");
             return Err(InputError::new(path, "run", found, expected));
@@ -76,13 +64,13 @@ pub(super) fn create(folder: &Path) -> Result<(), InputError> {
 /// Creates the subfolders of a run and writes its `fit.toml`.
 pub(super) fn write_run_file(run: &Path, file: &RunFile) -> anyhow::Result<()> {
     create(run)?;
-    SUBFOLDERS.iter().try_for_each(|name| create(&run.join(name)))?;
-    file.save(run)
+    RunFolder::new(run).subfolders().iter().try_for_each(|path| create(path))?;
+    Ok(file.save(run)?)
 }
 
 /// Refuses a subfolder that is a link: a fit would write into another place.
 fn refuse_links(run: &Path) -> Result<(), InputError> {
-    for path in SUBFOLDERS.map(|name| run.join(name)) {
+    for path in RunFolder::new(run).subfolders() {
         if path.is_symlink() {
             return Err(InputError::new(path, "run", "a link", "a folder of the run itself"));
         }
@@ -94,13 +82,14 @@ fn refuse_links(run: &Path) -> Result<(), InputError> {
 /// would replace each other's files. Also removes the temporary files of killed fits there.
 pub(in crate::cli) fn lock(run: &Path) -> Result<File, InputError> {
     refuse_links(run)?;
-    let Some(lock) = files::lock(&run.join("lock"))? else {
+    let Some(lock) = files::lock(&RunFolder::new(run).lock())? else {
         let found = "another fit that is writing this folder";
         let expected = "a folder without a running fit: wait for it, or choose another";
         return Err(InputError::new(run, "run", found, expected));
     };
     files::remove_abandoned_temporary_files(run);
-    SUBFOLDERS.iter().for_each(|name| files::remove_abandoned_temporary_files(&run.join(name)));
+    let subfolders = RunFolder::new(run).subfolders();
+    subfolders.iter().for_each(|path| files::remove_abandoned_temporary_files(path));
     Ok(lock)
 }
 
