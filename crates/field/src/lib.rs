@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod background;
+mod check;
 mod clipped;
 mod counted;
 mod csg;
@@ -19,6 +20,7 @@ mod surface;
 pub use background::{
     Background, BackgroundPerCamera, BackgroundRay, RayAdjoint, UniformBackground,
 };
+pub use check::{Check, InvalidSetting};
 pub use clipped::{Clipped, may_reach};
 pub use counted::{Counted, Evaluations};
 pub use csg::{Csg, Operation};

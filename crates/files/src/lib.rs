@@ -2,7 +2,6 @@
 
 mod atomic;
 mod bounds;
-mod check;
 mod duration;
 mod error;
 pub mod json;
@@ -17,7 +16,6 @@ pub use atomic::{
     remove_own_temporary_files,
 };
 pub use bounds::{SPHERE, is_sphere, parse_bounds};
-pub use check::Check;
 pub use duration::parse_duration;
 pub use error::{ARGUMENTS, InputError, WriteError, is_hidden, printable};
 pub use lock::lock;

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use estimate::record::Pass;
 use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
-use field::Sphere;
-use files::{Check, InputError, check_memory};
+use field::{Check, Sphere};
+use files::{InputError, check_memory};
 use glam::DVec3;
 use multiview::calibrate::RefineCameras;
 use multiview::stereo::StereoChoice;
@@ -268,7 +268,7 @@ impl FitOptions {
             let expected = format!("one of {}", registry.names());
             return Err(InputError::new(source, "estimator", &self.estimator, expected));
         }
-        Check::all(source, self.checks())?;
+        refuse_invalid(source, self.checks())?;
         let warp = WarpOptions::from(self.warp).validate();
         warp.map_err(|e| InputError::new(source, e.name, e.found, e.expected))?;
         let found = format!("{} layers of width {}", self.layers, self.width);
@@ -366,6 +366,11 @@ impl FitOptions {
     pub fn bounds(&self) -> Option<Sphere<f64>> {
         self.bounds.map(|[x, y, z, radius]| Sphere { center: DVec3::new(x, y, z), radius })
     }
+}
+
+/// Refuses the first value that is not valid. `source` is the origin of the values.
+pub(crate) fn refuse_invalid(source: &Path, checks: Vec<Check>) -> Result<(), InputError> {
+    Check::all(checks).map_err(|e| InputError::new(source, e.name, e.found, e.expected))
 }
 
 #[cfg(test)]

@@ -4,16 +4,16 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use dataset::{Dataset, LoadOptions, Unread, View};
-use field::BackgroundPerCamera;
 use field::Sphere;
-use files::{ARGUMENTS, Check, InputError, SPHERE, atomic_write, is_sphere};
+use field::{BackgroundPerCamera, Check};
+use files::{ARGUMENTS, InputError, SPHERE, atomic_write, is_sphere};
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
 use inspect::{BackgroundEstimate, SphereSource, check_places, surroundings};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
-use crate::options::FitOptions;
+use crate::options::{FitOptions, refuse_invalid};
 use crate::run_folder::RunFolder;
 use crate::split::Split;
 use loss::photometry::{
@@ -283,7 +283,7 @@ impl RunFile {
         let confidence = self.background_confidence;
         let FitOptions { iterations, time, downscale, .. } = self.options;
         let budget = format!("{iterations:?} iterations and the time {time:?}");
-        Check::all(
+        refuse_invalid(
             path,
             vec![
                 Check::new(

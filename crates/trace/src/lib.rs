@@ -16,7 +16,7 @@ pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_der
 pub use field;
 pub use intersect::{intersect, intersect_rows};
 pub use intersection::{Intersection, Outcome};
-pub use options::{InvalidOptions, Options};
+pub use options::Options;
 pub use ray::Ray;
 pub use silhouette::{RayFamily, Start, Tangency, tangencies};
 pub use visit::{Visited, Visits, visit};

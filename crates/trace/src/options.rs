@@ -1,6 +1,6 @@
 //! Settings of the tracer.
 
-use field::Real;
+use field::{Check, InvalidSetting, Real};
 
 /// Settings of [`crate::intersect`]. Lengths are in units of `Ray::scale`: the bounding radius,
 /// unless the caller sets another.
@@ -37,50 +37,34 @@ impl<R: Real> Default for Options<R> {
     }
 }
 
-/// A setting that is out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{name} is {found}, expected {expected}")]
-pub struct InvalidOptions {
-    /// The name of the setting.
-    pub name: &'static str,
-    /// Its value.
-    pub found: String,
-    /// The values that are allowed.
-    pub expected: &'static str,
-}
-
 impl<R: Real> Options<R> {
     /// Checks that every setting is in its range.
     ///
     /// # Errors
     /// Names the first setting that is not.
-    pub fn validate(&self) -> Result<(), InvalidOptions> {
+    pub fn validate(&self) -> Result<(), InvalidSetting> {
         let zero = R::zero();
-        let checks = [
-            ("step_limit", self.step_limit.to_string(), self.step_limit > 0, "1 or more"),
-            (
+        Check::all([
+            Check::new("step_limit", self.step_limit, self.step_limit > 0, "1 or more"),
+            Check::new(
                 "relaxation",
-                self.relaxation.to_string(),
+                self.relaxation,
                 self.relaxation > zero && self.relaxation <= R::one(),
                 "above 0 and at most 1",
             ),
-            (
+            Check::new(
                 "tolerance",
-                self.tolerance.to_string(),
+                self.tolerance,
                 self.tolerance >= zero && self.tolerance < R::one(),
                 "0 or more, and below 1",
             ),
-            (
+            Check::new(
                 "min_step",
-                self.min_step.to_string(),
+                self.min_step,
                 self.min_step > zero && self.min_step < R::one(),
                 "between 0 and 1",
             ),
-        ];
-        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
-            Some((name, found, _, expected)) => Err(InvalidOptions { name, found, expected }),
-            None => Ok(()),
-        }
+        ])
     }
 }
 

@@ -12,7 +12,7 @@ mod weights;
 pub use args::{WarpArgs, WarpDefaults};
 pub use evaluate::{evaluate, evaluate_with_divergence};
 pub use field;
-pub use options::{InvalidOptions, WarpOptions};
+pub use options::WarpOptions;
 pub use projection::{Pinhole, Projection};
 pub use ray::WarpedRay;
 pub use warp::{SampleDivergence, Warp, WarpSample, WarpWithDivergence};

@@ -1,6 +1,6 @@
 //! The settings of the published warp, as a user gives them.
 
-use field::Real;
+use field::{Check, InvalidSetting, Real};
 
 use crate::weighting::PublishedWeighting;
 
@@ -58,33 +58,29 @@ impl WarpOptions {
     ///
     /// # Errors
     /// On the first setting that cannot work.
-    pub fn validate(&self) -> Result<(), InvalidOptions> {
+    pub fn validate(&self) -> Result<(), InvalidSetting> {
         const NOT_NEGATIVE: &str = "a finite number, 0 or more, up to 1e30";
         let finite_from =
             |value: f64, zero: bool| value <= LARGEST && (value > 0.0 || (zero && value == 0.0));
         let length =
-            |name, value: f64| (name, value.to_string(), finite_from(value, true), NOT_NEGATIVE);
-        let checks = [
-            ("steps", self.steps.to_string(), (1..=MAX_STEPS).contains(&self.steps), "1 to 65536"),
-            (
+            |name, value: f64| Check::new(name, value, finite_from(value, true), NOT_NEGATIVE);
+        Check::all([
+            Check::new("steps", self.steps, (1..=MAX_STEPS).contains(&self.steps), "1 to 65536"),
+            Check::new(
                 "top_k",
-                self.top_k.to_string(),
+                self.top_k,
                 self.top_k >= 2,
                 "2 or more: the smallest weight is subtracted, so one point alone keeps none",
             ),
-            (
+            Check::new(
                 "gamma",
-                self.gamma.to_string(),
+                self.gamma,
                 finite_from(self.gamma, false),
                 "a finite number above 0, up to 1e30",
             ),
             length("lambda_d", self.lambda_d),
             length("epsilon", self.epsilon),
-        ];
-        match checks.into_iter().find(|(_, _, holds, _)| !holds) {
-            Some((name, found, _, expected)) => Err(InvalidOptions { name, found, expected }),
-            None => Ok(()),
-        }
+        ])
     }
 
     /// The weighting in world units, for a bounding sphere of `radius`.
@@ -101,16 +97,4 @@ impl Default for WarpOptions {
     fn default() -> Self {
         Self::IMAGE
     }
-}
-
-/// A setting that cannot work.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{name} is {found}, expected {expected}")]
-pub struct InvalidOptions {
-    /// The setting.
-    pub name: &'static str,
-    /// Its value.
-    pub found: String,
-    /// The values that are accepted.
-    pub expected: &'static str,
 }

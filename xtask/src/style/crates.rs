@@ -1,6 +1,6 @@
 //! The workspace's crates: the packages that they reach, and the table of the documentation.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, ensure};
 use serde_json::Value;
@@ -41,6 +41,24 @@ fn named(tree: &str, refused: &[&str]) -> Vec<String> {
 /// # Errors
 /// If `cargo metadata` fails.
 pub(crate) fn members() -> anyhow::Result<BTreeSet<String>> {
+    Ok(manifests()?.into_keys().collect())
+}
+
+/// The folders of the members that depend on a package, also for their tests only.
+///
+/// # Errors
+/// If `cargo metadata` fails.
+pub(crate) fn dependents(package: &str) -> anyhow::Result<BTreeSet<String>> {
+    let depends = |manifest: &Value| {
+        let all = manifest["dependencies"].as_array().into_iter().flatten();
+        all.into_iter().any(|dependency| dependency["name"] == package)
+    };
+    let all = manifests()?.into_iter().filter(|(_, manifest)| depends(manifest));
+    Ok(all.map(|(folder, _)| folder).collect())
+}
+
+/// The manifests of the workspace's members, as JSON, by their folders relative to its root.
+fn manifests() -> anyhow::Result<BTreeMap<String, Value>> {
     let arguments = ["metadata", "--no-deps", "--format-version", "1"];
     let output =
         sweep::measure::cargo_command(&arguments).output().context("cannot start cargo")?;
@@ -53,7 +71,9 @@ pub(crate) fn members() -> anyhow::Result<BTreeSet<String>> {
         let folder = manifest.strip_prefix(root)?.strip_suffix("Cargo.toml")?;
         Some(folder.trim_matches('/').to_owned())
     };
-    packages.iter().map(|package| folder(package).context("manifest_path")).collect()
+    let manifest =
+        |package: &Value| Ok((folder(package).context("manifest_path")?, package.clone()));
+    packages.iter().map(manifest).collect()
 }
 
 /// The differences between the members and the tables below the heading "Crates" of a page. A row
@@ -98,6 +118,8 @@ mod tests {
     fn the_members_are_folders() {
         let members = members().unwrap();
         assert!(members.contains("xtask") && members.contains("crates/trace"), "{members:?}");
+        let dependents = dependents("anyhow").unwrap();
+        assert!(dependents.contains("xtask") && !dependents.contains("crates/trace"));
     }
 
     #[test]

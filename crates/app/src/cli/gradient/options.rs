@@ -104,7 +104,7 @@ impl Gradient {
         let tolerance = self.hit_tolerance.map_or(default.tolerance, R::of);
         let options = trace::Options { relaxation: R::of(self.relaxation), tolerance, ..default };
         let flag = |name| if name == "tolerance" { "hit_tolerance" } else { name };
-        let refused = |e: trace::InvalidOptions| option_error(flag(e.name), e.found, e.expected);
+        let refused = |e: field::InvalidSetting| option_error(flag(e.name), e.found, e.expected);
         options.validate().map_err(refused).map(|()| options)
     }
 
