@@ -46,7 +46,7 @@ const QUIET: [&str; 15] = [
 ];
 
 /// The circles of files that are left. New ones are refused; whoever opens one lowers the number.
-const CIRCLES: usize = 5;
+const CIRCLES: usize = 4;
 
 /// The page about the crates and their invariants.
 const ARCHITECTURE: &str = "docs/architecture.md";

@@ -3,7 +3,7 @@
 use crate::surface::SurfaceShares;
 use fit::{RunCameras, RunExposures};
 
-use crate::page::escaped;
+use crate::escape::escaped;
 use crate::{Run, State};
 
 /// A table with a header. Cells are escaped.
