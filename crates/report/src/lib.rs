@@ -2,78 +2,28 @@
 
 mod accuracy;
 mod curves;
+mod detail;
 mod error;
+mod escape;
 mod examine;
 mod page;
+mod run;
 mod solid;
 mod surface;
 mod tables;
 mod verdict;
 mod views;
 
-use std::path::Path;
-
 use curves::Metrics;
-use dataset::Dataset;
-use fit::{Budget, Model, RunFile, RunFolder};
+use fit::{Budget, RunFolder};
 
 pub use accuracy::sampled_psnr;
+pub use detail::Detail;
 pub use error::Error;
 pub use examine::{examine, modelled};
+pub use run::{Run, State};
 pub use surface::{SurfaceShares, surface_shares};
 pub use verdict::{Evidence, Fault, Verdict};
-
-/// A run, with all that its page shows.
-pub struct Run<'a> {
-    /// The folder of the run.
-    pub folder: &'a Path,
-    /// Its `fit.toml`.
-    pub file: &'a RunFile,
-    /// Its model.
-    pub model: &'a Model,
-    /// Its data set, relative to its origin, with the cameras and the exposures as fitted.
-    pub dataset: &'a Dataset,
-    /// Whether it runs, or its verdict.
-    pub state: State<'a>,
-    /// The models for the background and the masks, one sentence each.
-    pub modelled: &'a [String],
-    /// The warnings about its photographs, one sentence each.
-    pub warnings: &'a [String],
-}
-
-/// The state of a run.
-#[derive(Clone, Copy, Debug)]
-pub enum State<'a> {
-    /// A fit that goes on.
-    Running,
-    /// A fit that was stopped before its end.
-    Stopped,
-    /// A fit that does not run, with the verdict on it.
-    Ended(&'a Verdict),
-}
-
-/// The amount of work for a page, and its size.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Detail {
-    /// Grid cells of the mesh along the diameter of the bounding sphere.
-    pub cells: usize,
-    /// The most faces of the mesh.
-    pub faces: usize,
-    /// The most views with pictures: held-out ones first, then training ones at equal steps.
-    pub views: usize,
-    /// The largest width and height of a picture, in pixels.
-    pub side: u32,
-    /// Samples per pixel of rendered views.
-    pub spp: u32,
-}
-
-impl Detail {
-    /// A page of at most some 8 MB.
-    pub const FULL: Detail = Detail { cells: 192, faces: 120_000, views: 48, side: 320, spp: 4 };
-
-    /// A page for a fit that goes on: it takes a few seconds.
-    pub const LIVE: Detail = Detail { cells: 96, faces: 40_000, views: 8, side: 192, spp: 1 };
-}
 
 /// The page of a run: one HTML file that needs no other.
 ///

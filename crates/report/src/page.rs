@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::curves::Curve;
+use crate::escape::escaped;
 use crate::solid::{Buffers, Frame};
 use crate::tables;
 use crate::views::Picture;
@@ -70,20 +71,4 @@ fn filled(template: &str, values: &[(&str, String)]) -> String {
         page += rest;
     }
     page
-}
-
-/// Text with the characters that have a meaning in HTML as entities.
-pub(crate) fn escaped(text: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            '\'' => out += "&#39;",
-            c => out.push(c),
-        }
-    }
-    out
 }

@@ -3,7 +3,7 @@
 use files::InputError;
 use fit::{RunCameras, RunExposures};
 
-use crate::page::escaped;
+use crate::escape::escaped;
 use crate::surface::SurfaceShares;
 use crate::{Run, State};
 

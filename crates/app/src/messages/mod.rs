@@ -1,5 +1,6 @@
 //! The output, the progress and the interruption of a command.
 
+mod clock;
 mod host;
 mod interrupt;
 mod progress;
@@ -13,8 +14,8 @@ pub use host::Host;
 pub use interrupt::Interrupted;
 pub use progress::Progress;
 
+use clock::Clock;
 use interrupt::Interrupt;
-use progress::Clock;
 
 /// The receiver of the results, lines and progress of one command, and its requests to stop.
 #[derive(Clone, Default)]
@@ -66,13 +67,6 @@ impl Console {
     /// Whether a fit shall stop.
     pub fn stop_requested(&self) -> bool {
         self.interrupt.requested() || self.host.as_ref().is_some_and(|host| host.is_interrupted())
-    }
-
-    /// The progress of the step `name`: a bar on a terminal, else a line about every ten seconds on
-    /// standard error; nothing with `quiet`. `template` is that of the bar: `{msg}` in it is the
-    /// name, or the text of the progress. A host gets all of it, with `quiet` too.
-    pub fn progress(&self, name: &str, template: &str, quiet: bool) -> Progress {
-        Progress::new(name, template, quiet || self.is_hosted(), self)
     }
 
     /// Gives a warning or a note of one line.

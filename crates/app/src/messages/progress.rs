@@ -1,15 +1,12 @@
 //! Progress on standard error: a bar on a terminal, else a line about every ten seconds.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::messages::Console;
-
-/// Seconds between two lines.
-const EVERY: u64 = 10;
+use crate::messages::clock::Clock;
 
 /// The length of the bar: it moves in steps of 0.01 %.
 const LENGTH: u64 = 10_000;
@@ -23,9 +20,18 @@ pub struct Progress {
     console: Console,
 }
 
+impl Console {
+    /// The progress of the step `name`: a bar on a terminal, else a line about every ten seconds on
+    /// standard error; nothing with `quiet`. `template` is that of the bar: `{msg}` in it is the
+    /// name, or the text of the progress. A host gets all of it, with `quiet` too.
+    pub fn progress(&self, name: &str, template: &str, quiet: bool) -> Progress {
+        Progress::new(name, template, quiet || self.is_hosted(), self)
+    }
+}
+
 impl Progress {
     /// See [`Console::progress`].
-    pub(crate) fn new(name: &str, template: &str, quiet: bool, console: &Console) -> Self {
+    fn new(name: &str, template: &str, quiet: bool, console: &Console) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(LENGTH) };
         let bar = match ProgressStyle::with_template(template) {
             Ok(style) => bar.with_style(style),
@@ -58,7 +64,7 @@ impl Progress {
         self.bar.set_position((fraction * LENGTH as f64) as u64);
         let Some(lines) = &self.lines else { return };
         let (elapsed, first) = (lines.start.elapsed(), *lines.first.get_or_init(|| fraction));
-        if lines.clock.is_due(lines.clock.start.elapsed()) {
+        if lines.clock.is_due(lines.clock.elapsed()) {
             let times = times(first, fraction, elapsed);
             let (text, percent) = (text(), 100.0 * fraction);
             let text = if text.is_empty() { text } else { format!(", {text}") };
@@ -70,31 +76,6 @@ impl Progress {
     /// Removes the bar.
     pub fn finish_and_clear(&self) {
         self.bar.finish_and_clear();
-    }
-}
-
-/// The time of the next line of a command, whatever step it is in.
-#[derive(Clone, Debug)]
-pub(crate) struct Clock {
-    start: Instant,
-    /// The time of the next line, in seconds from the start.
-    next: Arc<AtomicU64>,
-}
-
-impl Default for Clock {
-    fn default() -> Self {
-        Clock { start: Instant::now(), next: Arc::new(AtomicU64::new(EVERY)) }
-    }
-}
-
-impl Clock {
-    /// True if a line is due at this time after the start. Of several threads that ask at the same
-    /// time, one gets true.
-    fn is_due(&self, elapsed: Duration) -> bool {
-        let (seconds, next) = (elapsed.as_secs(), self.next.load(Ordering::Relaxed));
-        let after = seconds + EVERY;
-        seconds >= next
-            && self.next.compare_exchange(next, after, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 }
 
@@ -128,17 +109,6 @@ fn clock(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_line_is_due_every_ten_seconds_and_once() {
-        let lines = Clock::default();
-        let due: Vec<u64> =
-            (0..35).filter(|second| lines.is_due(Duration::from_secs(*second))).collect();
-        assert_eq!(due, [10, 20, 30]);
-        assert!(!lines.is_due(Duration::from_secs(35)));
-        // After a long step, the next line is ten seconds later again.
-        assert!(lines.is_due(Duration::from_secs(99)) && !lines.is_due(Duration::from_secs(108)));
-    }
 
     #[test]
     fn the_remaining_time_counts_from_the_start_of_the_process() {

@@ -4,7 +4,7 @@
 use field::{Real, Vector3};
 use render::Scene;
 
-use super::face_changes::FaceChange;
+use super::face_change::FaceChange;
 use super::line_places::FaceHit;
 use crate::record::{FilmLine, Record};
 

@@ -3,7 +3,7 @@
 use field::Real;
 use render::{InvalidField, Scene};
 
-use super::face_changes::FaceChange;
+use super::face_change::FaceChange;
 use super::neighbours::Neighbours;
 use super::probes::{Place, Probes};
 use super::search::{KnownTangencies, SAME_DEPTH, Searches, first_reach, is_same};

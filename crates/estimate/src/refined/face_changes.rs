@@ -1,25 +1,17 @@
 //! Places on lines of the film where the visible surface goes from one face to another.
 
-use field::{Real, Vector3};
+use field::Real;
 use render::{InvalidField, Scene};
 use rustc_hash::FxHashMap;
 
 use super::creases::is_crease;
 use super::crossings::crossings_at;
+use super::face_change::FaceChange;
 use super::line_places::{FaceHit, LinePlaces, Place, trace};
 use super::neighbours::Neighbours;
 use super::unseen_faces::unseen_faces;
-use crate::crossing::{Crossing, Rim, is_grazing, tolerance};
+use crate::crossing::{Crossing, Rim, tolerance};
 use crate::record::{FilmLine, Record};
-
-/// A part of a line whose ends hit different faces.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FaceChange<R: Real> {
-    /// The line, by its number.
-    pub(super) line: usize,
-    /// The parameter of the line and the hit at both ends.
-    pub(super) ends: [(f64, FaceHit<R>); 2],
-}
 
 /// The places where lines go from face to face.
 pub(super) struct FaceChanges<R: Real> {
@@ -35,63 +27,6 @@ const ROUNDS: u32 = 28;
 
 /// The largest number of intervals per line, for fields that have a new face everywhere.
 const MAX_INTERVALS: usize = 16;
-
-impl<R: Real> FaceChange<R> {
-    /// The change between two places, if they hit different faces.
-    pub(super) fn between(line: usize, a: &Place<R>, b: &Place<R>) -> Option<Self> {
-        let (first, second) = (a.hit?, b.hit?);
-        let ends = [(a.s, first), (b.s, second)];
-        (first.face != second.face).then_some(FaceChange { line, ends })
-    }
-
-    fn width(&self) -> f64 {
-        self.ends[1].0 - self.ends[0].0
-    }
-
-    /// The middle of the change, as a parameter of the line.
-    pub(super) fn middle(&self) -> f64 {
-        (self.ends[0].0 + self.ends[1].0) * 0.5
-    }
-
-    /// Whether the faces are at a grazing angle to the ray through the middle.
-    pub(super) fn grazing(&self, scene: &Scene<'_, R>, lines: &[FilmLine]) -> [bool; 2] {
-        let line = &lines[self.line];
-        let d = R::Vec3::of(scene.cameras[line.camera].direction(line.at(self.middle()).u));
-        self.ends.map(|(_, hit)| is_grazing::<R>(hit.gradient, d))
-    }
-
-    /// The place where the tangent planes of the two faces meet on the line, or the middle if they
-    /// meet outside of the interval.
-    fn expected(&self, scene: &Scene<'_, R>, lines: &[FilmLine]) -> f64 {
-        let line = &lines[self.line];
-        let camera = &scene.cameras[line.camera];
-        let eye = R::Vec3::of(camera.eye);
-        let height = self.ends.map(|(_, hit)| hit.gradient.dot(hit.x - eye));
-        // The difference of the distances of the planes along the ray at s.
-        let gap = |s: f64| {
-            let d = R::Vec3::of(camera.direction(line.at(s).u));
-            let [a, b] = [0, 1].map(|end| height[end] / self.ends[end].1.gradient.dot(d));
-            (a - b).to_double()
-        };
-        let [mut from, mut to] = self.ends.map(|(s, _)| s);
-        let (mut low, mut high) = (gap(from), gap(to));
-        let middle = (from + to) * 0.5;
-        if low * high >= 0.0 || !(low * high).is_finite() {
-            return middle;
-        }
-        let mut s = middle;
-        for _ in 0..8 {
-            s = from + (to - from) * (low / (low - high));
-            let here = gap(s);
-            if here * low > 0.0 {
-                (from, low) = (s, here);
-            } else {
-                (to, high) = (s, here);
-            }
-        }
-        s
-    }
-}
 
 /// Finds the places where lines go from face to face between known silhouettes.
 ///

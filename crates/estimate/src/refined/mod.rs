@@ -1,9 +1,9 @@
-//! The estimator `refined`, the default: a curve integral over silhouettes, which are found along
-//! random lines on the film.
+#![doc = include_str!("README.md")]
 
 mod crease_margin;
 mod creases;
 mod crossings;
+mod face_change;
 mod face_changes;
 mod line_places;
 mod neighbours;

@@ -5,7 +5,7 @@ use glam::DVec2;
 use render::Scene;
 
 use super::creases::{is_crease, project};
-use super::face_changes::FaceChange;
+use super::face_change::FaceChange;
 use super::line_places::{LinePlaces, Part, Place};
 use super::neighbours::{Neighbours, meeting};
 use crate::crossing::tolerance;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use glam::DVec3;
 
-use super::EvalReport;
+use super::report::EvalReport;
 use crate::cli::common::ARGUMENTS;
 use ::mesh::{Mesh, read_points};
 use files::{InputError, check_memory};

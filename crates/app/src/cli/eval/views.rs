@@ -3,30 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use serde::Serialize;
 
-use super::EvalReport;
+use super::report::{EvalReport, ViewErrors};
 use dataset::View;
 use film::Film;
 use fit::{Model, RunFile, Solid};
 use metrics::{mask_iou, psnr_where, ssim};
 use render::comparison;
 use render::{Render, render};
-
-/// The errors of one held-out view.
-#[derive(Clone, Debug, Serialize)]
-pub(in crate::cli) struct ViewErrors {
-    /// The name of the photograph in the data set.
-    name: String,
-    /// PSNR in dB, over the used pixels of the frame; `None` if a mask leaves all of them out.
-    psnr: Option<f64>,
-    /// PSNR in dB, inside the object's mask; `None` without a mask, or with an empty one.
-    psnr_masked: Option<f64>,
-    /// Structural similarity over the frame; `None` if it is smaller than a window of 11 pixels.
-    ssim: Option<f64>,
-    /// Intersection over union of the masks; `None` without a mask.
-    mask_iou: Option<f64>,
-}
 
 /// Renders the views with `spp` samples per pixel and compares them with their photographs.
 ///
@@ -99,18 +83,4 @@ fn write_picture(path: &Path, render: &Render, view: &View) -> anyhow::Result<()
     std::fs::create_dir_all(folder)
         .with_context(|| format!("cannot create {}", folder.display()))?;
     Ok(film::write_image(path, &comparison(&view.image, render))?)
-}
-
-/// The errors as a table, one view a line.
-pub(super) fn table(views: &[ViewErrors]) -> String {
-    let mut lines = vec![format!(
-        "\n{:<32} {:>9} {:>9} {:>9} {:>9}",
-        "held-out view", "PSNR", "in mask", "SSIM", "mask IoU"
-    )];
-    let number = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.4}"));
-    for v in views {
-        let [psnr, masked, ssim, iou] = [v.psnr, v.psnr_masked, v.ssim, v.mask_iou].map(number);
-        lines.push(format!("{:<32} {psnr:>9} {masked:>9} {ssim:>9} {iou:>9}", v.name));
-    }
-    lines.join("\n")
 }

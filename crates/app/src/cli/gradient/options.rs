@@ -94,7 +94,7 @@ impl Gradient {
 
     /// Checks the options of the warp.
     pub(super) fn validate_warp(&self) -> Result<(), InputError> {
-        let refused = |e: warp::InvalidOptions| option_error(e.name, e.found, e.expected);
+        let refused = |e: field::InvalidSetting| option_error(e.name, e.found, e.expected);
         WarpOptions::from(self.warp).validate().map_err(refused)
     }
 
