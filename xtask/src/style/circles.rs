@@ -136,8 +136,9 @@ impl<'a> Crate<'a> {
             let Some(above) = self.module(above) else { return Thing::Other };
             (module, is_rooted) = (above, true);
         }
-        for name in names {
-            match self.member(module, name, open) {
+        while let Some(name) = names.next() {
+            let leads_further = !is_rooted && names.peek().is_some();
+            match self.member(module, name, leads_further, open) {
                 Some(Thing::Module(next)) => module = next,
                 Some(thing) => return thing,
                 // An item that a macro defines, or one that is unknown here.
@@ -150,12 +151,23 @@ impl<'a> Crate<'a> {
     }
 
     /// The thing of this name in a module: a child, an item, or an import.
-    fn member(&self, module: usize, name: &str, open: &mut Vec<(usize, String)>) -> Option<Thing> {
+    ///
+    /// A path that leads further from the name does not start at a function, so an import of the
+    /// same name comes first.
+    fn member(
+        &self,
+        module: usize,
+        name: &str,
+        leads_further: bool,
+        open: &mut Vec<(usize, String)>,
+    ) -> Option<Thing> {
         let path = [self.modules[module].path.as_slice(), &[name.to_owned()]].concat();
         if let Some(child) = self.module(&path) {
             return Some(Thing::Module(child));
         }
-        if self.names[module].items.contains(name) {
+        let uses = &self.names[module].uses;
+        let import = uses.iter().find(|import| import.name == name);
+        if self.names[module].items.contains(name) && !(leads_further && import.is_some()) {
             return Some(Thing::Item(module));
         }
         let key = (module, name.to_owned());
@@ -163,12 +175,13 @@ impl<'a> Crate<'a> {
             return None;
         }
         open.push(key);
-        let uses = &self.names[module].uses;
-        let thing = match uses.iter().find(|import| import.name == name) {
+        let thing = match import {
             Some(import) => Some(self.resolve(module, &import.path, open)),
             None => uses.iter().filter(|import| import.name == "*").find_map(|import| {
                 match self.resolve(module, &import.path, open) {
-                    Thing::Module(other) if other != module => self.member(other, name, open),
+                    Thing::Module(other) if other != module => {
+                        self.member(other, name, false, open)
+                    }
                     _ => None,
                 }
             }),
@@ -238,6 +251,16 @@ mod tests {
         let other = ("src/a/part.rs", "use super::super::a;\npub fn run() { a::g() }");
         let module = "mod part;\nuse part as p;\npub fn g() { p::run() }";
         assert_eq!(found(&[root, ("src/a.rs", module), other]).len(), 1);
+    }
+
+    #[test]
+    fn a_function_does_not_hide_a_module_of_its_name() {
+        let circle = found(&[
+            ("src/lib.rs", "mod a;\nmod b;"),
+            ("src/a.rs", "use crate::b;\npub struct A;\nimpl A { fn b() { b::f() } }"),
+            ("src/b.rs", "pub fn f() {}\nfn g(a: crate::a::A) {}"),
+        ]);
+        assert_eq!(circle, ["a circle of 2 files: src/a.rs → src/b.rs → src/a.rs"]);
     }
 
     #[test]
