@@ -2,8 +2,7 @@
 
 use std::process::Command;
 
-use anyhow::{Context, bail};
-
+use crate::error::{Error, ProcessFailure};
 use crate::measure::dsdf;
 
 /// The command `cargo` with these arguments, to be run in the workspace's root.
@@ -21,13 +20,13 @@ pub fn cargo_command(arguments: &[&str]) -> Command {
 ///
 /// # Errors
 /// If cargo cannot be started, or ends with a status other than 0.
-pub fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
+pub fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<(), Error> {
     let line = format!("cargo {}", arguments.join(" "));
     eprintln!("$ {line}");
     let status = cargo_command(arguments).envs(environment.iter().copied()).status();
-    let status = status.with_context(|| format!("cannot start {line}"))?;
+    let status = status.map_err(Error::action(format!("cannot start {line}")))?;
     if !status.success() {
-        bail!("{line} failed");
+        return Err(ProcessFailure::failed(format!("{line} failed")).into());
     }
     Ok(())
 }
