@@ -48,7 +48,7 @@ pub(crate) fn run() -> anyhow::Result<()> {
 
 /// Runs a command of cargo in the profile of the checks.
 fn with_profile(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
-    cargo(&[arguments, &PROFILE].concat(), environment)
+    Ok(cargo(&[arguments, &PROFILE].concat(), environment)?)
 }
 
 /// A script that runs beside other work. Its output is printed at its end, or when a check fails.

@@ -84,7 +84,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            let wrong = error.is::<sweep::Refusal>() || error.is::<WrongArgument>();
+            let of_sweep = error.downcast_ref::<sweep::Error>().and_then(sweep::Error::input);
+            let wrong = of_sweep.is_some() || error.is::<WrongArgument>();
             ExitCode::from(if wrong { 2 } else { 1 })
         }
     }
@@ -102,7 +103,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Ci => ci::run(),
         Task::Style => style::run(),
         Task::Dist(dist) => dist.run(),
-        Task::Ablate(arguments) => sweep::run(&arguments),
+        Task::Ablate(arguments) => Ok(sweep::run(&arguments)?),
         Task::Bench { output, workers: None } => bench::run(output),
         Task::Bench { output, workers: Some(workers) } => {
             bench::workers::run(workers as usize, output)

@@ -47,14 +47,12 @@ const QUIET: [&str; 15] = [
 
 /// The programs, and the extension of Python: their errors have context in place of types. Errors of
 /// libraries have types, so that a caller can tell them apart.
-const WITH_CONTEXT: [&str; 6] = [
+const WITH_CONTEXT: [&str; 5] = [
     "crates/app",
     // Until its errors have types.
     "crates/fit",
     "crates/fuzz",
     "crates/python",
-    // Until its errors have types.
-    "crates/sweep",
     "xtask",
 ];
 

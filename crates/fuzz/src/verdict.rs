@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use app::error::input_error;
-use sweep::report::Refusal;
 
 /// The most characters of a message, beyond the path of the folder.
 const LONGEST: usize = 2500;
@@ -25,7 +24,8 @@ pub enum Verdict {
 /// folder of `folder`.
 pub(crate) fn judge(folder: &Path, result: &anyhow::Result<()>) -> Verdict {
     let Err(error) = result else { return Verdict::Accepted };
-    if input_error(error).is_none() && !error.is::<Refusal>() {
+    let of_sweep = error.downcast_ref::<sweep::Error>().and_then(sweep::Error::input);
+    if input_error(error).or(of_sweep).is_none() {
         return Verdict::Wrong(format!("no input error: {error:#}"));
     }
     judge_line(folder, &error.to_string())

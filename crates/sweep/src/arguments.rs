@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::report::{Cell, Refusal, Sweep};
+use crate::error::Error;
+use crate::report::{Cell, Sweep};
 use clap::Args;
+use files::InputError;
 
 use crate::program_check::check_package;
 
@@ -51,12 +53,12 @@ impl Ablate {
     /// The program of the cells: the one of `--binary`, or the sweep's package, which is built.
     ///
     /// # Errors
-    /// A [`Refusal`] if there is no such program or package; any error of the build.
-    pub(crate) fn program(&self, sweep: &Sweep, file: &Path) -> anyhow::Result<PathBuf> {
+    /// An [`InputError`] if there is no such program or package; any error of the build.
+    pub(crate) fn program(&self, sweep: &Sweep, file: &Path) -> Result<PathBuf, Error> {
         match &self.binary {
             Some(path) if path.is_file() => Ok(std::path::absolute(path)?),
             Some(path) => {
-                Err(Refusal::new(path, "--binary", "no file", "a program like dsdf").into())
+                Err(InputError::new(path, "--binary", "no file", "a program like dsdf").into())
             }
             None => {
                 check_package(sweep, file)?;
@@ -68,23 +70,23 @@ impl Ablate {
     /// The cells of a sweep that `--only` selects.
     ///
     /// # Errors
-    /// A [`Refusal`] if there are none.
-    pub(crate) fn selected(&self, sweep: &Sweep) -> Result<Vec<Cell>, Refusal> {
+    /// An [`InputError`] if there are none.
+    pub(crate) fn selected(&self, sweep: &Sweep) -> Result<Vec<Cell>, InputError> {
         let wanted = |cell: &Cell| self.only.iter().all(|text| cell.name.contains(text));
         let cells: Vec<Cell> = sweep.cells().into_iter().filter(wanted).collect();
         if cells.is_empty() {
             let found = self.only.join(" ");
             let expected = "part of a cell's name";
-            return Err(Refusal::new(Path::new("arguments"), "--only", found, expected));
+            return Err(InputError::new(Path::new("arguments"), "--only", found, expected));
         }
         Ok(cells)
     }
 
     /// Makes the output folder, and returns its absolute path.
-    pub(crate) fn output_folder(&self) -> Result<PathBuf, Refusal> {
+    pub(crate) fn output_folder(&self) -> Result<PathBuf, InputError> {
         let Some(output) = &self.output else {
             let file = Path::new("arguments");
-            return Err(Refusal::new(file, "-o", "nothing", "a folder to write"));
+            return Err(InputError::new(file, "-o", "nothing", "a folder to write"));
         };
         make_folder(output)
     }
@@ -101,7 +103,7 @@ impl Ablate {
 }
 
 /// Makes a folder, and returns its absolute path.
-pub(crate) fn make_folder(folder: &Path) -> Result<PathBuf, Refusal> {
+pub(crate) fn make_folder(folder: &Path) -> Result<PathBuf, InputError> {
     let made = std::fs::create_dir_all(folder).and_then(|()| std::path::absolute(folder));
-    made.map_err(|e| Refusal::new(folder, "-o", e, "a folder that can be written"))
+    made.map_err(|e| InputError::new(folder, "-o", e, "a folder that can be written"))
 }

@@ -4,15 +4,15 @@
 
 use std::path::Path;
 
+use crate::error::{Error, ProcessFailure};
 use crate::report::Cell;
 use crate::report::files::write_whole;
 use crate::report::results::{CellResult, finished};
-use anyhow::Context;
 use serde_json::Value;
 
 use crate::fit_metrics::add_fit_metrics;
 use crate::fit_stage::wait_for_fit;
-use crate::process::{self, ProcessFailure, StageError};
+use crate::process::StageError;
 use crate::runner::{CellRunner, text};
 
 /// Width and height of a cell's picture, in pixels.
@@ -34,12 +34,12 @@ impl CellRunner<'_> {
     /// # Errors
     /// If files cannot be written, or if the machine fails. A failure of the cell itself is its
     /// result.
-    pub(crate) fn run(&self, cell: &Cell, watch: &dyn Fn(f64)) -> anyhow::Result<CellResult> {
+    pub(crate) fn run(&self, cell: &Cell, watch: &dyn Fn(f64)) -> Result<CellResult, Error> {
         let folder = self.folder(cell);
         if let Some(result) = finished(&folder) {
             return Ok(result);
         }
-        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        std::fs::create_dir_all(&folder).map_err(Error::file(&folder))?;
         let mut result = CellResult::new(self.sweep, cell);
         match self.measure(cell, &folder, &mut result, watch) {
             Ok(()) => {}
@@ -50,7 +50,10 @@ impl CellRunner<'_> {
         }
         let has_truth = self.sweep.data[cell.data].has_truth();
         result.converged = result.meets(&self.sweep.converged, has_truth);
-        write_whole(&folder.join("result.json"), serde_json::to_vec_pretty(&result)?)?;
+        write_whole(
+            &folder.join("result.json"),
+            serde_json::to_vec_pretty(&result).map_err(Error::content)?,
+        )?;
         Ok(result)
     }
 
@@ -150,11 +153,12 @@ fn stage_report(folder: &Path, name: &str) -> Option<Value> {
 }
 
 /// Tells a failed gradient test, which is the cell's result, from a fault of the machine.
-fn gradient_failure(name: &str, error: anyhow::Error) -> StageError {
-    if process::is_fault(&error) {
+fn gradient_failure(name: &str, error: Error) -> StageError {
+    if error.is_fault() {
         return StageError::Sweep(error);
     }
-    let status = error.downcast_ref::<ProcessFailure>().map_or("failed", |failure| failure.status);
-    let reason = format!("gradient of the {name} iterate: {error:#}").replace('\n', " ");
+    let status = if let Error::Process(failure) = &error { failure.status } else { "failed" };
+    let error = error.with_cause();
+    let reason = format!("gradient of the {name} iterate: {error}").replace('\n', " ");
     ProcessFailure { status, reason }.into()
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::error::Error;
 use crate::report::Cell;
 use crate::report::results::finished;
 
@@ -28,7 +29,7 @@ pub(crate) fn show(
     binary: &Path,
     cells: &[Cell],
     jobs: usize,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     let (mut known, mut left) = (Vec::new(), Vec::new());
     for (number, cell) in cells.iter().enumerate() {
         let result = finished(&folder.cell(cell));
@@ -57,9 +58,9 @@ pub(crate) fn show(
 }
 
 /// The seconds of a fit: the sweep's time, or the mean of a few short fits, scaled.
-fn estimate_fit(folder: &SweepFolder, binary: &Path, cells: &[&Cell]) -> anyhow::Result<f64> {
+fn estimate_fit(folder: &SweepFolder, binary: &Path, cells: &[&Cell]) -> Result<f64, Error> {
     if let Some(time) = &folder.sweep.time {
-        return Ok(humantime::parse_duration(time)?.as_secs_f64());
+        return Ok(humantime::parse_duration(time).map_err(Error::content)?.as_secs_f64());
     }
     let scratch = tempfile::tempdir()?;
     let trial = SweepFolder {

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use crate::error::{Error, ProcessFailure};
 use crate::report::Cell;
 use crate::report::schema::Limits;
-use anyhow::Context;
 use serde_json::Value;
 
 use crate::fit_metrics::last_line;
-use crate::process::{self, ProcessFailure, StageError};
+use crate::process::{self, StageError};
 use crate::runner::{CellRunner, text};
 
 /// The option that keeps a fit from rendering previews.
@@ -75,22 +75,24 @@ impl CellRunner<'_> {
     }
 
     /// The seconds of a fit of a few iterations.
-    pub(crate) fn time_short_fit(&self, cell: &Cell, iterations: u64) -> anyhow::Result<f64> {
+    pub(crate) fn time_short_fit(&self, cell: &Cell, iterations: u64) -> Result<f64, Error> {
         let folder = self.folder(cell);
         std::fs::create_dir_all(&folder)?;
         let budget = [format!("--iterations={iterations}")];
         let arguments = self.fit_arguments(cell, &folder.join("run"), &budget);
         let report = self.command(&folder, "fit", &arguments).map_err(|error| match error {
-            StageError::Cell(failure) => anyhow::anyhow!("{}: {}", cell.name, failure.reason),
+            StageError::Cell(failure) => {
+                Error::content(format!("{}: {}", cell.name, failure.reason))
+            }
             StageError::Sweep(error) => error,
         })?;
-        report["seconds"].as_f64().context("seconds in the report")
+        report["seconds"].as_f64().ok_or_else(Error::lacks("seconds in the report"))
     }
 }
 
 /// Waits until no fit writes to the folder `run`. A fit may outlive a killed sweep, and its work
 /// need not be repeated.
-pub(crate) fn wait_for_fit(run: &Path) -> anyhow::Result<()> {
+pub(crate) fn wait_for_fit(run: &Path) -> Result<(), Error> {
     if let Ok(lock) = std::fs::File::open(run.join("lock")) {
         lock.lock()?;
     }

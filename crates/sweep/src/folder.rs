@@ -3,15 +3,17 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::error::Error;
 use crate::report::files::{read_if_present, read_text, write_whole};
 use crate::report::results::{CellResult, finished};
 use crate::report::schema::DataSet;
-use crate::report::{Cell, Refusal, Sweep, write_report};
-use anyhow::Context;
+use crate::report::{Cell, Sweep, write_report};
+use files::InputError;
 
 use crate::console::print;
 use crate::inputs;
 use crate::process::{self, StageError};
+use crate::program_check::of_message;
 use crate::runner::DataFolder;
 
 /// A sweep with its folders.
@@ -42,18 +44,19 @@ impl SweepFolder {
     /// ends with the returned file.
     ///
     /// # Errors
-    /// A [`Refusal`] if another process holds the lock, or if the folder is of another sweep.
-    pub(crate) fn lock(&self) -> anyhow::Result<std::fs::File> {
+    /// An [`InputError`] if another process holds the lock, or if the folder is of another sweep.
+    pub(crate) fn lock(&self) -> Result<std::fs::File, Error> {
         let path = self.output.join("lock");
         // Another program's file of this name keeps its content.
         let lock = std::fs::File::options().write(true).create(true).truncate(false).open(&path);
         let lock =
-            lock.map_err(|e| Refusal::new(&path, "lock", e, "a folder that can be written"))?;
+            lock.map_err(|e| InputError::new(&path, "lock", e, "a folder that can be written"))?;
         if lock.try_lock().is_err() {
             let (found, expected) = ("another sweep is writing here", "another folder");
-            return Err(Refusal::new(&self.output, "lock", found, expected).into());
+            return Err(InputError::new(&self.output, "lock", found, expected).into());
         }
-        let (path, text) = (self.output.join("sweep.toml"), toml::to_string(&self.sweep)?);
+        let (path, text) =
+            (self.output.join("sweep.toml"), toml::to_string(&self.sweep).map_err(Error::content)?);
         if let Some(known) = read_if_present(&path)? {
             self.check_same_cells(&path, &known)?;
         }
@@ -62,26 +65,26 @@ impl SweepFolder {
     }
 
     /// Refuses a sweep file whose cells differ from those of this sweep.
-    fn check_same_cells(&self, path: &Path, text: &str) -> anyhow::Result<()> {
+    fn check_same_cells(&self, path: &Path, text: &str) -> Result<(), Error> {
         let expected = "the same sweep, or another folder";
-        let own = toml::to_string(&self.sweep.identity())?;
+        let own = toml::to_string(&self.sweep.identity()).map_err(Error::content)?;
         let other = toml::from_str::<Sweep>(text).map(|sweep| toml::to_string(&sweep.identity()));
         let Ok(Ok(other)) = other else {
-            return Err(Refusal::new(path, "sweep", "no sweep", expected).into());
+            return Err(InputError::new(path, "sweep", "no sweep", expected).into());
         };
         if own != other {
             let found = inputs::first_difference(&other, &own);
-            return Err(Refusal::new(path, "sweep", found, expected).into());
+            return Err(InputError::new(path, "sweep", found, expected).into());
         }
         Ok(())
     }
 
     /// The folders of the data sets. Views of a scene are rendered if their folder is missing.
-    pub(crate) fn data_folders(&self, binary: &Path) -> anyhow::Result<Vec<DataFolder>> {
+    pub(crate) fn data_folders(&self, binary: &Path) -> Result<Vec<DataFolder>, Error> {
         self.sweep.data.iter().map(|data| self.data_folder(data, binary)).collect()
     }
 
-    fn data_folder(&self, data: &DataSet, binary: &Path) -> anyhow::Result<DataFolder> {
+    fn data_folder(&self, data: &DataSet, binary: &Path) -> Result<DataFolder, Error> {
         let mesh = data.mesh.as_deref().map(|mesh| self.base.join(mesh));
         if let Some(dataset) = &data.dataset {
             let photographs = std::path::absolute(self.base.join(dataset))?;
@@ -96,11 +99,11 @@ impl SweepFolder {
     }
 
     /// Renders the views of a scene into `folder`, which appears whole or not at all.
-    fn render_views(&self, data: &DataSet, folder: &Path, binary: &Path) -> anyhow::Result<()> {
+    fn render_views(&self, data: &DataSet, folder: &Path, binary: &Path) -> Result<(), Error> {
         let scene = self.base.join(data.scene.as_deref().unwrap_or_default());
         let (part, log) = (folder.with_extension("part"), folder.with_extension("log"));
         let _ = std::fs::remove_dir_all(&part);
-        std::fs::create_dir_all(part.parent().context("a folder")?)?;
+        std::fs::create_dir_all(part.parent().ok_or_else(Error::lacks("a folder"))?)?;
         let (views, size) = (data.views.to_string(), format!("{0}x{0}", data.size));
         let (scene_name, out) = (scene.to_string_lossy(), part.to_string_lossy());
         let arguments = ["synth", &scene_name, "-o", &out, "--views", &views, "--size", &size];
@@ -109,7 +112,7 @@ impl SweepFolder {
             match error {
                 StageError::Cell(failure) => {
                     let expected = "a scene to take pictures of";
-                    Refusal::from_message(&scene, "data", &failure.reason, expected).into()
+                    of_message(&scene, "data", &failure.reason, expected).into()
                 }
                 StageError::Sweep(error) => error,
             }
@@ -120,12 +123,12 @@ impl SweepFolder {
     /// Copies finished cells from other folders of the same sweep, with the origin of their data.
     ///
     /// # Errors
-    /// A [`Refusal`] if a folder is of another sweep or of other data.
-    pub(crate) fn merge(&self, folders: &[PathBuf]) -> anyhow::Result<()> {
+    /// An [`InputError`] if a folder is of another sweep or of other data.
+    pub(crate) fn merge(&self, folders: &[PathBuf]) -> Result<(), Error> {
         for folder in folders {
             let path = folder.join("sweep.toml");
             let text = read_text(&path)
-                .map_err(|e| Refusal::new(&path, "sweep", e, "a shard of this sweep"))?;
+                .map_err(|e| InputError::new(&path, "sweep", e, "a shard of this sweep"))?;
             self.check_same_cells(&path, &text)?;
         }
         inputs::merge(folders, &self.output)?;
@@ -136,7 +139,7 @@ impl SweepFolder {
     }
 
     /// Copies a cell from the first folder that has it finished, unless it is here.
-    fn merge_cell(&self, cell: &Cell, folders: &[PathBuf]) -> anyhow::Result<()> {
+    fn merge_cell(&self, cell: &Cell, folders: &[PathBuf]) -> Result<(), Error> {
         let to = self.cell(cell);
         if finished(&to).is_some() {
             return Ok(());
@@ -156,7 +159,7 @@ impl SweepFolder {
 
     /// Writes results and report of the finished cells, in the sweep's order, and prints the path
     /// of the report.
-    pub(crate) fn write_report(&self) -> anyhow::Result<()> {
+    pub(crate) fn write_report(&self) -> Result<(), Error> {
         let mut pictures = HashMap::new();
         let mut results = Vec::new();
         for cell in self.sweep.cells() {

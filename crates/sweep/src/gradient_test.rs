@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
+use crate::error::Error;
 use crate::measure::dsdf::{RunDsdf, gradient};
 use crate::measure::image::{Image, SquaredError};
 use crate::measure::reference::{GAUSSIAN, gaussian_filtered};
 use crate::report::Cell;
 use crate::report::files::write_whole;
 use crate::report::options::{flag, text};
-use anyhow::Context;
 use serde_json::{Value, json};
 
 use crate::process::LimitedProgram;
@@ -29,33 +29,34 @@ struct FitFile {
 }
 
 impl FitFile {
-    fn read(run: &Path) -> anyhow::Result<Self> {
-        let file: toml::Table = toml::from_str(&std::fs::read_to_string(run.join("fit.toml"))?)?;
+    fn read(run: &Path) -> Result<Self, Error> {
+        let file: toml::Table = toml::from_str(&std::fs::read_to_string(run.join("fit.toml"))?)
+            .map_err(Error::content)?;
         let bounds: Vec<f64> = file
             .get("bounds")
             .and_then(toml::Value::as_array)
-            .context("bounds in fit.toml")?
+            .ok_or_else(Error::lacks("bounds in fit.toml"))?
             .iter()
             .filter_map(toml::Value::as_float)
             .collect();
         let &[x, y, z, radius] = &bounds[..] else {
-            anyhow::bail!("bounds of {} numbers", bounds.len())
+            return Err(Error::content(format!("bounds of {} numbers", bounds.len())));
         };
-        let options = file.get("options").context("options in fit.toml")?.clone();
+        let options = file.get("options").ok_or_else(Error::lacks("options in fit.toml"))?.clone();
         Ok(FitFile { center: [x, y, z], radius, options })
     }
 
     /// The estimator's name.
-    fn estimator(&self) -> anyhow::Result<String> {
-        Ok(text(self.options.get("estimator").context("estimator in fit.toml")?))
+    fn estimator(&self) -> Result<String, Error> {
+        Ok(text(self.options.get("estimator").ok_or_else(Error::lacks("estimator in fit.toml"))?))
     }
 
     /// The options of `dsdf gradient` for the estimator of the fit. Both commands take lengths in
     /// bounding radii.
-    fn estimator_flags(&self) -> anyhow::Result<Vec<String>> {
+    fn estimator_flags(&self) -> Result<Vec<String>, Error> {
         let mut flags = flag(("estimator".to_owned(), self.estimator()?));
         let warp = self.options.get("warp").and_then(toml::Value::as_table);
-        for (key, value) in warp.context("options.warp in fit.toml")? {
+        for (key, value) in warp.ok_or_else(Error::lacks("options.warp in fit.toml"))? {
             flags.extend(flag((key.clone(), text(value))));
         }
         Ok(flags)
@@ -87,7 +88,7 @@ impl CellRunner<'_> {
         folder: &Path,
         name: &str,
         run: &Path,
-    ) -> anyhow::Result<[f64; 2]> {
+    ) -> Result<[f64; 2], Error> {
         let path = folder.join(format!("{name}.gradient.json"));
         if let Some(known) = known(&path) {
             return Ok(known);
@@ -102,9 +103,9 @@ impl CellRunner<'_> {
         let reference = reference(&program, &scene, &fit.estimator()?)?;
         let runs: Vec<Image> = (0..self.sweep.gradient.runs)
             .map(|seed| derivative(&program, &scene, &flags, seed))
-            .collect::<anyhow::Result<_>>()?;
+            .collect::<Result<_, Error>>()?;
         let found = bias_and_variance(&runs, &reference)?;
-        write_whole(&path, serde_json::to_vec(&found)?)?;
+        write_whole(&path, serde_json::to_vec(&found).map_err(Error::content)?)?;
         Ok(found)
     }
 
@@ -130,7 +131,7 @@ fn known(path: &Path) -> Option<[f64; 2]> {
 }
 
 /// The derivative image by contours, under the pixel filter of the estimator.
-fn reference(program: &impl RunDsdf, scene: &Value, estimator: &str) -> anyhow::Result<Image> {
+fn reference(program: &impl RunDsdf, scene: &Value, estimator: &str) -> Result<Image, Error> {
     let wrt = [WEIGHTS.to_owned()];
     if GAUSSIAN.contains(&estimator) {
         return Ok(gaussian_filtered(program, scene, &wrt)?.remove(0));
@@ -145,7 +146,7 @@ fn derivative(
     scene: &Value,
     flags: &[String],
     seed: u32,
-) -> anyhow::Result<Image> {
+) -> Result<Image, Error> {
     let seed = format!("--seed={seed}");
     let flags: Vec<&str> = flags.iter().map(String::as_str).chain([seed.as_str()]).collect();
     Ok(gradient(program, scene, &[WEIGHTS.to_owned()], &flags)?.images.remove(0))
@@ -153,12 +154,13 @@ fn derivative(
 
 /// The bias relative to the reference's norm, and the variance of one run relative to the norm's
 /// square: the squared error of a run less the squared bias.
-fn bias_and_variance(runs: &[Image], reference: &Image) -> anyhow::Result<[f64; 2]> {
+fn bias_and_variance(runs: &[Image], reference: &Image) -> Result<[f64; 2], Error> {
     let error = SquaredError::of(&runs.iter().collect::<Vec<_>>(), reference);
     let norm = reference.norm();
-    anyhow::ensure!(norm > 0.0, "nothing is in sight");
+    if norm.is_nan() || norm <= 0.0 {
+        return Err(Error::content("nothing is in sight"));
+    }
     let bias = error.bias.max(0.0);
     let found = [bias.sqrt() / norm, (error.run - bias).max(0.0) / (norm * norm)];
-    anyhow::ensure!(found.iter().all(|v| v.is_finite()), "not finite");
-    Ok(found)
+    if found.iter().all(|v| v.is_finite()) { Ok(found) } else { Err(Error::content("not finite")) }
 }

@@ -4,9 +4,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::report::Refusal;
+use crate::error::Error;
 use crate::report::files::{read, read_if_present, write_whole};
 use crate::report::schema::DataSet;
+use files::InputError;
 use serde_json::Value;
 
 /// A 64-bit FNV-1a hash, the same on every machine: G. Fowler, L. C. Noll, K.-P. Vo and
@@ -24,15 +25,15 @@ impl Fnv1a {
         }
     }
 
-    fn add_file(&mut self, path: &Path) -> Result<(), Refusal> {
-        let refuse = |e| Refusal::new(path, "file", e, "a file to read");
+    fn add_file(&mut self, path: &Path) -> Result<(), InputError> {
+        let refuse = |e| InputError::new(path, "file", e, "a file to read");
         self.add(&read(path).map_err(refuse)?);
         Ok(())
     }
 }
 
 /// The fingerprint of a file's content.
-fn fingerprint(path: &Path) -> Result<u64, Refusal> {
+fn fingerprint(path: &Path) -> Result<u64, InputError> {
     let mut hash = Fnv1a::new();
     hash.add_file(path)?;
     Ok(hash.0)
@@ -40,7 +41,7 @@ fn fingerprint(path: &Path) -> Result<u64, Refusal> {
 
 /// The fingerprint of a data set, from names and contents of its files: all of its folder, or its
 /// scene with the files that the scene names; and its true surface.
-pub(crate) fn data_fingerprint(data: &DataSet, base: &Path) -> Result<u64, Refusal> {
+pub(crate) fn data_fingerprint(data: &DataSet, base: &Path) -> Result<u64, InputError> {
     let mut files: Vec<PathBuf> = data.mesh.iter().map(|mesh| base.join(mesh)).collect();
     if let Some(scene) = &data.scene {
         let scene = base.join(scene);
@@ -62,8 +63,8 @@ pub(crate) fn data_fingerprint(data: &DataSet, base: &Path) -> Result<u64, Refus
 }
 
 /// Adds all files of a folder and its folders, in the order of their names.
-fn files_under(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Refusal> {
-    let refuse = |e| Refusal::new(folder, "dataset", e, "a folder to read");
+fn files_under(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), InputError> {
+    let refuse = |e| InputError::new(folder, "dataset", e, "a folder to read");
     let mut own: Vec<PathBuf> =
         std::fs::read_dir(folder).map_err(refuse)?.flatten().map(|entry| entry.path()).collect();
     own.sort();
@@ -95,13 +96,13 @@ const INPUTS: &str = "inputs";
 /// Writes the fingerprints of the program and the data sets to the folder `output`.
 ///
 /// # Errors
-/// A [`Refusal`] if the folder has cells or data of another program or of other data.
+/// An [`InputError`] if the folder has cells or data of another program or of other data.
 pub(crate) fn check(
     output: &Path,
     binary: &Path,
     sets: &[DataSet],
     base: &Path,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     let mut own = format!("program {:016x}\n", fingerprint(binary)?);
     for set in sets {
         own += &format!("{} {:016x}\n", set.name, data_fingerprint(set, base)?);
@@ -119,7 +120,7 @@ pub(crate) fn check(
             name => (format!("other data of {name}"), "the data of this folder's cells"),
         };
         let expected = format!("{expected}, or another folder");
-        return Err(Refusal::new(&path, "inputs", found, expected).into());
+        return Err(InputError::new(&path, "inputs", found, expected).into());
     }
     write_whole(&path, own)
 }
@@ -134,8 +135,8 @@ pub(crate) fn first_difference<'a>(known: &'a str, own: &str) -> &'a str {
 /// Programs may differ, since each machine may build its own: a warning names them.
 ///
 /// # Errors
-/// A [`Refusal`] if the shards were made of different data.
-pub(crate) fn merge(shards: &[PathBuf], output: &Path) -> anyhow::Result<()> {
+/// An [`InputError`] if the shards were made of different data.
+pub(crate) fn merge(shards: &[PathBuf], output: &Path) -> Result<(), Error> {
     let mut first: Option<(PathBuf, String)> = None;
     let mut all_machines = Vec::new();
     for folder in [output].into_iter().chain(shards.iter().map(PathBuf::as_path)) {
@@ -152,13 +153,18 @@ pub(crate) fn merge(shards: &[PathBuf], output: &Path) -> anyhow::Result<()> {
 }
 
 /// Refuses other data than that of the folder `known`, and warns of another program.
-fn compare_inputs(path: &Path, inputs: &str, known: &Path, expected: &str) -> Result<(), Refusal> {
+fn compare_inputs(
+    path: &Path,
+    inputs: &str,
+    known: &Path,
+    expected: &str,
+) -> Result<(), InputError> {
     let data = |inputs: &str| -> String {
         inputs.lines().filter(|line| !line.starts_with("program ")).collect()
     };
     if data(inputs) != data(expected) {
         let expected = format!("that of {}", known.display());
-        return Err(Refusal::new(path, "inputs", "other data", expected));
+        return Err(InputError::new(path, "inputs", "other data", expected));
     }
     if inputs != expected {
         let (path, known) = (path.display(), known.display());
@@ -171,7 +177,7 @@ fn compare_inputs(path: &Path, inputs: &str, known: &Path, expected: &str) -> Re
 const MACHINES: &str = "machines";
 
 /// The machines that ran cells of a folder.
-pub(crate) fn machines(folder: &Path) -> Result<Vec<String>, Refusal> {
+pub(crate) fn machines(folder: &Path) -> Result<Vec<String>, InputError> {
     let text = read_if_present(&folder.join(MACHINES))?.unwrap_or_default();
     Ok(text.lines().map(str::to_owned).collect())
 }
@@ -188,7 +194,7 @@ pub(crate) fn this_machine(cores: usize, given: bool) -> String {
 }
 
 /// Adds machines to those of a folder, each once.
-pub(crate) fn add_machines(folder: &Path, more: Vec<String>) -> anyhow::Result<()> {
+pub(crate) fn add_machines(folder: &Path, more: Vec<String>) -> Result<(), Error> {
     let mut all = machines(folder)?;
     for line in more {
         if !all.contains(&line) {

@@ -4,6 +4,7 @@ mod arguments;
 mod cell;
 mod console;
 mod dry_run;
+mod error;
 mod fit_metrics;
 mod fit_stage;
 mod folder;
@@ -20,8 +21,8 @@ mod slurm;
 
 use std::path::{Path, PathBuf};
 
-pub use crate::report::Refusal;
 pub use arguments::Ablate;
+pub use error::{Error, ProcessFailure};
 
 use crate::report::Sweep;
 use crate::report::files::write_whole;
@@ -34,9 +35,9 @@ use slurm::Shard;
 /// script, or runs the cells and writes a report.
 ///
 /// # Errors
-/// A [`Refusal`] for wrong input, before any cell runs. Other errors are failures of files, of the
+/// [`Error::Input`] for wrong input, before any cell runs. Other errors are failures of files, of the
 /// build or of the machine. A cell that fails is no error: its result has the reason.
-pub fn run(arguments: &Ablate) -> anyhow::Result<()> {
+pub fn run(arguments: &Ablate) -> Result<(), Error> {
     if let [a, b] = &arguments.compare[..] {
         return compare(a, b, arguments);
     }
@@ -59,7 +60,7 @@ pub fn run(arguments: &Ablate) -> anyhow::Result<()> {
 }
 
 /// Prints the comparison of two sweeps, and keeps it in the output folder if there is one.
-fn compare(a: &Path, b: &Path, arguments: &Ablate) -> anyhow::Result<()> {
+fn compare(a: &Path, b: &Path, arguments: &Ablate) -> Result<(), Error> {
     let page = report::compare(a, b)?;
     if arguments.output.is_some() {
         write_whole(&arguments.output_folder()?.join("compare.md"), &page)?;
@@ -69,7 +70,7 @@ fn compare(a: &Path, b: &Path, arguments: &Ablate) -> anyhow::Result<()> {
 }
 
 /// Gathers shards in the output folder, and writes the report of all their cells.
-fn merge((sweep, base): (Sweep, PathBuf), arguments: &Ablate) -> anyhow::Result<()> {
+fn merge((sweep, base): (Sweep, PathBuf), arguments: &Ablate) -> Result<(), Error> {
     let folder = SweepFolder { sweep, base, output: arguments.output_folder()? };
     let _lock = folder.lock()?;
     folder.merge(&arguments.merge)?;

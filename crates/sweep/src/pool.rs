@@ -4,6 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
+use crate::error::Error;
 use crate::report::Cell;
 use crate::report::metrics::metric;
 use crate::report::results::{CellResult, finished};
@@ -31,7 +32,7 @@ struct Pool<'a> {
     /// Steps of each thread's cell.
     progress: Vec<AtomicU64>,
     /// The first error of a cell; it keeps further cells from starting.
-    failure: Mutex<Option<anyhow::Error>>,
+    failure: Mutex<Option<Error>>,
     bar: ProgressBar,
 }
 
@@ -39,7 +40,7 @@ struct Pool<'a> {
 ///
 /// # Errors
 /// The first error of a cell, after the cells that run at that time.
-pub(crate) fn run(runner: &CellRunner<'_>, cells: &[Cell], jobs: usize) -> anyhow::Result<()> {
+pub(crate) fn run(runner: &CellRunner<'_>, cells: &[Cell], jobs: usize) -> Result<(), Error> {
     let unfinished = |cell: &&Cell| finished(&runner.folder(cell)).is_none();
     let left: Vec<&Cell> = cells.iter().filter(unfinished).collect();
     if left.is_empty() {

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::error::Error;
 use crate::report::files::write_whole;
 use crate::report::results::finished;
-use crate::report::{Cell, Refusal, Sweep, absolute};
+use crate::report::{Cell, Sweep, absolute};
+use files::InputError;
 
 use crate::arguments::{Ablate, make_folder};
 use crate::console::print;
@@ -36,7 +38,7 @@ impl<'a> PreparedSweep<'a> {
         name: &str,
         (sweep, base): (Sweep, PathBuf),
         shard: Option<Shard>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, Error> {
         let file = Path::new(name);
         let binary = arguments.program(&sweep, file)?;
         check_options(&sweep, file, &binary)?;
@@ -52,26 +54,26 @@ impl<'a> PreparedSweep<'a> {
     }
 
     /// Lists the cells and estimates the time.
-    pub(crate) fn dry_run(self) -> anyhow::Result<()> {
+    pub(crate) fn dry_run(self) -> Result<(), Error> {
         let output = self.arguments.output.clone().unwrap_or_else(|| PathBuf::from("."));
         let folder = SweepFolder { sweep: self.sweep, base: self.base, output };
         dry_run::show(&folder, &self.binary, &self.cells, self.jobs)
     }
 
     /// Refuses an output folder inside a data set: its files would be taken for photographs.
-    pub(crate) fn check_output(&self, output: &Path) -> anyhow::Result<()> {
+    pub(crate) fn check_output(&self, output: &Path) -> Result<(), Error> {
         for data in self.sweep.data.iter().flat_map(|data| &data.dataset) {
             if output.starts_with(std::path::absolute(self.base.join(data))?) {
                 let found = format!("a folder in {data}");
                 let expected = "one outside of the data sets";
-                return Err(Refusal::new(output, "-o", found, expected).into());
+                return Err(InputError::new(output, "-o", found, expected).into());
             }
         }
         Ok(())
     }
 
     /// Writes `submit.sh`, the script of a Slurm job array, and prints its path.
-    pub(crate) fn write_slurm_script(&self, name: &str, output: &Path) -> anyhow::Result<()> {
+    pub(crate) fn write_slurm_script(&self, name: &str, output: &Path) -> Result<(), Error> {
         let program = std::env::current_exe()?.to_string_lossy().into_owned();
         let folder = output.to_string_lossy().into_owned();
         let merge = vec![program, "ablate".to_owned(), absolute(name)?, "-o".to_owned(), folder];
@@ -89,7 +91,7 @@ impl<'a> PreparedSweep<'a> {
     }
 
     /// Runs the cells that are not finished, and writes results and report.
-    pub(crate) fn run(self, output: PathBuf) -> anyhow::Result<()> {
+    pub(crate) fn run(self, output: PathBuf) -> Result<(), Error> {
         let output = match self.shard {
             Some(shard) => make_folder(&shard_folder(&output, shard))?,
             None => output,

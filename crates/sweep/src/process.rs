@@ -5,30 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::error::{Error, ProcessFailure};
 use crate::report::schema::Limits;
-use anyhow::Context;
 use serde_json::Value;
-
-/// A failure of the program itself, which becomes the cell's result.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{reason}")]
-pub(crate) struct ProcessFailure {
-    /// `failed`, `time` or `memory`.
-    pub(crate) status: &'static str,
-    /// One line.
-    pub(crate) reason: String,
-}
-
-impl ProcessFailure {
-    /// The failure of a program that ran longer than `limit` seconds.
-    pub(crate) fn time(limit: f64) -> Self {
-        ProcessFailure { status: "time", reason: format!("{limit} s are over") }
-    }
-
-    fn failed(reason: String) -> Self {
-        ProcessFailure { status: "failed", reason }
-    }
-}
 
 /// Why a stage of a cell has no result.
 #[derive(Debug)]
@@ -37,12 +16,12 @@ pub(crate) enum StageError {
     Cell(ProcessFailure),
     /// The machine or the user interrupted the cell: the sweep ends, and runs the cell again when
     /// it is continued.
-    Sweep(anyhow::Error),
+    Sweep(Error),
 }
 
 impl StageError {
-    /// The error without the distinction. [`ProcessFailure`] can be recovered by downcast.
-    pub(crate) fn into_anyhow(self) -> anyhow::Error {
+    /// The error without the distinction.
+    pub(crate) fn into_error(self) -> Error {
         match self {
             StageError::Cell(failure) => failure.into(),
             StageError::Sweep(error) => error,
@@ -56,8 +35,8 @@ impl From<ProcessFailure> for StageError {
     }
 }
 
-impl From<anyhow::Error> for StageError {
-    fn from(error: anyhow::Error) -> Self {
+impl From<Error> for StageError {
+    fn from(error: Error) -> Self {
         StageError::Sweep(error)
     }
 }
@@ -77,23 +56,10 @@ pub(crate) struct LimitedProgram<'a> {
 }
 
 impl crate::measure::dsdf::RunDsdf for LimitedProgram<'_> {
-    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+    fn run_json(&self, arguments: &[&str]) -> Result<Value, Error> {
         let arguments: Vec<String> = arguments.iter().map(|&a| a.to_owned()).collect();
-        run(self.program, &arguments, self.limits, self.log, &|| {})
-            .map_err(StageError::into_anyhow)
+        run(self.program, &arguments, self.limits, self.log, &|| {}).map_err(StageError::into_error)
     }
-}
-
-/// A fault of the machine, or an interruption by the user, that ended a program.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-struct Fault(String);
-
-/// Whether an error is not the cell's own: a fault, or a file that cannot be read or written. A
-/// missing file is the cell's own failure.
-pub(crate) fn is_fault(error: &anyhow::Error) -> bool {
-    let system = error.root_cause().downcast_ref::<std::io::Error>();
-    error.is::<Fault>() || system.is_some_and(|e| e.kind() != std::io::ErrorKind::NotFound)
 }
 
 /// Numbers of Unix system errors that depend on the machine, not on the program: input or output
@@ -140,10 +106,10 @@ pub(crate) fn run(
 }
 
 /// Starts the program with standard output in the file `out` and standard error in the file `log`.
-fn start(program: &Path, arguments: &[String], out: &PathBuf, log: &Path) -> anyhow::Result<Child> {
+fn start(program: &Path, arguments: &[String], out: &PathBuf, log: &Path) -> Result<Child, Error> {
     // A new file each time: a program that outlived a killed sweep still writes to the old one.
     let _ = std::fs::remove_file(out);
-    let file = File::create(out).with_context(|| out.display().to_string())?;
+    let file = File::create(out).map_err(Error::file(out))?;
     Command::new(program)
         .args(arguments)
         .args(["--json", "--quiet", &format!("--end-with={}", std::process::id())])
@@ -151,7 +117,7 @@ fn start(program: &Path, arguments: &[String], out: &PathBuf, log: &Path) -> any
         .stdout(file)
         .stderr(File::create(log)?)
         .spawn()
-        .with_context(|| format!("cannot start {}", program.display()))
+        .map_err(Error::action(format!("cannot start {}", program.display())))
 }
 
 /// Waits for the end of a program, and kills it when it exceeds a limit.
@@ -192,7 +158,7 @@ fn failure(status: ExitStatus, log: &Path) -> StageError {
     let fault = errors.lines().find(|line| names_machine_error(line));
     let interrupted = (status.code() == Some(INTERRUPTED)).then_some("interrupted");
     if let Some(message) = fault.or(interrupted) {
-        return StageError::Sweep(Fault(format!("{}: {message}", log.display())).into());
+        return StageError::Sweep(Error::Fault(format!("{}: {message}", log.display())));
     }
     let last = errors.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("no message");
     ProcessFailure::failed(format!("{status}: {last}")).into()
@@ -210,7 +176,7 @@ mod tests {
         run(Path::new("sh"), &arguments, &limits, &folder.path().join("log"), &|| {}).map_err(|e| {
             match e {
                 StageError::Cell(failure) => failure,
-                StageError::Sweep(error) => panic!("{error:#}"),
+                StageError::Sweep(error) => panic!("{error}"),
             }
         })
     }
@@ -238,10 +204,10 @@ mod tests {
         for script in ["echo 'No space left (os error 28)' >&2; echo note >&2; exit 1", "exit 130"]
         {
             let error = program.run_json(&["-c", script]).unwrap_err();
-            assert!(is_fault(&error.context("gradient")), "{script}");
+            assert!(error.is_fault(), "{script}");
         }
         let own = program.run_json(&["-c", "exit 3"]).unwrap_err();
-        assert!(!is_fault(&own), "{own}");
+        assert!(!own.is_fault(), "{own}");
         assert!(names_machine_error("error: run: No space left on device (os error 28)"));
         assert!(!names_machine_error("error: run: No such file or directory (os error 2)"));
     }

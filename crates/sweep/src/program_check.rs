@@ -1,11 +1,14 @@
 //! Checks of a sweep that need the program or the data: its options, its package, its files.
 
+use std::fmt::Display;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::error::Error;
+use crate::report::Sweep;
 use crate::report::options::{flag, text};
 use crate::report::schema::DataSet;
-use crate::report::{Refusal, Sweep};
+use files::InputError;
 
 /// Options of `dsdf fit` that a sweep may not set, with the key or option to use instead.
 const RESERVED: [(&str, &str); 13] = [
@@ -25,11 +28,11 @@ const RESERVED: [(&str, &str); 13] = [
 ];
 
 /// Refuses a package that the workspace does not have.
-pub(crate) fn check_package(sweep: &Sweep, file: &Path) -> anyhow::Result<()> {
+pub(crate) fn check_package(sweep: &Sweep, file: &Path) -> Result<(), Error> {
     let packages = crate::measure::dsdf::packages()?;
     if !packages.contains(&sweep.package) {
         let expected = format!("one of {}", packages.join(", "));
-        return Err(Refusal::new(file, "package", &sweep.package, expected).into());
+        return Err(InputError::new(file, "package", &sweep.package, expected).into());
     }
     Ok(())
 }
@@ -37,7 +40,7 @@ pub(crate) fn check_package(sweep: &Sweep, file: &Path) -> anyhow::Result<()> {
 /// Refuses options that the program rejects: each value alone, then the combinations of all cells.
 ///
 /// `dsdf fit --check` judges options without a fit.
-pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow::Result<()> {
+pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> Result<(), Error> {
     check_binary(binary)?;
     for (key, value) in &sweep.fixed {
         check_option(file, "fixed", key, text(value), binary)?;
@@ -59,7 +62,7 @@ pub(crate) fn check_options(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow
 }
 
 /// Refuses a program that cannot run, or does not take the options of a fit.
-fn check_binary(binary: &Path) -> anyhow::Result<()> {
+fn check_binary(binary: &Path) -> Result<(), Error> {
     let found = match rejection(binary, &["--no-such-option".to_owned()]) {
         Ok(Some(message)) if message.contains("--no-such-option") => return Ok(()),
         Ok(None) => "a program that accepts an unknown option".to_owned(),
@@ -67,7 +70,7 @@ fn check_binary(binary: &Path) -> anyhow::Result<()> {
         Ok(Some(message)) => message,
         Err(error) => error.to_string(),
     };
-    Err(Refusal::new(binary, "--binary", found, "a program like dsdf").into())
+    Err(InputError::new(binary, "--binary", found, "a program like dsdf").into())
 }
 
 /// Refuses a value of an option in one of the sweep's tables.
@@ -77,14 +80,14 @@ fn check_option(
     key: &String,
     value: String,
     binary: &Path,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     let field = format!("{table}.{key}");
     if let Some((_, instead)) = RESERVED.iter().find(|(reserved, _)| reserved == key) {
-        return Err(Refusal::new(file, field, key, instead).into());
+        return Err(InputError::new(file, field, key, instead).into());
     }
     if key == "gradient_precision" {
         if value != "f32" && value != "f64" {
-            return Err(Refusal::new(file, field, value, "f32 or f64").into());
+            return Err(InputError::new(file, field, value, "f32 or f64").into());
         }
         return Ok(());
     }
@@ -92,10 +95,10 @@ fn check_option(
     let checked = if value == "false" { "true".to_owned() } else { value.clone() };
     let Some(message) = rejection(binary, &flag((key.clone(), checked)))? else { return Ok(()) };
     if message.contains("unexpected argument") {
-        return Err(Refusal::new(file, field, key, "an option of `dsdf fit`").into());
+        return Err(InputError::new(file, field, key, "an option of `dsdf fit`").into());
     }
     let (found, expected) = found_and_expected(value, &message);
-    Err(Refusal::new(file, field, found, expected).into())
+    Err(InputError::new(file, field, found, expected).into())
 }
 
 /// The found and the expected value, from the program's message about an option's value.
@@ -116,7 +119,7 @@ fn found_and_expected(value: String, message: &str) -> (String, String) {
 
 /// Refuses values that the program takes alone but not together. Cells that differ in the seed only
 /// are checked once.
-fn check_combinations(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow::Result<()> {
+fn check_combinations(sweep: &Sweep, file: &Path, binary: &Path) -> Result<(), Error> {
     let mut checked: Vec<Vec<String>> = Vec::new();
     for cell in sweep.cells() {
         let flags: Vec<String> =
@@ -128,7 +131,7 @@ fn check_combinations(sweep: &Sweep, file: &Path, binary: &Path) -> anyhow::Resu
         }
         if let Some(message) = rejection(binary, &flags)? {
             let expected = "options that go together";
-            return Err(Refusal::new(file, cell.name, message, expected).into());
+            return Err(InputError::new(file, cell.name, message, expected).into());
         }
         checked.push(settings);
     }
@@ -141,7 +144,7 @@ pub(crate) fn check_data(
     base: &Path,
     file: &Path,
     binary: &Path,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     sweep.data.iter().try_for_each(|data| DataCheck { data, base, file }.run(binary))
 }
 
@@ -154,7 +157,7 @@ struct DataCheck<'a> {
 }
 
 impl DataCheck<'_> {
-    fn run(&self, binary: &Path) -> anyhow::Result<()> {
+    fn run(&self, binary: &Path) -> Result<(), Error> {
         let data = self.data;
         self.check_path("scene", &data.scene, "a file", Path::is_file)?;
         self.check_path("dataset", &data.dataset, "a folder", Path::is_dir)?;
@@ -162,14 +165,14 @@ impl DataCheck<'_> {
         let is_mesh = |path: &String| path.ends_with(".ply") || path.ends_with(".obj");
         if let Some(mesh) = data.mesh.as_ref().filter(|path| !is_mesh(path)) {
             let expected = "a .ply or .obj file";
-            return Err(Refusal::new(self.file, self.field("mesh"), mesh, expected).into());
+            return Err(InputError::new(self.file, self.field("mesh"), mesh, expected).into());
         }
         if let Some(dataset) = &data.dataset {
             self.inspect(&self.base.join(dataset), binary)?;
         }
         for (key, value) in [("views", data.views), ("size", data.size)] {
             if value == 0 {
-                return Err(Refusal::new(self.file, self.field(key), "0", "1 or more").into());
+                return Err(InputError::new(self.file, self.field(key), "0", "1 or more").into());
             }
         }
         Ok(())
@@ -186,28 +189,40 @@ impl DataCheck<'_> {
         path: &Option<String>,
         expected: &str,
         is_expected: fn(&Path) -> bool,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), InputError> {
         match path.as_ref().map(|path| self.base.join(path)) {
             Some(path) if !is_expected(&path) => {
-                Err(Refusal::new(self.file, self.field(key), path.display(), expected))
+                Err(InputError::new(self.file, self.field(key), path.display(), expected))
             }
             _ => Ok(()),
         }
     }
 
     /// Refuses a folder that the program cannot read as a data set.
-    fn inspect(&self, dataset: &Path, binary: &Path) -> anyhow::Result<()> {
+    fn inspect(&self, dataset: &Path, binary: &Path) -> Result<(), Error> {
         let output = Command::new(binary).args(["inspect", "--json"]).arg(dataset).output()?;
         if output.status.success() {
             return Ok(());
         }
         let (field, message) = (self.field("dataset"), message(&output));
-        Err(Refusal::from_message(self.file, field, &message, "a data set").into())
+        Err(of_message(self.file, field, &message, "a data set").into())
     }
 }
 
+/// Wrong input by the program's message. If the message names an expected value, that one is taken
+/// in place of `expected`.
+pub(crate) fn of_message(
+    file: &Path,
+    field: impl Display,
+    message: &str,
+    expected: &str,
+) -> InputError {
+    let (found, expected) = message.rsplit_once(", expected ").unwrap_or((message, expected));
+    InputError::new(file, field, found, expected)
+}
+
 /// The program's message if it rejects these options of a fit.
-fn rejection(binary: &Path, flags: &[String]) -> anyhow::Result<Option<String>> {
+fn rejection(binary: &Path, flags: &[String]) -> Result<Option<String>, Error> {
     let output =
         Command::new(binary).args(["fit", "--check", "-o", "unused"]).args(flags).output()?;
     Ok((!output.status.success()).then(|| message(&output)))

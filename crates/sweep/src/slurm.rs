@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::report::{Refusal, Sweep};
+use crate::report::Sweep;
+use files::InputError;
 
 /// A part of a sweep's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,8 +15,8 @@ pub(crate) struct Shard {
 }
 
 /// Refuses an argument or an environment variable.
-fn refuse(field: &str, found: &str, expected: &str) -> Refusal {
-    Refusal::new(Path::new("arguments"), field, found, expected)
+fn refuse(field: &str, found: &str, expected: &str) -> InputError {
+    InputError::new(Path::new("arguments"), field, found, expected)
 }
 
 impl Shard {
@@ -25,18 +26,18 @@ impl Shard {
     /// `variable` reads environment variables.
     ///
     /// # Errors
-    /// A [`Refusal`] unless I is from 1 to N, or if the tasks of the array are not consecutive.
+    /// An [`InputError`] unless I is from 1 to N, or if the tasks of the array are not consecutive.
     pub(crate) fn read(
         argument: Option<&str>,
         variable: impl Fn(&str) -> Option<String>,
-    ) -> Result<Option<Shard>, Refusal> {
+    ) -> Result<Option<Shard>, InputError> {
         match argument {
             Some(text) => Self::parse(text).map(Some),
             None => Self::of_array_task(variable),
         }
     }
 
-    fn parse(text: &str) -> Result<Shard, Refusal> {
+    fn parse(text: &str) -> Result<Shard, InputError> {
         let numbers =
             text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match numbers {
@@ -45,7 +46,9 @@ impl Shard {
         }
     }
 
-    fn of_array_task(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Shard>, Refusal> {
+    fn of_array_task(
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<Option<Shard>, InputError> {
         let Some(task) = variable("SLURM_ARRAY_TASK_ID") else { return Ok(None) };
         let number = |name: &str| variable(name).and_then(|v| v.parse::<usize>().ok());
         let (first, count) = (number("SLURM_ARRAY_TASK_MIN"), number("SLURM_ARRAY_TASK_COUNT"));

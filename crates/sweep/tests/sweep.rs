@@ -1,9 +1,10 @@
 //! Sweep files: their cells, and the refusals of wrong ones.
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
-use sweep::report::{Refusal, SHIPPED, Sweep};
+use files::InputError;
+use sweep::report::{SHIPPED, Sweep};
 
-fn sweep(text: &str) -> Result<Sweep, Refusal> {
+fn sweep(text: &str) -> Result<Sweep, InputError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.toml");
     std::fs::write(&path, text).unwrap();

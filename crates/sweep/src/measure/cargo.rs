@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, bail};
+use crate::error::{Error, ProcessFailure};
 
 /// The workspace's root folder.
 pub fn workspace_root() -> PathBuf {
@@ -25,13 +25,13 @@ pub fn cargo_command(arguments: &[&str]) -> Command {
 ///
 /// # Errors
 /// If cargo cannot be started, or ends with a status other than 0.
-pub fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> anyhow::Result<()> {
+pub fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<(), Error> {
     let line = format!("cargo {}", arguments.join(" "));
     eprintln!("$ {line}");
     let status = cargo_command(arguments).envs(environment.iter().copied()).status();
-    let status = status.with_context(|| format!("cannot start {line}"))?;
+    let status = status.map_err(Error::action(format!("cannot start {line}")))?;
     if !status.success() {
-        bail!("{line} failed");
+        return Err(ProcessFailure::failed(format!("{line} failed")).into());
     }
     Ok(())
 }

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, bail, ensure};
 use serde_json::Value;
 
+use crate::error::{Error, ProcessFailure};
 use crate::measure::image::Image;
 use crate::measure::{npy, workspace_root};
 
@@ -13,7 +13,7 @@ use crate::measure::{npy, workspace_root};
 ///
 /// # Errors
 /// If the build fails.
-pub fn build() -> anyhow::Result<PathBuf> {
+pub fn build() -> Result<PathBuf, Error> {
     build_package("dsdf", "release")
 }
 
@@ -23,7 +23,7 @@ pub fn build() -> anyhow::Result<PathBuf> {
 ///
 /// # Errors
 /// If the build fails.
-pub fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
+pub fn build_package(package: &str, profile: &str) -> Result<PathBuf, Error> {
     let name = package.strip_prefix("dsdf-").filter(|name| *name == "fuzz").unwrap_or(package);
     crate::measure::cargo(
         &["build", "--profile", profile, "--package", package, "--bin", name],
@@ -40,16 +40,15 @@ pub fn build_package(package: &str, profile: &str) -> anyhow::Result<PathBuf> {
 ///
 /// # Errors
 /// If `cargo metadata` fails.
-pub fn packages() -> anyhow::Result<Vec<String>> {
+pub fn packages() -> Result<Vec<String>, Error> {
     let output = crate::measure::cargo_command(&["metadata", "--no-deps", "--format-version", "1"])
         .output()?;
-    ensure!(
-        output.status.success(),
-        "cargo metadata: {}",
-        String::from_utf8_lossy(&output.stderr).trim()
-    );
-    let metadata: Value = serde_json::from_slice(&output.stdout)?;
-    let packages = metadata["packages"].as_array().context("packages")?;
+    if !output.status.success() {
+        let message = String::from_utf8_lossy(&output.stderr);
+        return Err(Error::content(format!("cargo metadata: {}", message.trim())));
+    }
+    let metadata: Value = serde_json::from_slice(&output.stdout).map_err(Error::content)?;
+    let packages = metadata["packages"].as_array().ok_or_else(Error::lacks("packages"))?;
     Ok(packages.iter().filter_map(|package| package["name"].as_str().map(str::to_owned)).collect())
 }
 
@@ -57,12 +56,14 @@ pub fn packages() -> anyhow::Result<Vec<String>> {
 ///
 /// # Errors
 /// If the command fails, with its standard error as the message.
-pub fn run_json(binary: &Path, arguments: &[&str]) -> anyhow::Result<Value> {
+pub fn run_json(binary: &Path, arguments: &[&str]) -> Result<Value, Error> {
     let output = Command::new(binary).args(arguments).args(["--json", "--quiet"]).output()?;
     if !output.status.success() {
-        bail!("dsdf {}: {}", arguments.join(" "), String::from_utf8_lossy(&output.stderr));
+        let (command, message) = (arguments.join(" "), String::from_utf8_lossy(&output.stderr));
+        let reason = format!("dsdf {command}: {message}");
+        return Err(ProcessFailure::failed(reason).into());
     }
-    Ok(serde_json::from_slice(&output.stdout)?)
+    serde_json::from_slice(&output.stdout).map_err(Error::content)
 }
 
 /// A number of `/proc/PROCESS/status`, in MiB, for a key like `"VmRSS:"`.
@@ -81,11 +82,11 @@ pub trait RunDsdf {
     ///
     /// # Errors
     /// If the command fails.
-    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value>;
+    fn run_json(&self, arguments: &[&str]) -> Result<Value, Error>;
 }
 
 impl RunDsdf for Path {
-    fn run_json(&self, arguments: &[&str]) -> anyhow::Result<Value> {
+    fn run_json(&self, arguments: &[&str]) -> Result<Value, Error> {
         run_json(self, arguments)
     }
 }
@@ -111,7 +112,7 @@ pub fn gradient(
     scene: &Value,
     wrt: &[String],
     flags: &[&str],
-) -> anyhow::Result<DerivativeImages> {
+) -> Result<DerivativeImages, Error> {
     let folder = tempfile::tempdir()?;
     let (file, out) = (folder.path().join("scene.json"), folder.path().join("g.npy"));
     std::fs::write(&file, scene.to_string())?;
@@ -130,8 +131,8 @@ pub fn gradient(
     };
     let kinds = ["value", "gradient", "hessian_vector"];
     Ok(DerivativeImages {
-        images: wrt.iter().map(image).collect::<anyhow::Result<_>>()?,
-        seconds: report["seconds"].as_f64().context("seconds in the report")?,
+        images: wrt.iter().map(image).collect::<Result<_, Error>>()?,
+        seconds: report["seconds"].as_f64().ok_or_else(Error::lacks("seconds in the report"))?,
         evaluations: kinds.iter().filter_map(|kind| report["evaluations"][kind].as_u64()).sum(),
     })
 }

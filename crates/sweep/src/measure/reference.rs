@@ -2,9 +2,9 @@
 //!
 //! Both come from the estimator `contour`, which integrates along the silhouette and needs no warp.
 
-use anyhow::Context;
 use serde_json::{Value, json};
 
+use crate::error::Error;
 use crate::measure::dsdf::{RunDsdf, gradient};
 use crate::measure::image::Image;
 
@@ -29,7 +29,7 @@ pub fn box_filtered(
     program: &(impl RunDsdf + ?Sized),
     scene: &Value,
     wrt: &[String],
-) -> anyhow::Result<Vec<Image>> {
+) -> Result<Vec<Image>, Error> {
     Ok(gradient(program, scene, wrt, &["--estimator", "contour", "--spp", "1024"])?.images)
 }
 
@@ -45,18 +45,20 @@ pub fn gaussian_filtered(
     program: &(impl RunDsdf + ?Sized),
     scene: &Value,
     wrt: &[String],
-) -> anyhow::Result<Vec<Image>> {
+) -> Result<Vec<Image>, Error> {
     let mut fine = scene.clone();
-    let [width, height] = refine_film(fine.get_mut("camera").context("a camera")?)?;
+    let [width, height] =
+        refine_film(fine.get_mut("camera").ok_or_else(Error::lacks("a camera"))?)?;
     let images = gradient(program, &fine, wrt, &["--estimator", "contour", "--spp", "16"])?.images;
     Ok(images.iter().map(|fine| filtered(fine, width, height)).collect())
 }
 
 /// Divides the film's pixels and adds the filter's margin; returns the width and height before, in
 /// pixels.
-fn refine_film(camera: &mut Value) -> anyhow::Result<[usize; 2]> {
-    let number =
-        |camera: &Value, key: &str| camera[key].as_f64().with_context(|| format!("camera/{key}"));
+fn refine_film(camera: &mut Value) -> Result<[usize; 2], Error> {
+    let number = |camera: &Value, key: &str| {
+        camera[key].as_f64().ok_or_else(|| Error::content(format!("camera/{key}")))
+    };
     let (width, height) = (number(camera, "width")? as usize, number(camera, "height")? as usize);
     let scale = FINE as f64;
     camera["width"] = json!((width + 2 * REACH) * FINE);
@@ -70,8 +72,10 @@ fn refine_film(camera: &mut Value) -> anyhow::Result<[usize; 2]> {
 }
 
 /// A pair of numbers of the camera.
-fn pair(camera: &Value, key: &str) -> anyhow::Result<[f64; 2]> {
-    let at = |i: usize| camera[key][i].as_f64().with_context(|| format!("camera/{key}/{i}"));
+fn pair(camera: &Value, key: &str) -> Result<[f64; 2], Error> {
+    let at = |i: usize| {
+        camera[key][i].as_f64().ok_or_else(|| Error::content(format!("camera/{key}/{i}")))
+    };
     Ok([at(0)?, at(1)?])
 }
 

@@ -1,9 +1,9 @@
 //! The scenes and cases of the gradient suite, in `tests/gradients`.
 
-use anyhow::Context;
 use serde::Deserialize;
 use serde_json::Value;
 
+use crate::error::Error;
 use crate::measure::workspace_root;
 
 /// A case of the gradient suite.
@@ -19,14 +19,14 @@ pub struct Case {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn cases() -> anyhow::Result<Vec<Case>> {
+pub fn cases() -> Result<Vec<Case>, Error> {
     #[derive(Deserialize)]
     struct Suite {
         case: Vec<Case>,
     }
     let path = workspace_root().join("tests/gradients/suite.toml");
-    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-    Ok(toml::from_str::<Suite>(&text)?.case)
+    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
+    Ok(toml::from_str::<Suite>(&text).map_err(Error::content)?.case)
 }
 
 /// A scene of the gradient suite, with the absolute path of its weights if it has any: callers save
@@ -34,10 +34,10 @@ pub fn cases() -> anyhow::Result<Vec<Case>> {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn scene(name: &str) -> anyhow::Result<Value> {
+pub fn scene(name: &str) -> Result<Value, Error> {
     let path = workspace_root().join("tests/gradients").join(format!("{name}.json"));
-    let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-    let mut scene: Value = serde_json::from_str(&text)?;
+    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
+    let mut scene: Value = serde_json::from_str(&text).map_err(Error::content)?;
     if let Some(weights) = scene.pointer_mut("/sdf/weights")
         && let Some(name) = weights.as_str()
     {

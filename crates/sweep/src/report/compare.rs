@@ -3,12 +3,13 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use crate::error::Error;
 use crate::report::metrics::{Better, METRICS, Metric};
 use crate::report::pairs::{error_name, error_ratio, p_value, percent};
-use crate::report::refusal::Refusal;
 use crate::report::results::{CellResult, describe};
 use crate::report::results_csv::from_csv;
 use crate::report::statistics::Interval;
+use files::InputError;
 
 /// The parameter that is added to the settings of common cells, with the values `A` and `B`.
 const SIDE: &str = "sweep";
@@ -29,15 +30,15 @@ struct Comparison {
 /// common cells.
 ///
 /// # Errors
-/// A [`Refusal`] if a file cannot be read, or if the sweeps have no cell in common.
-pub fn compare(a: &Path, b: &Path) -> anyhow::Result<String> {
+/// An [`InputError`] if a file cannot be read, or if the sweeps have no cell in common.
+pub fn compare(a: &Path, b: &Path) -> Result<String, Error> {
     let read = |path: &Path| {
         from_csv(&if path.is_dir() { path.join("results.csv") } else { path.to_owned() })
     };
     let comparison = Comparison::new(read(a)?, read(b)?);
     if comparison.common.is_empty() {
         let expected = format!("cells of {}", a.display());
-        return Err(Refusal::new(b, "cells", "none in common", expected).into());
+        return Err(InputError::new(b, "cells", "none in common", expected).into());
     }
     let mut out = format!("# Two sweeps\n\nA: {}\nB: {}\n\n", a.display(), b.display());
     comparison.counts(&mut out);

@@ -1,23 +1,23 @@
 //! Reading and replacing whole files.
 
 use std::fs::File;
-use std::io::{Error, ErrorKind, Read, Result as IoResult};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use anyhow::Context;
+use files::InputError;
 
-use crate::report::refusal::Refusal;
+use crate::error::Error;
 
 /// Replaces a file whole: a reader sees the old content or the new one, also after a crash of this
 /// process. The content goes to a file with the ending `.part` first.
 ///
 /// # Errors
 /// If the folder or the file cannot be written.
-pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Error> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");
-    std::fs::write(&part, content).with_context(|| path.display().to_string())?;
-    std::fs::rename(&part, path).with_context(|| path.display().to_string())
+    std::fs::write(&part, content).map_err(Error::file(path))?;
+    std::fs::rename(&part, path).map_err(Error::file(path))
 }
 
 /// The largest file that is read, in bytes: 1 GiB.
@@ -27,14 +27,14 @@ const MOST_BYTES: u64 = 1 << 30;
 ///
 /// # Errors
 /// If the file cannot be read, is no regular file, or has more than 1 GiB.
-pub fn read(path: &Path) -> IoResult<Vec<u8>> {
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {
         let kind = if metadata.is_dir() { "a folder" } else { "a pipe or a device" };
-        return Err(Error::new(ErrorKind::InvalidInput, kind));
+        return Err(io::Error::new(ErrorKind::InvalidInput, kind));
     }
     if metadata.len() > MOST_BYTES {
-        return Err(Error::new(ErrorKind::FileTooLarge, format!("{} bytes", metadata.len())));
+        return Err(io::Error::new(ErrorKind::FileTooLarge, format!("{} bytes", metadata.len())));
     }
     let mut bytes = Vec::new();
     File::open(path)?.take(metadata.len()).read_to_end(&mut bytes)?;
@@ -45,20 +45,20 @@ pub fn read(path: &Path) -> IoResult<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`], and if the file is not UTF-8.
-pub fn read_text(path: &Path) -> IoResult<String> {
+pub fn read_text(path: &Path) -> io::Result<String> {
     let text = String::from_utf8(read(path)?);
-    text.map_err(|_| Error::new(ErrorKind::InvalidData, "bytes that are not UTF-8"))
+    text.map_err(|_| io::Error::new(ErrorKind::InvalidData, "bytes that are not UTF-8"))
 }
 
 /// The text of a file, or `None` if there is no such file.
 ///
 /// # Errors
-/// A [`Refusal`] if the file is there and cannot be read as text.
-pub fn read_if_present(path: &Path) -> Result<Option<String>, Refusal> {
+/// An [`InputError`] if the file is there and cannot be read as text.
+pub fn read_if_present(path: &Path) -> Result<Option<String>, InputError> {
     match read_text(path) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(Refusal::new(path, "file", error, "a file to read")),
+        Err(error) => Err(InputError::new(path, "file", error, "a file to read")),
     }
 }
 

@@ -5,6 +5,8 @@ use std::path::Path;
 use base64::Engine;
 use pulldown_cmark::{Event, Options, Parser};
 
+use crate::error::Error;
+
 /// The pictures that become part of the page as SVG.
 const VECTOR: [&str; 3] = ["heat.svg", "curves.svg", "pareto.svg"];
 
@@ -16,7 +18,7 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:70em;margin:2em auto;
 ///
 /// It handles the Markdown of this crate's reports only. HTML in the texts of a sweep is shown as
 /// text.
-pub(crate) fn html(title: &str, markdown: &str, folder: &Path) -> anyhow::Result<String> {
+pub(crate) fn html(title: &str, markdown: &str, folder: &Path) -> Result<String, Error> {
     let mut body = String::new();
     let events = Parser::new_ext(markdown, Options::ENABLE_TABLES).map(|event| match event {
         Event::Html(text) | Event::InlineHtml(text) => Event::Text(text),

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::report::files::read_text;
-use crate::report::refusal::Refusal;
 use crate::report::sweep::Sweep;
+use files::InputError;
 
 /// The names of the sweeps that come with the workspace, in `xtask/sweeps`. They are read when they
 /// are used, so that the package of this crate needs no file outside of it.
@@ -36,13 +36,13 @@ impl Sweep {
     /// relative to that folder.
     ///
     /// # Errors
-    /// A [`Refusal`] if the file cannot be read, or has a wrong field.
-    pub fn load(name: &str) -> Result<(Sweep, PathBuf), Refusal> {
+    /// An [`InputError`] if the file cannot be read, or has a wrong field.
+    pub fn load(name: &str) -> Result<(Sweep, PathBuf), InputError> {
         let (path, source) = source(name)?;
         let sweep: Sweep = toml::from_str(&source).map_err(|e| {
             let line = e.span().map_or(0, |span| source[..span.start].matches('\n').count() + 1);
             let message = e.message().replace('\n', " ");
-            Refusal::new(&path, format!("line {line}"), message, "a sweep (see docs/ablate.md)")
+            InputError::new(&path, format!("line {line}"), message, "a sweep (see docs/ablate.md)")
         })?;
         sweep.check(&path)?;
         Ok((sweep, path.parent().map(Path::to_owned).unwrap_or_default()))
@@ -53,19 +53,19 @@ impl Sweep {
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn shipped(name: &str) -> Result<String, Refusal> {
+pub fn shipped(name: &str) -> Result<String, InputError> {
     source(name).map(|(_, text)| text)
 }
 
 /// The path and the text of a shipped sweep or a file.
-fn source(name: &str) -> Result<(PathBuf, String), Refusal> {
+fn source(name: &str) -> Result<(PathBuf, String), InputError> {
     let path = match SHIPPED.contains(&name) {
         true => crate::measure::workspace_root().join("xtask/sweeps").join(format!("{name}.toml")),
         false => PathBuf::from(name),
     };
     let source = read_text(&path).map_err(|e| {
         let names = SHIPPED.join(", ");
-        Refusal::new(&path, "sweep", e, format!("a TOML file, or one of {names}"))
+        InputError::new(&path, "sweep", e, format!("a TOML file, or one of {names}"))
     })?;
     Ok((path, source))
 }

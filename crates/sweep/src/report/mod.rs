@@ -12,7 +12,6 @@ pub mod options;
 mod pairs;
 mod plots;
 mod recommendation;
-mod refusal;
 mod result_table;
 pub mod results;
 mod results_csv;
@@ -24,6 +23,5 @@ mod write;
 
 pub use compare::compare;
 pub use load::{SHIPPED, absolute, shipped};
-pub use refusal::Refusal;
 pub use sweep::{Cell, Sweep};
 pub use write::write_report;

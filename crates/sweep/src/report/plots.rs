@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::error::Error;
 use crate::measure::plot::{Curve, Panel, svg};
 
 use crate::report::files::write_whole;
@@ -24,9 +25,11 @@ pub(crate) fn save_pictures(
     results: &[CellResult],
     folder: &Path,
     picture: &dyn Fn(&CellResult) -> PathBuf,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     let mut png = std::io::Cursor::new(Vec::new());
-    grid(sweep, results, picture).write_to(&mut png, image::ImageFormat::Png)?;
+    grid(sweep, results, picture)
+        .write_to(&mut png, image::ImageFormat::Png)
+        .map_err(Error::content)?;
     write_whole(&folder.join("grid.png"), png.into_inner())?;
     let mapped: Vec<&Metric> = MAPPED.into_iter().filter_map(metric).collect();
     write_whole(&folder.join("heat.svg"), heat_maps(sweep, results, &mapped))?;

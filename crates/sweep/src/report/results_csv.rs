@@ -4,27 +4,29 @@ use std::path::Path;
 
 use csv::StringRecord;
 
+use crate::error::Error;
 use crate::report::files::read_text;
 use crate::report::metrics::{METRICS, metric};
-use crate::report::refusal::Refusal;
 use crate::report::results::{CellResult, describe};
+use files::InputError;
 
 /// The columns that are neither parameters nor metrics. The parameters stand between the first and
 /// the second of them.
 const TEXTS: [&str; 5] = ["data", "seed", "status", "reason", "converged"];
 
 /// The text of `results.csv`: a header and a row for each result.
-pub(crate) fn to_csv(results: &[CellResult]) -> anyhow::Result<String> {
+pub(crate) fn to_csv(results: &[CellResult]) -> Result<String, Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let parameters: Vec<&str> =
         results.first().iter().flat_map(|r| &r.values).map(|(k, _)| k.as_str()).collect();
     let [data, rest @ ..] = TEXTS;
     let header = [&[data], &parameters[..], &rest[..], &METRICS.map(|m| m.name)[..]].concat();
-    writer.write_record(header)?;
+    writer.write_record(header).map_err(Error::content)?;
     for result in results {
-        writer.write_record(fields(result))?;
+        writer.write_record(fields(result)).map_err(Error::content)?;
     }
-    Ok(String::from_utf8(writer.into_inner()?)?)
+    let text = writer.into_inner().map_err(Error::content)?;
+    String::from_utf8(text).map_err(Error::content)
 }
 
 /// The fields of a result's row, in the order of the header.
@@ -50,29 +52,29 @@ fn digits(v: f64) -> String {
 /// The results in a `results.csv`.
 ///
 /// # Errors
-/// A [`Refusal`] if the file cannot be read, lacks a column, has a field of the wrong type, or has
+/// An [`InputError`] if the file cannot be read, lacks a column, has a field of the wrong type, or has
 /// two rows for one cell.
-pub(crate) fn from_csv(path: &Path) -> anyhow::Result<Vec<CellResult>> {
+pub(crate) fn from_csv(path: &Path) -> Result<Vec<CellResult>, Error> {
     let unreadable =
-        |field: &str, e: csv::Error| Refusal::new(path, field, e, "the results.csv of a sweep");
+        |field: &str, e: csv::Error| InputError::new(path, field, e, "the results.csv of a sweep");
     let text = read_text(path).map_err(|e| unreadable("results", e.into()))?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header = reader.headers().map_err(|e| unreadable("header", e))?.clone();
     for needed in TEXTS {
         if !header.iter().any(|h| h == needed) {
             let found = header.iter().collect::<Vec<_>>().join(",");
-            return Err(Refusal::new(path, "header", found, needed).into());
+            return Err(InputError::new(path, "header", found, needed).into());
         }
     }
     let mut results: Vec<CellResult> = Vec::new();
     for (index, record) in reader.records().enumerate() {
         let line = format!("line {}", index + 2);
-        let record = record.map_err(|e| Refusal::new(path, &line, e, "a row"))?;
+        let record = record.map_err(|e| InputError::new(path, &line, e, "a row"))?;
         let result = parse(path, &line, &header, &record)?;
         if results.iter().any(|other| other.key() == result.key()) {
             let settings = describe(&result.values);
             let found = format!("{}, {settings}, seed {} twice", result.data, result.seed);
-            return Err(Refusal::new(path, &line, found, "a row for each cell").into());
+            return Err(InputError::new(path, &line, found, "a row for each cell").into());
         }
         results.push(result);
     }
@@ -85,10 +87,10 @@ fn parse(
     line: &str,
     header: &StringRecord,
     record: &StringRecord,
-) -> Result<CellResult, Refusal> {
+) -> Result<CellResult, InputError> {
     let mut result = CellResult::default();
     for (name, field) in header.iter().zip(record) {
-        let not_a_number = || Refusal::new(path, format!("{line}, {name}"), field, "a number");
+        let not_a_number = || InputError::new(path, format!("{line}, {name}"), field, "a number");
         match name {
             "data" => field.clone_into(&mut result.data),
             "status" => field.clone_into(&mut result.status),

@@ -8,9 +8,9 @@ use toml::Value;
 
 use crate::report::metrics::{metric, metric_names};
 use crate::report::options::text;
-use crate::report::refusal::Refusal;
 use crate::report::schema::{Claim, ClaimKind};
 use crate::report::sweep::Sweep;
+use files::InputError;
 
 /// Longest name of a cell, in bytes. Systems allow 255 for the name of a folder.
 const NAME: usize = 240;
@@ -42,7 +42,7 @@ fn repeated<T, K: Hash + Eq>(items: &[T], key: impl Fn(&T) -> K) -> Option<&T> {
 
 impl Sweep {
     /// Refuses the first wrong field of a sweep file.
-    pub(crate) fn check(&self, path: &Path) -> Result<(), Refusal> {
+    pub(crate) fn check(&self, path: &Path) -> Result<(), InputError> {
         self.check_texts()
             .and_then(|()| self.check_count())
             .and_then(|()| self.check_keys())
@@ -58,7 +58,7 @@ impl Sweep {
             .and_then(|()| self.check_gradient_test())
             .and_then(|()| self.check_names())
             .and_then(|()| self.claim.iter().try_for_each(|claim| self.check_claim(claim)))
-            .map_err(|(field, found, expected)| Refusal::new(path, field, found, expected))
+            .map_err(|(field, found, expected)| InputError::new(path, field, found, expected))
     }
 
     /// The title and the claims' texts have one line each.

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use crate::error::Error;
 use crate::report::claims::{Judgement, judge};
 use crate::report::files::write_whole;
 use crate::report::html::html;
@@ -38,7 +39,7 @@ pub fn write_report(
     machines: &[String],
     output: &Path,
     picture: &dyn Fn(&CellResult) -> PathBuf,
-) -> anyhow::Result<()> {
+) -> Result<(), Error> {
     write_whole(&output.join("results.csv"), to_csv(results)?)?;
     save_pictures(sweep, results, output, picture)?;
     let text = markdown(sweep, results, machines);
