@@ -34,6 +34,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> anyhow::Result<Dataset> {
 }
 
 /// A data set whose images are not read yet.
+#[derive(Debug)]
 pub struct Unread {
     path: PathBuf,
     train: Vec<UnreadView>,

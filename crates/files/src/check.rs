@@ -8,6 +8,7 @@ use crate::InputError;
 const TOML_NUMBERS: &str = "at most 9223372036854775807";
 
 /// One entry with its value, whether the value is valid, and the valid values.
+#[derive(Debug)]
 pub struct Check {
     name: &'static str,
     found: String,

@@ -5,6 +5,8 @@
 //! with the folder of a run that is not at its end, the number of workers and of iterations; the
 //! result is a JSON object.
 
+#![allow(clippy::print_stdout, reason = "a benchmark")]
+
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

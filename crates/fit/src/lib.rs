@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![allow(missing_debug_implementations, reason = "their types hold closures and fields")]
 
 mod alignment;
 mod budget;

@@ -76,6 +76,7 @@ impl Tally {
 }
 
 /// One reader of the program `fuzz`.
+#[derive(Debug)]
 pub struct Campaign<'a> {
     /// The program.
     pub program: &'a Path,

@@ -1,4 +1,6 @@
 #![doc = include_str!("../README.md")]
+#![allow(clippy::doc_markdown, reason = "the subscripts of formulas are no code")]
+#![allow(missing_debug_implementations, reason = "their types hold closures and fields")]
 
 mod batch;
 mod bending;

@@ -22,6 +22,7 @@ pub use surface::{SurfaceShares, surface_shares};
 pub use verdict::{Evidence, Fault, Verdict};
 
 /// A run, with all that its page shows.
+#[derive(Debug)]
 pub struct Run<'a> {
     /// The folder of the run.
     pub folder: &'a Path,

@@ -15,6 +15,7 @@ const EVERY: u64 = 10;
 const LENGTH: u64 = 10_000;
 
 /// The progress of a step of a command: on standard error, or for the host.
+#[derive(Debug)]
 pub struct Progress {
     name: String,
     bar: ProgressBar,
@@ -99,6 +100,7 @@ impl Clock {
 }
 
 /// The times of lines of a step.
+#[derive(Debug)]
 struct Lines {
     clock: Clock,
     start: Instant,

@@ -1,5 +1,7 @@
 //! The camera files of other programs, one module a format, and lenses.
 
+#![warn(clippy::cast_possible_truncation)]
+
 mod blended_mvs;
 mod colmap;
 mod images;
@@ -33,8 +35,15 @@ use glam::DVec3;
 
 type Result<T> = std::result::Result<T, InputError>;
 
+/// The width or the height of an image, in pixels, if the number is whole and from 1 to 65535.
+fn whole_pixels(number: f64) -> Option<u32> {
+    #[expect(clippy::cast_possible_truncation, reason = "the number is compared with the result")]
+    let whole = number as u16;
+    (whole > 0 && f64::from(whole) == number).then_some(whole.into())
+}
+
 /// The content of a data set before its images are read.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Recognised {
     /// The format and camera convention, as text.
     pub format: String,

@@ -21,6 +21,7 @@ pub struct Share<R> {
 }
 
 /// Film samples in the areas of pixels with their hits, and a warp if the estimator has one.
+#[derive(Debug)]
 pub struct Area<R: Real> {
     /// The samples and their hits.
     pub primary: Primary<R>,
@@ -31,6 +32,7 @@ pub struct Area<R: Real> {
 }
 
 /// A warp at film samples.
+#[derive(Debug)]
 pub struct AreaWarp<R: Real> {
     /// V and ∇_u·V at the samples.
     pub film_warp: FilmWarpWithDivergence<R>,

@@ -11,7 +11,7 @@ use crate::record::pass::Pass;
 use crate::record::silhouettes::{SilhouettePoint, Silhouettes};
 
 /// All terms of the derivatives of a batch of pixels. Each is linear in the adjoints of the pixels.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Record<R: Real> {
     /// The value of every pixel from the same samples, linear RGB.
     pub radiance: Vec<R::Vec3>,
