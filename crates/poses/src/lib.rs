@@ -10,7 +10,7 @@ mod run;
 mod state;
 mod step;
 
-pub use advice::{FEW, remedies};
+pub use advice::{FEW_REGISTERED, remedies};
 pub use commands::{CameraChoice, CameraModel, Matching, Options};
 pub use photographs::Photographs;
 pub use program::Program;

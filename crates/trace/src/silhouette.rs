@@ -5,7 +5,7 @@ mod search;
 
 use field::{Field, Real, Vector3};
 
-use minimum::Point;
+use minimum::RayPoint;
 use search::{Search, SearchStep};
 
 /// Rays that share an origin per search, with a direction that depends on one parameter s.
@@ -102,7 +102,8 @@ pub fn tangencies<R: Real>(
         active.retain(|i| {
             let search = &mut searches[*i];
             let Some((&f, &gradient)) = values.next() else { return false };
-            let point = Point { t: search.t, f, slope: gradient.dot(search.direction), gradient };
+            let point =
+                RayPoint { t: search.t, f, slope: gradient.dot(search.direction), gradient };
             match search.take_value(family, point, tolerance) {
                 SearchStep::Evaluate => true,
                 SearchStep::Found(tangency) => {
