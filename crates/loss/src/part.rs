@@ -44,7 +44,7 @@ impl OfPixels {
     /// The hits, each with the number of its pixel.
     pub(crate) fn hits(&self) -> impl Iterator<Item = (usize, Vec3)> {
         self.record.area.iter().flat_map(|area| {
-            let pixel = |sample: usize| area.shares[sample].pixel as usize;
+            let pixel = |sample: usize| area.weights[sample].pixel as usize;
             let hits = area.primary.hits.iter().zip(&area.primary.surface.x);
             hits.map(move |(hit, x)| (pixel(hit.sample), *x))
         })

@@ -223,8 +223,8 @@ fn minimum_around<R: Real>(
         scene.field.value_gradient(&points, &mut f, &mut g);
         let slope = g.map(|g| g.dot(d));
         if slope[0] < R::zero() && slope[1] > R::zero() {
-            let share = -slope[0] / (slope[1] - slope[0]);
-            let weights = [R::one() - share, share];
+            let fraction = -slope[0] / (slope[1] - slope[0]);
+            let weights = [R::one() - fraction, fraction];
             let gradient = g[0] * weights[0] + g[1] * weights[1];
             return Some(Minimum { points, weights, gradient });
         }
