@@ -1,5 +1,7 @@
 //! Makes a variant of a data set of renders: the same object before another background.
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program")]
+
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -34,6 +34,7 @@ pub fn scene() -> Value {
 }
 
 /// A temporary folder.
+#[derive(Debug)]
 pub struct Folder(tempfile::TempDir);
 
 impl Default for Folder {

@@ -1,4 +1,6 @@
 //! The gradient suite: the estimators and the cases of `tests/gradients/suite.toml`.
+
+#![allow(clippy::print_stdout, reason = "the measured errors")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::{Path, PathBuf};

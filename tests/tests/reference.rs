@@ -1,4 +1,6 @@
 //! Derivative images against independent ones, reproducible bits, and small fits.
+
+#![allow(clippy::print_stdout, reason = "the measured errors")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use std::path::Path;

@@ -47,14 +47,7 @@ const QUIET: [&str; 15] = [
 
 /// The programs, and the extension of Python: their errors have context in place of types. Errors of
 /// libraries have types, so that a caller can tell them apart.
-const WITH_CONTEXT: [&str; 5] = [
-    "crates/app",
-    // Until its errors have types.
-    "crates/fit",
-    "crates/fuzz",
-    "crates/python",
-    "xtask",
-];
+const WITH_CONTEXT: [&str; 4] = ["crates/app", "crates/fuzz", "crates/python", "xtask"];
 
 /// The page about the crates and their invariants.
 const ARCHITECTURE: &str = "docs/architecture.md";

@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![allow(clippy::print_stderr, reason = "the program reports errors and progress")]
 
 pub mod cli;
 pub mod error;

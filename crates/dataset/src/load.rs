@@ -34,6 +34,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Dataset, InputError> {
 }
 
 /// A data set whose images are not read yet.
+#[derive(Debug)]
 pub struct Unread {
     path: PathBuf,
     train: Vec<UnreadView>,

@@ -1,5 +1,7 @@
 //! The meaning of masks of which the file format does not tell it.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use crate::{Dataset, MaskKind, View};
 
 /// A mask of this share of white along the frame's border is no mask of an object.

@@ -1,5 +1,7 @@
 //! Differentiates the area of a disc, the image of a ball, by the radius of the ball.
 
+#![allow(clippy::print_stdout, reason = "a program")]
+
 use estimate::gradient::{Direction, Sampling, differentiate};
 use estimate::{Refined, SampleCounts};
 use field::UniformBackground;

@@ -1,4 +1,7 @@
 //! Fits a ball to a silhouette: its centre and its radius, by the gradient of an image loss.
+
+#![allow(clippy::print_stdout, reason = "a program")]
+
 use estimate::gradient::{Sampling, target_gradient};
 use estimate::{Refined, SampleCounts};
 use field::UniformBackground;

@@ -178,10 +178,10 @@ fn push<R: Real>(
     }
     for (index, (hit, (weight, du))) in hits.iter().zip(terms).enumerate() {
         let Some(hit) = hit else { continue };
-        let share = *weight / sum;
-        let divergence = |e: usize| (du[e] - share * rate[e]) / sum * hit.motion[e];
-        let a = hit.motion.map(|m| m * share);
-        out.warp.samples.push(WarpSample { ray, index, x: hit.x, weight: share, a });
+        let normalised = *weight / sum;
+        let divergence = |e: usize| (du[e] - normalised * rate[e]) / sum * hit.motion[e];
+        let a = hit.motion.map(|m| m * normalised);
+        out.warp.samples.push(WarpSample { ray, index, x: hit.x, weight: normalised, a });
         let divergence_a = divergence(0) + divergence(1);
         out.derivatives.push(SampleDivergence { divergence_a, b: R::Vec3::zero() });
     }

@@ -45,11 +45,11 @@ pub(crate) struct Rim<R: Real> {
 
 /// A surface is at a grazing angle if the cosine between the reversed ray and its normal is below
 /// this. Its own silhouette is then close, and the derivative of the hit point grows towards it.
-const GRAZING: f64 = 0.3;
+const GRAZING_COSINE: f64 = 0.3;
 
 /// Whether a surface with this ∇f is at a grazing angle to a ray along the unit vector `direction`.
 pub(crate) fn is_grazing<R: Real>(gradient: R::Vec3, direction: R::Vec3) -> bool {
-    -gradient.dot(direction) < gradient.length() * R::of(GRAZING)
+    -gradient.dot(direction) < gradient.length() * R::of(GRAZING_COSINE)
 }
 
 /// For each sample, whether its ray meets a surface at a grazing angle.

@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![allow(clippy::doc_markdown, reason = "the subscripts of formulas are no code")]
 
 mod band;
 mod contour;

@@ -15,7 +15,7 @@ const REACH: f64 = 1.6;
 /// At the distance s from a silhouette of radius r, cos² = 2 s/r, so this holds for r ≥ 8 pixels.
 /// In the gradient suite `refined` has the same errors at 0.5 and 0.8, with 0.966 and 1.023 times
 /// the evaluations.
-pub(crate) const GRAZING: f64 = 0.65;
+pub(crate) const SILHOUETTE_COSINE: f64 = 0.65;
 
 /// The margin for errors of the first-order position of a silhouette.
 #[derive(Clone, Copy, Debug)]
@@ -159,7 +159,7 @@ fn mark_grazing<R: Real>(
 ) {
     let (normal, direction) = (&primary.surface.normal, &primary.surface.direction);
     let grazing: Vec<usize> = (0..primary.hits.len())
-        .filter(|&h| -normal[h].dot(direction[h]) < R::of(GRAZING))
+        .filter(|&h| -normal[h].dot(direction[h]) < R::of(SILHOUETTE_COSINE))
         .collect();
     let x: Vec<R::Vec3> = grazing.iter().map(|&h| primary.surface.x[h]).collect();
     let across: Vec<R::Vec3> = grazing

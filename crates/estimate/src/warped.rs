@@ -86,7 +86,7 @@ impl WarpedArea {
         spp: usize,
         filter_du: Vec<[R; 2]>,
     ) -> Vec<WarpedSample<R>> {
-        let share = R::one() / R::of((spp - usize::from(spp > 1)) as f64);
+        let per_other = R::one() / R::of((spp - usize::from(spp > 1)) as f64);
         let shared = self.shared_baseline(scene, &primary.samples);
         let mut rest = shared.into_iter().zip(filter_du);
         let mut out = Vec::with_capacity(primary.samples.len());
@@ -95,7 +95,7 @@ impl WarpedArea {
             let own_baseline = self.has_own_baseline(own);
             let less_background = !own_baseline && self.baseline != Baseline::None;
             out.extend(own.iter().zip(&mut rest).map(|(s, (shared, filter_du))| {
-                let others = (sum - s.radiance) * share;
+                let others = (sum - s.radiance) * per_other;
                 let baseline = if own_baseline { others } else { shared };
                 let radiance_minus_baseline = s.radiance - baseline;
                 WarpedSample { radiance_minus_baseline, filter_du, less_background }

@@ -4,6 +4,8 @@
 //! graphics”, The Computer Journal 16(2), 1973. Smooth union: the quadratic polynomial minimum of
 //! Inigo Quilez, “Smooth minimum”, 2013.
 
+use std::fmt;
+
 use crate::dual::{Dual, Scalar};
 use crate::field::Field;
 use crate::real::{Real, Vector3};
@@ -40,6 +42,14 @@ pub struct Csg<R> {
     operation: Operation,
     blend: R,
     children: Vec<Box<dyn Field<R>>>,
+}
+
+impl<R: Real> fmt::Debug for Csg<R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = f.debug_struct("Csg");
+        shown.field("operation", &self.operation).field("blend", &self.blend);
+        shown.field("children", &self.children.len()).finish()
+    }
 }
 
 impl<R: Real + Scalar<Real = R>> Csg<R> {

@@ -4,6 +4,8 @@
 //! errors name the file, the JSON pointer (RFC 6901) of the key, the value found and the value
 //! expected.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::cell::RefCell;
 use std::path::Path;
 
@@ -24,6 +26,7 @@ const LARGEST_RADIANCE: f64 = 1e30;
 ///
 /// Every method that takes a key marks it as known. A method that returns a value without an
 /// `Option` reports a missing key as an error, with `nothing` as the value found.
+#[derive(Debug)]
 pub struct Object<'a> {
     file: &'a Path,
     pointer: String,
@@ -123,8 +126,8 @@ impl<'a> Object<'a> {
     /// If the key is missing or its value is no such number.
     pub fn size(&self, key: &'static str) -> Result<u32> {
         let value = self.required(key, "a whole number from 1 to 65535")?;
-        let size = value.as_u64().filter(|v| (1..=65535).contains(v));
-        size.map(|v| v as u32).ok_or_else(|| self.error(key, "a whole number from 1 to 65535"))
+        let size = value.as_u64().and_then(|v| u16::try_from(v).ok()).filter(|v| *v > 0);
+        size.map(u32::from).ok_or_else(|| self.error(key, "a whole number from 1 to 65535"))
     }
 
     /// An array of exactly `N` finite numbers.

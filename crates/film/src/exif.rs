@@ -4,6 +4,8 @@
 //! order, the place of a list of entries, and entries of 12 bytes: a tag, a type, a count, and a
 //! value or its place.
 
+#![warn(clippy::cast_possible_truncation)]
+
 /// The tag of the place of the list with the entries of the camera.
 const EXIF: u16 = 0x8769;
 

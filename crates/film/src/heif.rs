@@ -5,6 +5,8 @@
 //! type, the major brand, a version, and the compatible brands (ISO/IEC 14496-12, section 4.3;
 //! ISO/IEC 23008-12, Annex B). Names and types have four letters.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

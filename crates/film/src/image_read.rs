@@ -1,5 +1,7 @@
 //! Reading images, with errors that tell missing, cut, damaged and foreign files apart.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read};
 use std::path::Path;
 

@@ -1,5 +1,7 @@
 //! NumPy arrays of floats (.npy files).
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::fmt::Display;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Chain, Cursor, Error, ErrorKind, Read, Write};
@@ -21,7 +23,7 @@ const DEEPEST_HEADER: usize = 4;
 
 /// The length of the fixed start of a .npy file (magic string, version, length of the header), in
 /// bytes. A shorter file is reported as no array instead of as a cut one.
-const FIXED_START_BYTES: u64 = 10;
+const FIXED_START_BYTES: usize = 10;
 
 /// Reads a .npy file of float32 or float64 in C order (the last index varies fastest).
 ///
@@ -35,21 +37,23 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
     if npy.order() != Order::C {
         return Err(array_error(path, "Fortran order"));
     }
-    let shape: Vec<usize> = npy.shape().iter().map(|n| *n as usize).collect();
     let number_bytes = match npy.dtype() {
         DType::Plain(t) if t.type_char() == TypeChar::Float => t.size_field(),
         other => return Err(array_error(path, other.descr())),
     };
     // A damaged header may give a shape that does not fit into memory. So the shape is checked
     // against the length of the file before memory is allocated.
-    let expected = npy.shape().iter().try_fold(number_bytes, |bytes, n| bytes.checked_mul(*n));
+    let shape = npy.shape().to_vec();
+    let expected = shape.iter().try_fold(number_bytes, |bytes, n| bytes.checked_mul(*n));
     if expected.is_none_or(|bytes| bytes > file_bytes) {
         let found = format!("a file that is cut short: {file_bytes} bytes for the shape {shape:?}");
         return Err(array_error(path, found));
     }
+    let shape = shape.into_iter().map(usize::try_from).collect::<Result<Vec<usize>, _>>();
+    let shape = shape.map_err(|e| array_error(path, e))?;
     let numbers = match number_bytes {
         4 => npy.into_vec::<f32>(),
-        8 => npy.into_vec::<f64>().map(|v| v.into_iter().map(|v| v as f32).collect()),
+        8 => npy.into_vec::<f64>().map(|v| v.into_iter().map(rounded).collect()),
         other => return Err(array_error(path, format!("float{}", 8 * other))),
     };
     let numbers = numbers.map_err(|e| match e.kind() {
@@ -59,13 +63,19 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
     Ok((shape, numbers))
 }
 
+/// A number rounded to single precision.
+#[expect(clippy::cast_possible_truncation, reason = "it rounds, and large numbers become infinite")]
+fn rounded(number: f64) -> f32 {
+    number as f32
+}
+
 /// Opens a .npy file and reads its header; also returns the length of the file in bytes.
 fn open_npy(path: &Path) -> Result<(NpyReader<BufReader<File>>, u64), InputError> {
     let (file, file_bytes) = open(path, "array", ARRAY)?;
     let memory = file_bytes.saturating_mul(MEMORY_PER_BYTE);
     check_memory(path, "array", format!("a file of {file_bytes} bytes"), memory)?;
     let npy = npy_reader(BufReader::new(file)).map_err(|e| match e.kind() {
-        ErrorKind::UnexpectedEof if file_bytes >= FIXED_START_BYTES => {
+        ErrorKind::UnexpectedEof if file_bytes >= FIXED_START_BYTES as u64 => {
             array_error(path, "a file that is cut short")
         }
         _ => array_error(path, format!("no array ({e})")),
@@ -89,7 +99,7 @@ pub fn npy_reader<R: Read>(mut reader: R) -> std::io::Result<NpyReader<R>> {
 /// The bytes of an array's header, checked.
 fn read_header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let invalid = |text: String| Error::new(ErrorKind::InvalidData, text);
-    let mut header = vec![0; FIXED_START_BYTES as usize];
+    let mut header = vec![0; FIXED_START_BYTES];
     reader.read_exact(&mut header)?;
     let mut length = usize::from(u16::from_le_bytes([header[8], header[9]]));
     // From version 2, the length has four bytes.
@@ -217,7 +227,7 @@ mod tests {
         };
         let shaped = |shape: &str| {
             let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}");
-            array(1, &(header.len() as u16).to_le_bytes(), &header)
+            array(1, &u16::try_from(header.len()).unwrap().to_le_bytes(), &header)
         };
         let nested =
             |open: &str, close: &str| shaped(&format!("{}2{}", open.repeat(22), close.repeat(22)));

@@ -5,15 +5,19 @@
 //! with the folder of a run that is not at its end, the number of workers and of iterations; the
 //! result is a JSON object.
 
+#![allow(clippy::print_stdout, reason = "a benchmark")]
+
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use anyhow::{Context, ensure};
 use estimate::Registry;
 use fit::{RunFile, RunFolder, Session, Stage};
 use serde_json::json;
+
+/// The result of a step of this program.
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 /// Iterations before the first that counts.
 const WARM_UP: u64 = 10;
@@ -21,20 +25,20 @@ const WARM_UP: u64 = 10;
 /// A task: its stage, and the seconds of its begin and end.
 type Task = (Stage, f64, f64);
 
-fn main() -> anyhow::Result<()> {
+fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let [run, workers, iterations] = &arguments[..] else {
-        anyhow::bail!("expected a run folder, a number of workers and a number of iterations");
+        return Err("expected a run folder, a number of workers and a number of iterations".into());
     };
     let (run, workers, iterations) = (PathBuf::from(run), workers.parse()?, iterations.parse()?);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let tasks = pool.install(|| tasks_of(&run, workers, iterations))?;
+    let tasks = pool.install(|| tasks_of(&run, workers, iterations).map_err(|e| e.to_string()))?;
     println!("{}", simulated(&tasks, workers)?);
     Ok(())
 }
 
 /// The tasks of some iterations of a run, shared as for this number of workers.
-fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<Vec<Task>>> {
+fn tasks_of(run: &Path, workers: usize, iterations: u64) -> Result<Vec<Vec<Task>>> {
     let mut file = RunFile::load(run)?;
     file.options.preview_every = u64::MAX;
     file.options.checkpoint_every = u64::MAX;
@@ -45,7 +49,7 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     std::fs::create_dir_all(copy.path().join("checkpoint"))?;
     let [from, to] = [run, copy.path()].map(RunFolder::new);
     for [from, to] in [[from.checkpoint(), to.checkpoint()], [from.fit_toml(), to.fit_toml()]] {
-        std::fs::copy(&from, to).with_context(|| from.display().to_string())?;
+        std::fs::copy(&from, to).map_err(|e| format!("{}: {e}", from.display()))?;
     }
     let mut session = Session::new(copy.path(), dataset, file, &Registry::default(), true)?;
     let begin = Instant::now();
@@ -61,7 +65,7 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> anyhow::Result<Vec<V
     };
     session.observe(workers, Box::new(observer));
     let (done, mut all) = (Cell::new(0), Vec::new());
-    let report = &mut |_: &Session, _: &fit::Metrics| -> anyhow::Result<()> {
+    let report = &mut |_: &Session, _: &fit::Metrics| -> Result<()> {
         done.set(done.get() + 1);
         all.extend(log.lock().map(|mut log| std::mem::take(&mut *log)));
         Ok(())
@@ -84,8 +88,10 @@ const STAGES: [Stage; 8] = [
 
 /// The mean times per iteration, in milliseconds, and the efficiency: the time of all tasks and of
 /// the rest, over the workers' time.
-fn simulated(iterations: &[Vec<Task>], workers: usize) -> anyhow::Result<serde_json::Value> {
-    ensure!(iterations.len() > 1, "the run has no iterations left");
+fn simulated(iterations: &[Vec<Task>], workers: usize) -> Result<serde_json::Value> {
+    if iterations.len() < 2 {
+        return Err("the run has no iterations left".into());
+    }
     let count = (iterations.len() - 1) as f64;
     let mean = |seconds: f64| seconds * 1e3 / count;
     let (mut stages, mut busy, mut ends) = (Vec::new(), 0.0, 0.0);

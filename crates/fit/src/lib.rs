@@ -50,7 +50,7 @@ pub use model::Model;
 pub use model_background::ModelBackground;
 pub use multiview::calibrate::{CameraDecision, RefineCameras};
 pub use multiview::stereo::StereoChoice;
-pub use options::FitOptions;
+pub use options::{FitOptions, FitWarp};
 pub use photographs::Photographs;
 pub use preview::write_preview;
 pub use run_cameras::{RunCamera, RunCameras};

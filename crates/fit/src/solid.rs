@@ -23,6 +23,12 @@ pub(crate) const SLOPE_POINTS: u64 = 128;
 /// Radius of the tracing sphere of a solid with a cap, in bounding radii: the cap is inside.
 const MARGIN: f64 = 1.5;
 
+impl std::fmt::Debug for Solid<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Solid").field("bounds", &self.bounds).finish_non_exhaustive()
+    }
+}
+
 impl<'a> Solid<'a> {
     /// The solid of a model. It costs 4096 evaluations of the field.
     pub fn new(model: &'a Model, file: &'a RunFile) -> Self {

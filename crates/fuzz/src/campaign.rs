@@ -76,6 +76,7 @@ impl Tally {
 }
 
 /// One reader of the program `fuzz`.
+#[derive(Debug)]
 pub struct Campaign<'a> {
     /// The program.
     pub program: &'a Path,
@@ -91,7 +92,7 @@ pub struct Campaign<'a> {
 const CASES_OF_A_PROCESS: u64 = 10_000;
 
 /// The longest message of a finding, in characters.
-const LONGEST: usize = 300;
+const MAX_FINDING_CHARACTERS: usize = 300;
 
 impl Campaign<'_> {
     /// Reads the cases. A process that crashes or hangs is replaced, and its case is a finding.
@@ -200,7 +201,7 @@ impl Run<'_> {
     /// Adds a finding, and keeps the files of its case if it is new.
     fn found(&mut self, case: u64, kind: &'static str, message: &str) -> anyhow::Result<()> {
         let message = message.replace(&self.folder.display().to_string(), "");
-        let message: String = message.chars().take(LONGEST).collect();
+        let message: String = message.chars().take(MAX_FINDING_CHARACTERS).collect();
         let known = |f: &&mut Finding| f.kind == kind && pattern(&f.message) == pattern(&message);
         if let Some(finding) = self.tally.findings.iter_mut().find(known) {
             finding.count += 1;

@@ -8,6 +8,8 @@
 //! `fuzz campaigns SECONDS SEED OUTPUT CORPUS [READER]` runs campaigns of these processes.
 //! `fuzz dsdf ARGUMENTS` is `dsdf`, and `fuzz readers` lists the readers.
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program")]
+
 mod campaigns;
 
 use std::fs;

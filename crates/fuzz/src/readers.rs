@@ -24,7 +24,7 @@ use crate::self_test;
 use crate::verdict::{Verdict, judge};
 
 /// How a reader is called.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Call {
     /// A function of a library, on the folder of a case.
     Library(fn(&Path) -> anyhow::Result<()>),
@@ -33,6 +33,7 @@ enum Call {
 }
 
 /// A reader with the generator of its files.
+#[derive(Debug)]
 pub struct Reader {
     /// The name on the command line.
     pub name: &'static str,

@@ -5,7 +5,7 @@ use std::path::Path;
 use app::error::input_error;
 
 /// The most characters of a message, beyond the path of the folder.
-const LONGEST: usize = 2500;
+const MAX_MESSAGE_CHARACTERS: usize = 2500;
 
 /// The outcome of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ pub(crate) fn judge_line(folder: &Path, message: &str) -> Verdict {
     let length = message.replace(&folder, "").chars().count();
     if let Some(odd) = message.chars().find(|c| c.is_control()) {
         Verdict::Wrong(format!("control character {odd:?} in a message: {message}"))
-    } else if length > LONGEST {
+    } else if length > MAX_MESSAGE_CHARACTERS {
         let start: String = message.chars().take(200).collect();
         Verdict::Wrong(format!("a message of {length} characters: {start}"))
     } else if !message.contains(&folder) && !message.starts_with('/') {

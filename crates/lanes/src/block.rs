@@ -13,7 +13,7 @@ pub const HALF: usize = LANES / 2;
 
 /// Points that take less time with [`multiply_few`](crate::multiply_few) than as half a block. At
 /// 8 points, both products take about as many multiply–adds of registers as half of that.
-pub const FEW: usize = 8;
+pub const FEW_POINTS: usize = 8;
 
 /// Rows of a matrix that are packed together.
 pub const TILE: usize = 8;

@@ -18,7 +18,7 @@ mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{FEW, HALF, LANES, Row, TILE, pack, pack_columns, padded};
+pub use block::{FEW_POINTS, HALF, LANES, Row, TILE, pack, pack_columns, padded};
 pub use instructions::{Instructions, dispatch};
 pub use isa::{Isa, Pass, fma};
 pub use math::Lane;

@@ -77,7 +77,7 @@ pub fn multiply_few<R: Lane, I: Isa, const P: usize>(
     I::call(MultiplyFew::<R, P> { columns, start, input, output });
 }
 
-/// Adds Σ_sides Σ_lanes adjoint inputᵀ to the first `rows` rows of `gradient`.
+/// Adds `Σ_sides Σ_lanes adjoint inputᵀ` to the first `rows` rows of `gradient`.
 ///
 /// A side is the adjoint of a layer's z and the layer's input, transposed by [`Lane::transpose`].
 /// Rows of `gradient` have length `padded(columns)`.

@@ -86,6 +86,32 @@ pub struct Wanted {
     pub cameras: bool,
 }
 
+impl std::fmt::Debug for Objective<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Objective { draws, surface, regularisers, wanted, .. } = self;
+        f.debug_struct("Objective")
+            .field("draws", &draws.len())
+            .field("surface", surface)
+            .field("regularisers", regularisers)
+            .field("wanted", wanted)
+            .finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for Surface<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Surface::Soft { sharpness, .. } => {
+                f.debug_struct("Soft").field("sharpness", sharpness).finish_non_exhaustive()
+            }
+            Surface::Sharp { counts, pass, .. } => {
+                let mut shown = f.debug_struct("Sharp");
+                shown.field("counts", counts).field("pass", pass).finish_non_exhaustive()
+            }
+        }
+    }
+}
+
 impl<'a> Objective<'a> {
     /// The photometric loss of these pixels alone, each with the same weight: no regularisers, no
     /// exposures, no carving, and the derivatives of field and radiance.

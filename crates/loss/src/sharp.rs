@@ -116,7 +116,7 @@ impl Compared {
     /// The hits, each with the number of its pixel.
     fn hits(&self) -> impl Iterator<Item = (usize, Vec3)> {
         self.record.area.iter().flat_map(|area| {
-            let pixel = |sample: usize| area.shares[sample].pixel as usize;
+            let pixel = |sample: usize| area.weights[sample].pixel as usize;
             let hits = area.primary.hits.iter().zip(&area.primary.surface.x);
             hits.map(move |(hit, x)| (pixel(hit.sample), *x))
         })

@@ -1,5 +1,7 @@
 //! Numbers as bytes of binary formats.
 
+#![warn(clippy::cast_possible_truncation)]
+
 /// The bytes of three words.
 pub(crate) fn little_endian(words: [u32; 3]) -> [u8; 12] {
     let mut bytes = [0; 12];

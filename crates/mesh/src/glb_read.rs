@@ -1,5 +1,7 @@
 //! Reading of binary glTF files: the triangles of a scene, in world units.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::path::Path;
 
 use files::InputError;
@@ -120,6 +122,7 @@ pub(crate) fn parse_glb(path: &Path, bytes: &[u8]) -> Result<Mesh> {
 /// The distinct positions of `vertices`; `faces` then have their indices.
 fn merge_equal(vertices: &[DVec3], faces: &mut [[u32; 3]]) -> Vec<DVec3> {
     let (mut distinct, mut index_of) = (Vec::new(), FxHashMap::default());
+    #[expect(clippy::cast_possible_truncation, reason = "faces number all vertices by u32")]
     let merged: Vec<u32> = vertices
         .iter()
         .map(|v| {
@@ -249,10 +252,11 @@ impl<'a> Reader<'a> {
         if mode != TRIANGLES {
             return Err(self.error("mode", mode, "4: separate triangles"));
         }
-        let first = u32::try_from(vertices.len())
-            .map_err(|_| self.error("vertices", vertices.len(), "fewer than 2^32"))?;
+        let number = |count: usize| {
+            u32::try_from(count).map_err(|_| self.error("vertices", count, "fewer than 2^32"))
+        };
+        let first = number(vertices.len())?;
         let positions = self.items(primitive.attributes.position, "VEC3", &[FLOAT])?;
-        let before = vertices.len();
         vertices.extend(positions.map(|item| {
             let coordinate = |i: usize| {
                 let bytes = item[4 * i..4 * i + 4].try_into().unwrap_or_default();
@@ -260,7 +264,7 @@ impl<'a> Reader<'a> {
             };
             place.transform_point3(DVec3::new(coordinate(0), coordinate(1), coordinate(2)))
         }));
-        let count = (vertices.len() - before) as u32;
+        let count = number(vertices.len())? - first;
         let mut corners: Vec<u32> = match primitive.indices {
             None => (0..count).collect(),
             Some(accessor) => {

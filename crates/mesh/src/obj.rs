@@ -1,5 +1,7 @@
 //! Writing of .obj files, and of the .mtl and .png files of a textured one.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::io::{self, Write};
 use std::path::Path;
 

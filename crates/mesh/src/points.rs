@@ -1,5 +1,7 @@
 //! Reading of point clouds: .ply.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::path::Path;
 
 use files::{InputError, extension};
@@ -69,7 +71,8 @@ mod tests {
         let body: Vec<u8> = points.iter().flat_map(little).collect();
         let file = [header("binary_little_endian", 2, "double"), body].concat();
         assert_eq!(read(&file).unwrap(), expected);
-        let big = |p: &[f64; 3]| [p.map(|c| (c as f32).to_be_bytes()).concat(), vec![7]].concat();
+        let single = |p: &[f64; 3]| DVec3::from(*p).as_vec3().to_array();
+        let big = |p: &[f64; 3]| [single(p).map(f32::to_be_bytes).concat(), vec![7]].concat();
         let body: Vec<u8> = points.iter().flat_map(big).collect();
         let file = [header("binary_big_endian", 2, "float"), body].concat();
         assert_eq!(read(&file).unwrap(), expected);

@@ -1,5 +1,7 @@
 //! Reading of mesh files: .ply and .obj, and the choice of the reader.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::fmt::Display;
 use std::path::Path;
 

@@ -1,5 +1,7 @@
 //! The solid that is extracted: a field clipped to its bounding sphere.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use field::{Field, Real, Sphere, Vector3};
 use glam::DVec3;
 

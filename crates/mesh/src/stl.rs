@@ -2,6 +2,8 @@
 //!
 //! The format has triangles of positions in single precision, and no list of vertices.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::io::{self, Cursor, Write};
 use std::path::Path;
 
@@ -55,6 +57,10 @@ pub(crate) fn parse_stl(path: &Path, bytes: &[u8]) -> Result<Mesh, InputError> {
         .map_err(|e| InputError::new(path, "mesh", e, "an STL mesh"))?;
     let position = |v: &stl_io::Vertex| DVec3::from(v.0.map(f64::from));
     let vertices: Vec<DVec3> = read.vertices.iter().map(position).collect();
+    if u32::try_from(vertices.len()).is_err() {
+        return Err(InputError::new(path, "vertices", vertices.len(), "fewer than 2^32"));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 vertices")]
     let faces = read.faces.iter().map(|f| f.vertices.map(|v| v as u32)).collect();
     Ok(Mesh { faces, ..Mesh::of_vertices(&vertices) })
 }

@@ -1,4 +1,6 @@
 //! Depth maps of walls whose distances have closed forms.
+
+#![allow(clippy::print_stdout, reason = "the measured errors")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 use field::Sphere;

@@ -115,7 +115,7 @@ proptest! {
     }
 }
 
-/// Minimises Σ h_i (p_i − q_i)²/2 over groups with different rates.
+/// Minimises `Σ h_i (p_i − q_i)²/2` over groups with different rates.
 #[test]
 fn a_quadratic_is_minimised_to_its_closed_form() {
     let (h, q) = ([0.01, 1.0, 300.0, 7.0], [3.0, -2.0, 0.5, 1e-3]);

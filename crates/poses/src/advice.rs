@@ -3,7 +3,7 @@
 use crate::commands::Matching;
 
 /// The share of the photographs below which advice is given.
-pub const FEW: f64 = 0.8;
+pub const FEW_REGISTERED: f64 = 0.8;
 
 /// Ways to more poses, one sentence each. `matching` is the way in which pairs were chosen.
 pub fn remedies(matching: Matching) -> Vec<&'static str> {

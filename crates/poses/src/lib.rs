@@ -11,7 +11,7 @@ mod run;
 mod state;
 mod step;
 
-pub use advice::{FEW, remedies};
+pub use advice::{FEW_REGISTERED, remedies};
 pub use commands::{CameraChoice, CameraModel, Matching, Options};
 pub use error::Error;
 pub use photographs::Photographs;

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const READABLE: [&str; 3] = ["jpg", "jpeg", "png"];
 
 /// The least number of photographs: two have no held-out view, and few points.
-const LEAST: usize = 3;
+const MIN_PHOTOGRAPHS: usize = 3;
 
 /// The expected content of the folder, for messages.
 const EXPECTED: &str = "3 or more photographs as .jpg, .jpeg or .png files";
@@ -73,7 +73,7 @@ impl Photographs {
         if files.is_empty() {
             refuse_unconverted(folder)?;
         }
-        if files.len() < LEAST {
+        if files.len() < MIN_PHOTOGRAPHS {
             return Err(refused(found_in(folder, files.len(), &other)));
         }
         let paths = || files.iter().map(|file| folder.join(&file.name));

@@ -7,7 +7,7 @@ use files::InputError;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::advice::{FEW, remedies};
+use crate::advice::{FEW_REGISTERED, remedies};
 use crate::commands::Options;
 use crate::photographs::Photographs;
 
@@ -119,7 +119,7 @@ impl Poses {
         let names = photographs.files.iter().map(|file| &file.name);
         let missing: Vec<String> = names.filter(has_no_pose).cloned().collect();
         let (all, registered) = (photographs.count(), model.images.len());
-        let is_few = (registered as f64) < FEW * all as f64;
+        let is_few = (registered as f64) < FEW_REGISTERED * all as f64;
         let advice = if is_few { remedies(options.matching_of(all)) } else { Vec::new() };
         let camera = |c: &dataset::readers::SparseCamera| Camera {
             model: c.model.clone(),

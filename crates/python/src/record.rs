@@ -339,14 +339,14 @@ impl Record {
     ) -> PyResult<[Bound<'py, PyArray2<f64>>; 4]> {
         let delta = self.delta(delta)?;
         let mut columns: [Vec<DVec3>; 4] = Default::default();
-        for Area { primary, shares, .. } in &self.samples.area {
+        for Area { primary, weights, .. } in &self.samples.area {
             let surface = &primary.surface;
             columns[0].extend(&surface.x);
             columns[1].extend(&surface.normal);
             columns[2].extend(&surface.direction);
             columns[3].extend(primary.hits.iter().map(|hit| {
-                let share = shares[hit.sample];
-                delta[share.pixel as usize] * share.weight
+                let in_pixel = weights[hit.sample];
+                delta[in_pixel.pixel as usize] * in_pixel.weight
             }));
         }
         let [x, n, d, adjoint] = &columns;

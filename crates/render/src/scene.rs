@@ -1,5 +1,7 @@
 //! A field, its appearance, and the cameras that look at it.
 
+use std::fmt;
+
 use field::{Background, BackgroundRay, Field, Real, Shader, Sphere, Vector3};
 
 use crate::camera::Camera;
@@ -20,6 +22,14 @@ pub struct Scene<'a, R: Real> {
     pub background: &'a dyn Background<R>,
     /// The tracer's options and the ball of rays.
     pub tracing: Tracing<R>,
+}
+
+impl<R: Real> fmt::Debug for Scene<'_, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = f.debug_struct("Scene");
+        shown.field("cameras", &self.cameras).field("bounds", &self.bounds);
+        shown.field("tracing", &self.tracing).finish_non_exhaustive()
+    }
 }
 
 /// The tracer's options, and the ball of rays.

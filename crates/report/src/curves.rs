@@ -6,7 +6,7 @@ use files::InputError;
 use serde::{Deserialize, Serialize};
 
 /// The most points of a curve. Those of a longer one are means over equal times.
-const POINTS: usize = 240;
+const MAX_CURVE_POINTS: usize = 240;
 
 /// A metric over the time of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -86,18 +86,18 @@ pub(crate) fn metrics(path: &Path) -> Result<Metrics, InputError> {
     Ok(Metrics { curves, iterations: last.0, seconds: last.1, warning })
 }
 
-/// The means over [`POINTS`] equal times, if there are more points.
+/// The means over [`MAX_CURVE_POINTS`] equal times, if there are more points.
 fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (points.first().copied(), points.last().copied()) else {
         return points;
     };
-    if points.len() <= POINTS || last.0 <= first.0 {
+    if points.len() <= MAX_CURVE_POINTS || last.0 <= first.0 {
         return points;
     }
-    let mut bins = vec![(0.0, 0.0, 0_usize); POINTS];
+    let mut bins = vec![(0.0, 0.0, 0_usize); MAX_CURVE_POINTS];
     for (seconds, value) in points {
         let part = (seconds - first.0) / (last.0 - first.0);
-        let bin = &mut bins[((part * POINTS as f64) as usize).min(POINTS - 1)];
+        let bin = &mut bins[((part * MAX_CURVE_POINTS as f64) as usize).min(MAX_CURVE_POINTS - 1)];
         *bin = (bin.0 + seconds, bin.1 + value, bin.2 + 1);
     }
     let full = bins.into_iter().filter(|bin| bin.2 > 0);
@@ -121,7 +121,7 @@ mod tests {
         let Metrics { curves, iterations, warning, .. } = metrics(&path).unwrap();
         assert_eq!((curves.len(), iterations, warning), (2, 4799, None));
         // A loss of 0 has no logarithm.
-        assert_eq!(curves[0].points.len(), POINTS);
+        assert_eq!(curves[0].points.len(), MAX_CURVE_POINTS);
         let (seconds, loss) = curves[0].points[0];
         assert!((seconds - loss).abs() < 1e-9 && (seconds - 10.5).abs() < 1.0);
         assert!(curves[1].points.iter().all(|p| (p.1 - 20.0).abs() < 1e-9));

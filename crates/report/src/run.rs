@@ -8,6 +8,7 @@ use fit::{Model, RunFile};
 use crate::verdict::Verdict;
 
 /// A run, with all that its page shows.
+#[derive(Debug)]
 pub struct Run<'a> {
     /// The folder of the run.
     pub folder: &'a Path,

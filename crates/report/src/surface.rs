@@ -28,7 +28,7 @@ pub struct SurfaceShares {
 const CELLS: usize = 96;
 
 /// Points on the surface. The standard deviation of a share is at most 1.1 %.
-const POINTS: usize = 2000;
+const SURFACE_POINTS: usize = 2000;
 
 /// A point is on the bounding sphere if it is this close, in bounding radii: one and a half cells
 /// of the mesh. Solids that leave the sphere are cut off there.
@@ -49,7 +49,7 @@ pub fn surface_shares(
     cameras: Range<usize>,
 ) -> Result<Option<SurfaceShares>, InvalidField> {
     let mesh = extract(scene.field, sphere, CELLS, &|_| {});
-    let points = sample_surface(&mesh, POINTS, 0);
+    let points = sample_surface(&mesh, SURFACE_POINTS, 0);
     if points.is_empty() {
         return Ok(None);
     }

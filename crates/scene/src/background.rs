@@ -1,5 +1,7 @@
 //! The background of a scene file.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::path::{Path, PathBuf};
 
 use field::{Background, Precision, UniformBackground};

@@ -1,5 +1,7 @@
 //! The `camera` object of a scene file.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use glam::{DMat4, DVec2, DVec3};
 use serde_json::Value;
 

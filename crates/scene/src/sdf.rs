@@ -1,5 +1,7 @@
 //! The `sdf` object of a scene file: the field to build, and the JSON pointer of each parameter.
 
+#![warn(clippy::cast_possible_truncation)]
+
 use std::path::{Path, PathBuf};
 
 use field::{Clipped, Csg, Field, Kind, Operation, Shape, Sphere, may_reach};

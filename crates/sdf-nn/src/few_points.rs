@@ -1,19 +1,19 @@
 //! Passes over a few points, which would leave most lanes of a block empty.
 
-use lanes::{FEW, HALF, Isa, LANES, Lane, Row};
+use lanes::{FEW_POINTS, HALF, Isa, LANES, Lane, Row};
 
 use crate::grid::{self, Jets};
-use crate::mlp::{FewScratch, MOST};
+use crate::mlp::{FewScratch, MAX_SWEEP_POINTS};
 use crate::network::Network;
 
 /// The number of points of a chunk of at most `LANES` points that are computed as one block; the
-/// others, at most [`FEW`], take the sweeps for a few points.
+/// others, at most [`FEW_POINTS`], take the sweeps for a few points.
 pub(crate) fn block_points(count: usize) -> usize {
     let rest = count % HALF;
-    if count < LANES && rest <= FEW { count - rest } else { count }
+    if count < LANES && rest <= FEW_POINTS { count - rest } else { count }
 }
 
-/// The working memory of passes over at most [`FEW`] points.
+/// The working memory of passes over at most [`FEW_POINTS`] points.
 pub(crate) struct FewPoints<R> {
     features: Vec<Row<R>>,
     adjoint: Vec<Row<R>>,
@@ -32,7 +32,7 @@ impl<R: Lane> FewPoints<R> {
     /// Values of the network.
     #[inline(always)]
     pub(crate) fn values<I: Isa>(&mut self, network: &Network<R>, x: &[R::Vec3], f: &mut [R]) {
-        network.encoder.encode::<I, FEW>(x, &mut self.features);
+        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.features);
         I::call(network.grid_values(x.len(), &mut self.features));
         self.sweeps::<I, false>(network, f);
     }
@@ -47,7 +47,7 @@ impl<R: Lane> FewPoints<R> {
         f: &mut [R],
         gradient: &mut [R::Vec3],
     ) {
-        network.encoder.encode::<I, FEW>(x, &mut self.features);
+        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.features);
         let values = network.grid_values(x.len(), &mut self.features);
         I::call(grid::Slopes { values, jets: &mut *jets });
         self.sweeps::<I, true>(network, f);
@@ -60,7 +60,7 @@ impl<R: Lane> FewPoints<R> {
         let mut first = 0;
         while first < f.len() {
             first += match f.len() - first {
-                MOST.. => self.sweep::<I, MOST, STORE>(network, first, f),
+                MAX_SWEEP_POINTS.. => self.sweep::<I, MAX_SWEEP_POINTS, STORE>(network, first, f),
                 2.. => self.sweep::<I, 2, STORE>(network, first, f),
                 _ => self.sweep::<I, 1, STORE>(network, first, f),
             };

@@ -4,6 +4,8 @@
 //! version for each set of vector instructions. [`Passes::run`] is not generic where it is
 //! implemented, so they are compiled once.
 
+use std::fmt;
+
 use field::Real;
 use lanes::{Lane, dispatch};
 
@@ -34,6 +36,12 @@ impl Passes for f64 {
 /// A pass over a batch of points.
 #[doc(hidden)]
 pub struct AnyPass<'a, R: Real>(pub(crate) PassKind<'a, R>);
+
+impl<R: Real> fmt::Debug for AnyPass<'_, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("AnyPass").finish_non_exhaustive()
+    }
+}
 
 /// The passes.
 pub(crate) enum PassKind<'a, R: Real> {

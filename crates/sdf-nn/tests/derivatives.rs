@@ -416,7 +416,7 @@ fn single_precision_agrees_with_double_precision() {
 
 type Inputs = [Vec<DVec3>; 3];
 
-/// Σ_i adjoint_i · RGB_i of a head at points, normals and directions.
+/// `Σ_i adjoint_i · RGB_i` of a head at points, normals and directions.
 fn total(head: &RadianceHead<f64>, inputs: &Inputs, adjoint: &[DVec3]) -> f64 {
     let mut rgb = vec![DVec3::ZERO; adjoint.len()];
     let [x, normal, direction] = inputs;

@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![allow(clippy::print_stderr, reason = "a sweep reports its progress")]
 
 mod arguments;
 mod cell;

@@ -1,4 +1,7 @@
 //! Traces a field of one's own, an ellipsoid, and measures the area of its image.
+
+#![allow(clippy::print_stdout, reason = "a program")]
+
 use field::{Field, Sphere};
 use glam::DVec3;
 use trace::{Options, Outcome, Ray, intersect};

@@ -8,7 +8,7 @@ use field::{Field, Real, Vector3};
 
 pub use family::{RayFamily, Start, Tangency};
 
-use minimum::Point;
+use minimum::RayPoint;
 use search::{Search, SearchStep};
 
 /// Finds the silhouette near every start. Returns one element per start, `None` where the search
@@ -49,7 +49,8 @@ pub fn tangencies<R: Real>(
         active.retain(|i| {
             let search = &mut searches[*i];
             let Some((&f, &gradient)) = values.next() else { return false };
-            let point = Point { t: search.t, f, slope: gradient.dot(search.direction), gradient };
+            let point =
+                RayPoint { t: search.t, f, slope: gradient.dot(search.direction), gradient };
             match search.take_value(family, point, tolerance) {
                 SearchStep::Evaluate => true,
                 SearchStep::Found(tangency) => {

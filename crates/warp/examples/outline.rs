@@ -1,4 +1,7 @@
 //! Warps a film: the field V of a ball tends to the velocity of its outline.
+
+#![allow(clippy::print_stdout, reason = "a program")]
+
 use field::Shape;
 use glam::DVec3;
 use warp::{Pinhole, WarpOptions, WarpedRay, evaluate};

@@ -23,7 +23,7 @@ pub struct WarpOptions {
 }
 
 /// The largest γ, λ_d and ε: single precision ends at 3e38, and weights beyond it vanish.
-const LARGEST: f64 = 1e30;
+const MAX_VALUE: f64 = 1e30;
 
 /// The largest N: as many samples as any other option accepts.
 const MAX_STEPS: usize = 65_536;
@@ -61,7 +61,7 @@ impl WarpOptions {
     pub fn validate(&self) -> Result<(), InvalidSetting> {
         const NOT_NEGATIVE: &str = "a finite number, 0 or more, up to 1e30";
         let finite_from =
-            |value: f64, zero: bool| value <= LARGEST && (value > 0.0 || (zero && value == 0.0));
+            |value: f64, zero: bool| value <= MAX_VALUE && (value > 0.0 || (zero && value == 0.0));
         let length =
             |name, value: f64| Check::new(name, value, finite_from(value, true), NOT_NEGATIVE);
         Check::all([

@@ -126,7 +126,7 @@ fn derivative(
 /// The integral over the film of a lit ball's radiance minus the background's, in square pixels.
 ///
 /// The directions to the ball are a cone about its centre. In the angle θ from the axis the
-/// radiance falls as a square root at the rim, so that θ = θ_max sin(w) is a smooth parameter.
+/// radiance falls as a square root at the rim, so that `θ = θ_max sin(w)` is a smooth parameter.
 fn ball_integral(center: DVec3, radius: f64, background: impl Fn(DVec3) -> f64) -> f64 {
     let to = center - EYE;
     let distance = to.length();

@@ -1,4 +1,6 @@
 //! Derivative images and gradients of losses, by routes that share no code with the estimators.
+
+#![allow(clippy::print_stdout, reason = "the measured errors")]
 #![allow(clippy::unwrap_used, reason = "a test may fail by panic")]
 
 mod agreement;

@@ -86,7 +86,7 @@ fn without_a_baseline_the_background_is_carried_too() {
     assert!(derivative(0.5, Baseline::None) > 1.0);
 }
 
-/// Σ δ_p ∂I_p/∂θ of the same record: pixel by pixel, and in one sum.
+/// `Σ δ_p ∂I_p/∂θ` of the same record: pixel by pixel, and in one sum.
 fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
     let pixels: Vec<Pixel> = (0..120).map(|i| Pixel { camera: 0, x: i % 12, y: i / 12 }).collect();
     let delta: Vec<DVec3> =

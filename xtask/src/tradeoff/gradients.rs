@@ -28,7 +28,7 @@ pub(super) struct Axis {
 /// The options of the published estimator.
 const PAPER: &[&str] = &["--estimator", "paper"];
 
-/// All parameters. Those of the published warp (N, k, gamma, epsilon, lambda_d) need its estimator.
+/// All parameters. Those of the published warp (N, k, γ, ε, λ_d) need its estimator.
 /// For `refined`, edge samples are lines per pixel.
 pub(super) const AXES: [Axis; 10] = [
     Axis {

@@ -100,7 +100,7 @@ fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
 }
 
 /// Seconds from the start of a fit to its first page.
-const FIRST: Duration = Duration::from_secs(10);
+const FIRST_PAGE_AFTER: Duration = Duration::from_secs(10);
 
 /// The time from the end of one page to the start of the next, in times of the first.
 const PAUSE: u32 = 40;
@@ -116,7 +116,11 @@ impl Live {
     /// The first page is written ten seconds from now.
     pub(super) fn start(folder: &Path, fitting: &Fitting) -> Self {
         let about = About::of(&fitting.photographs.dataset, &fitting.file);
-        Live { about, folder: RunFolder::new(folder), next: Cell::new(Instant::now() + FIRST) }
+        Live {
+            about,
+            folder: RunFolder::new(folder),
+            next: Cell::new(Instant::now() + FIRST_PAGE_AFTER),
+        }
     }
 
     /// Writes the page if it is due.

@@ -12,6 +12,7 @@ use crate::messages::clock::Clock;
 const LENGTH: u64 = 10_000;
 
 /// The progress of a step of a command: on standard error, or for the host.
+#[derive(Debug)]
 pub struct Progress {
     name: String,
     bar: ProgressBar,
@@ -80,6 +81,7 @@ impl Progress {
 }
 
 /// The times of lines of a step.
+#[derive(Debug)]
 struct Lines {
     clock: Clock,
     start: Instant,

@@ -11,7 +11,7 @@ use render::Camera;
 /// The model is that of Brown ("Decentering Distortion of Lenses", Photogrammetric Engineering
 /// 32(3), 1966) and Conrady ("Decentred Lens-Systems", MNRAS 79, 1919) with the rational radial
 /// part and the thin prism of OpenCV ("Camera Calibration and 3D Reconstruction") and COLMAP's
-/// FULL_OPENCV and THIN_PRISM_FISHEYE. With tangents (x, y), y down, and r² = x² + y², it is the
+/// `FULL_OPENCV` and `THIN_PRISM_FISHEYE`. With tangents (x, y), y down, and r² = x² + y², it is the
 /// map
 ///
 /// (x, y) ↦ (x, y) (1 + k₁ r² + k₂ r⁴ + k₃ r⁶ + k₄ r⁸) / (1 + d₁ r² + d₂ r⁴ + d₃ r⁶)
@@ -232,6 +232,7 @@ fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
     let low = at.floor();
     let high = (low + 1.0).min(most);
     let f = (at - low).as_vec2();
+    #[expect(clippy::cast_possible_truncation, reason = "whole numbers inside the image")]
     let pixel = |x: f64, y: f64| image.at(x as u32, y as u32);
     let (a, b, c, d) =
         (pixel(low.x, low.y), pixel(high.x, low.y), pixel(low.x, high.y), pixel(high.x, high.y));
@@ -322,12 +323,9 @@ mod tests {
     }
 
     fn pattern(p: DVec2) -> [f32; 3] {
-        [
-            0.5 + 0.5 * (4.0 * p.x).sin(),
-            0.5 + 0.5 * (3.0 * p.y).cos(),
-            0.5 + 0.4 * (3.0 * p.x * p.y).sin(),
-        ]
-        .map(|v| v as f32)
+        let (x, y) = ((4.0 * p.x).sin(), (3.0 * p.y).cos());
+        let rgb = DVec3::new(x, y, 0.8 * (3.0 * p.x * p.y).sin());
+        (0.5 + 0.5 * rgb).as_vec3().to_array()
     }
 
     #[test]

@@ -14,6 +14,7 @@ use glam::{DMat4, DVec2, DVec3};
 use crate::readers::images::{image_folder, images, images_in, positions};
 use crate::readers::lens::Lens;
 use crate::readers::npy;
+use crate::readers::pixels::whole_pixels;
 use crate::readers::projection::pose_fault;
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
@@ -91,11 +92,11 @@ fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Camera> {
     };
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
     let [height, width, focal] = column(4).to_array();
-    let is_size = |n: f64| (1.0..=f64::from(u16::MAX)).contains(&n) && n.fract() == 0.0;
-    if !is_size(width) || !is_size(height) || focal <= 0.0 {
+    let size = [width, height].map(whole_pixels);
+    let ([Some(columns), Some(rows)], true) = (size, focal > 0.0) else {
         let found = format!("height {height}, width {width}, focal length {focal}");
         return error("size", found, "whole pixels from 1 to 65535, and a focal length above 0");
-    }
+    };
     let [down, right, backwards, eye] = [0, 1, 2, 3].map(column);
     let pose = DMat4::from_cols(
         right.extend(0.0),
@@ -103,8 +104,8 @@ fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Camera> {
         backwards.extend(0.0),
         eye.extend(1.0),
     );
-    let (size, principal) = ([width as u32, height as u32], DVec2::new(width, height) / 2.0);
-    match Camera::from_pose(size[0], size[1], DVec2::splat(focal), principal, pose) {
+    let principal = DVec2::new(width, height) / 2.0;
+    match Camera::from_pose(columns, rows, DVec2::splat(focal), principal, pose) {
         Some(camera) => Ok(camera),
         None => error("pose", pose_fault(pose), "a rotation (down, right, backwards) and an eye"),
     }

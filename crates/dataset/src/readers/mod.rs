@@ -1,5 +1,7 @@
 //! The camera files of other programs, one module a format, and lenses.
 
+#![warn(clippy::cast_possible_truncation)]
+
 mod blended_mvs;
 mod colmap;
 mod distortion;
@@ -13,6 +15,7 @@ mod nerf;
 mod neus;
 mod notes;
 mod npy;
+mod pixels;
 mod ply;
 mod projection;
 mod recognised;

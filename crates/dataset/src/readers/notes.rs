@@ -12,7 +12,7 @@ use film::{TurnedByExif, turned_by_exif};
 const NAMED: usize = 3;
 
 /// The most characters of a note.
-const LONGEST: usize = 400;
+const MAX_NOTE_CHARACTERS: usize = 400;
 
 /// Adds the notes on missing images, reduced images, orientations and fisheye lenses.
 ///
@@ -25,7 +25,7 @@ pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
     recognised.notes.extend(notes.into_iter().flatten());
     // Notes have names from files.
     for note in &mut recognised.notes {
-        *note = printable(note).chars().take(LONGEST).collect();
+        *note = printable(note).chars().take(MAX_NOTE_CHARACTERS).collect();
     }
     Ok(())
 }

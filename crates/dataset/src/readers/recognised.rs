@@ -10,7 +10,7 @@ use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
 
 /// The content of a data set before its images are read.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Recognised {
     /// The format and camera convention, as text.
     pub format: String,

@@ -15,6 +15,7 @@ use render::Camera;
 type Result<T> = std::result::Result<T, InputError>;
 
 /// A view whose image is not read yet.
+#[derive(Debug)]
 pub struct UnreadView {
     pub(crate) name: String,
     /// The image file.

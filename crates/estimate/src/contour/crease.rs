@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 use glam::DVec2;
 use render::{InvalidField, Sample, Scene, normals};
 
-use super::edge::{Event, EventKind, GridEdge, Place};
+use super::edge::{DepthJump, Event, EventKind, GridEdge};
 use crate::crossing::is_grazing;
 
 /// Halvings of an edge: an edge of 1/16 pixels is then 1e-9 pixels long.
@@ -69,7 +69,7 @@ impl<R: Real> Interval<R> {
             let (near, far) = if a.t < b.t { (a, b) } else { (b, a) };
             let sample = Sample { camera: self.camera, u: near.u };
             let contrast = near.radiance - far.radiance;
-            return Place { sample, t: near.t, contrast, grazing }.silhouette(scene);
+            return DepthJump { sample, t: near.t, contrast, grazing }.silhouette(scene);
         }
         let (along_a, along_b) = (a.gradient.dot(d), b.gradient.dot(d));
         // The film gradient of the crease, up to a factor.

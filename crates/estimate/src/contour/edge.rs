@@ -155,7 +155,7 @@ fn describe<R: Real>(
         edges[interval.edge].parts = vec![[from, interval.ends[0]], [interval.ends[1], to]];
         let mut grazing = [grazing_outside[k]; 2];
         grazing[interval.near()] = true;
-        let place = Place {
+        let place = DepthJump {
             sample: interval.sample(interval.near()),
             t: interval.depth[interval.near()],
             contrast: front.samples[k].radiance - back.samples[k].radiance,
@@ -167,7 +167,7 @@ fn describe<R: Real>(
 }
 
 /// A place where the depth jumps.
-pub(super) struct Place<R: Real> {
+pub(super) struct DepthJump<R: Real> {
     /// The sample just inside.
     pub(super) sample: Sample,
     /// Its depth, in world units.
@@ -178,10 +178,10 @@ pub(super) struct Place<R: Real> {
     pub(super) grazing: [bool; 2],
 }
 
-impl<R: Real> Place<R> {
+impl<R: Real> DepthJump<R> {
     /// The silhouette at the place, if f has a minimum along the ray there.
     pub(super) fn silhouette(&self, scene: &Scene<'_, R>) -> Option<Event<R>> {
-        let Place { sample: Sample { camera: number, u }, t, .. } = *self;
+        let DepthJump { sample: Sample { camera: number, u }, t, .. } = *self;
         let camera = &scene.cameras[number];
         let (d, du) = camera.direction_du(u);
         let (eye, d) = (R::Vec3::of(camera.eye), R::Vec3::of(d));
@@ -223,8 +223,8 @@ fn minimum_around<R: Real>(
         scene.field.value_gradient(&points, &mut f, &mut g);
         let slope = g.map(|g| g.dot(d));
         if slope[0] < R::zero() && slope[1] > R::zero() {
-            let share = -slope[0] / (slope[1] - slope[0]);
-            let weights = [R::one() - share, share];
+            let fraction = -slope[0] / (slope[1] - slope[0]);
+            let weights = [R::one() - fraction, fraction];
             let gradient = g[0] * weights[0] + g[1] * weights[1];
             return Some(Minimum { points, weights, gradient });
         }

@@ -115,7 +115,7 @@ impl Grid {
                     camera: pixel.camera,
                     axis: axis as usize,
                     start: edges[self.index(axis, line, 0)].ends[0],
-                    share: if end { 0.5 } else { 1.0 } / f64::from(self.cells),
+                    weight: if end { 0.5 } else { 1.0 } / f64::from(self.cells),
                 });
             }
         }

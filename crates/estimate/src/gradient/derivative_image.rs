@@ -227,13 +227,13 @@ fn channel<R: Real>(channel: usize) -> R::Vec3 {
 /// Adds the derivative of area samples by a parameter of the background.
 fn add_background<R: Real>(scene: &Scene<'_, R>, area: &Area<R>, index: usize, image: &mut Image) {
     let mut row = vec![R::zero(); scene.background.parameter_count()];
-    let samples = area.shares.iter().zip(&area.primary.samples);
-    for ((share, sample), hit) in samples.zip(area.primary.hit_mask()) {
+    let samples = area.weights.iter().zip(&area.primary.samples);
+    for ((in_pixel, sample), hit) in samples.zip(area.primary.hit_mask()) {
         let ray = scene.background_ray(&sample.sample);
         for c in (0..3).filter(|_| !hit) {
             row.fill(R::zero());
             scene.background.parameter_vjp(&[ray], &[channel::<R>(c)], &mut row);
-            image[share.pixel as usize][c] += (row[index] * share.weight).to_double();
+            image[in_pixel.pixel as usize][c] += (row[index] * in_pixel.weight).to_double();
         }
     }
 }
@@ -254,13 +254,13 @@ fn add_shader_parameters<R: Real>(
     let mut ignored = SurfaceAdjoint::zeros(1);
     for (i, hit) in primary.hits.iter().enumerate() {
         let point: SurfaceBatch<'_, R> = primary.surface.batch().range(i..i + 1);
-        let share = area.shares[hit.sample];
+        let in_pixel = area.weights[hit.sample];
         for c in 0..3 {
             row.fill(R::zero());
             scene.shader.vjp(&point, &[channel::<R>(c)], &mut ignored, &mut row);
             for (image, direction) in images.iter_mut().zip(directions) {
                 if let Direction::Shader(index) = *direction {
-                    image[share.pixel as usize][c] += (row[index] * share.weight).to_double();
+                    image[in_pixel.pixel as usize][c] += (row[index] * in_pixel.weight).to_double();
                 }
             }
         }

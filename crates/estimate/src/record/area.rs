@@ -11,9 +11,9 @@ use crate::record::parts::PixelParts;
 use crate::record::pass::Pass;
 use crate::record::surface::{SurfaceCoefficients, surface_vjp};
 
-/// The part of a sample in the value of its pixel.
+/// The pixel of a sample, and its weight there.
 #[derive(Clone, Copy, Debug)]
-pub struct Share<R> {
+pub struct PixelWeight<R> {
     /// The pixel, by its number in the batch.
     pub pixel: u32,
     /// The weight of the sample in the pixel's value.
@@ -21,16 +21,18 @@ pub struct Share<R> {
 }
 
 /// Film samples in the areas of pixels with their hits, and a warp if the estimator has one.
+#[derive(Debug)]
 pub struct Area<R: Real> {
     /// The samples and their hits.
     pub primary: Primary<R>,
-    /// One share per sample.
-    pub shares: Vec<Share<R>>,
+    /// The pixel and the weight of each sample.
+    pub weights: Vec<PixelWeight<R>>,
     /// The warp at every sample.
     pub warp: Option<AreaWarp<R>>,
 }
 
 /// A warp at film samples.
+#[derive(Debug)]
 pub struct AreaWarp<R: Real> {
     /// V and ∇_u·V at the samples.
     pub film_warp: FilmWarpWithDivergence<R>,
@@ -61,9 +63,9 @@ impl<R: Real> Area<R> {
     /// `spp` samples per pixel with equal weights, in the order of the pixels, without a warp.
     pub fn uniform(primary: Primary<R>, spp: u32) -> Self {
         let weight = R::one() / R::of(f64::from(spp));
-        let share = |i: usize| Share { pixel: i as u32 / spp, weight };
-        let shares = (0..primary.samples.len()).map(share).collect();
-        Area { primary, shares, warp: None }
+        let in_pixel = |i: usize| PixelWeight { pixel: i as u32 / spp, weight };
+        let weights = (0..primary.samples.len()).map(in_pixel).collect();
+        Area { primary, weights, warp: None }
     }
 
     /// VJP of θ ↦ the part of these samples in the pixel values; see [`crate::record::Record::vjp`] for the
@@ -77,7 +79,7 @@ impl<R: Real> Area<R> {
         out: &mut Adjoints<R>,
     ) {
         let delta: Vec<R::Vec3> =
-            self.shares.iter().map(|s| delta[s.pixel as usize] * s.weight).collect();
+            self.weights.iter().map(|s| delta[s.pixel as usize] * s.weight).collect();
         let adjoint: Vec<R::Vec3> = self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
         let surface = surface_vjp(scene, &self.primary, &adjoint, shader);
         let mut adjoints = self.sample_adjoints(&delta, &surface);
@@ -92,13 +94,13 @@ impl<R: Real> Area<R> {
             let scale = scale[hit.sample];
             let (x, alpha, c) =
                 (self.primary.surface.x[i], surface.alpha * scale, surface.c * scale);
-            out.push(self.shares[hit.sample].pixel, PointAdjoint { x, alpha, c });
+            out.push(self.weights[hit.sample].pixel, PointAdjoint { x, alpha, c });
         }
         if let Some(warp) = &self.warp {
             let SampleAdjoints { mut divergence, mut film, .. } = adjoints;
             divergence.iter_mut().zip(&scale).for_each(|(s, k)| *s *= *k);
             film.iter_mut().zip(&scale).for_each(|(f, k)| *f = f.map(|v| v * *k));
-            let pixel = |sample: usize| self.shares[sample].pixel;
+            let pixel = |sample: usize| self.weights[sample].pixel;
             warp.film_warp.area_vjp(&divergence, &film, pixel, out);
         }
     }
@@ -109,7 +111,7 @@ impl<R: Real> Area<R> {
         delta: &[R::Vec3],
         surface: &[SurfaceCoefficients<R>],
     ) -> SampleAdjoints<R> {
-        let n = self.shares.len();
+        let n = self.weights.len();
         let mut divergence = vec![R::zero(); n];
         let (mut film, mut total) = (vec![[R::zero(); 2]; n], vec![R::zero(); n]);
         for (hit, surface) in self.primary.hits.iter().zip(surface) {
@@ -185,10 +187,10 @@ impl<R: Real> Area<R> {
     pub fn background_vjp(&self, scene: &Scene<'_, R>, delta: &[R::Vec3], sum: &mut PartialSum<R>) {
         let (mut rays, mut adjoint) = (Vec::new(), Vec::new());
         for (i, hit) in self.primary.hit_mask().into_iter().enumerate() {
-            let share = self.shares[i];
+            let in_pixel = self.weights[i];
             if !hit {
                 rays.push(scene.background_ray(&self.primary.samples[i].sample));
-                adjoint.push(delta[share.pixel as usize] * share.weight);
+                adjoint.push(delta[in_pixel.pixel as usize] * in_pixel.weight);
             }
         }
         scene.background.add_parameter_vjp(&rays, &adjoint, sum);
@@ -233,20 +235,23 @@ impl<R: Real> Area<R> {
     pub(crate) fn append(&mut self, other: Self, first: u32) {
         debug_assert!(self.warp.is_none() && other.warp.is_none());
         self.primary.append(other.primary);
-        let moved = |share: Share<R>| Share { pixel: share.pixel + first, ..share };
-        self.shares.extend(other.shares.into_iter().map(moved));
+        let moved =
+            |in_pixel: PixelWeight<R>| PixelWeight { pixel: in_pixel.pixel + first, ..in_pixel };
+        self.weights.extend(other.weights.into_iter().map(moved));
     }
 
     /// Deals the samples to parts of consecutive pixels, whose pixels are numbered anew.
     pub(crate) fn deal(self, parts: &PixelParts) -> Vec<Self> {
         debug_assert!(self.warp.is_none());
-        let of_pixel = |share: &Share<R>| parts.of(share.pixel);
-        let of_sample: Vec<usize> = self.shares.iter().map(of_pixel).collect();
+        let of_pixel = |in_pixel: &PixelWeight<R>| parts.of(in_pixel.pixel);
+        let of_sample: Vec<usize> = self.weights.iter().map(of_pixel).collect();
         let dealt = self.primary.deal(parts.count(), &of_sample);
-        let own = |primary| Area { primary, shares: Vec::new(), warp: None };
+        let own = |primary| Area { primary, weights: Vec::new(), warp: None };
         let mut out: Vec<Self> = dealt.into_iter().map(own).collect();
-        for (share, part) in self.shares.into_iter().zip(of_sample) {
-            out[part].shares.push(Share { pixel: share.pixel - parts.first(part), ..share });
+        for (in_pixel, part) in self.weights.into_iter().zip(of_sample) {
+            out[part]
+                .weights
+                .push(PixelWeight { pixel: in_pixel.pixel - parts.first(part), ..in_pixel });
         }
         out
     }
@@ -254,8 +259,8 @@ impl<R: Real> Area<R> {
     /// Keeps the samples of the pixels for which `keep` is true. The samples must not have a warp.
     pub fn retain(&mut self, keep: impl Fn(u32) -> bool) {
         debug_assert!(self.warp.is_none());
-        let keep: Vec<bool> = self.shares.iter().map(|share| keep(share.pixel)).collect();
+        let keep: Vec<bool> = self.weights.iter().map(|in_pixel| keep(in_pixel.pixel)).collect();
         self.primary.retain(&keep);
-        retain_flagged(&mut self.shares, &keep);
+        retain_flagged(&mut self.weights, &keep);
     }
 }

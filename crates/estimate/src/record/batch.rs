@@ -4,14 +4,14 @@ use field::{PartialSum, Real};
 use render::{Primary, Scene};
 
 use crate::record::adjoints::Adjoints;
-use crate::record::area::{Area, Share};
+use crate::record::area::{Area, PixelWeight};
 use crate::record::border::Border;
 use crate::record::parts::PixelParts;
 use crate::record::pass::Pass;
 use crate::record::silhouettes::{SilhouettePoint, Silhouettes};
 
 /// All terms of the derivatives of a batch of pixels. Each is linear in the adjoints of the pixels.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Record<R: Real> {
     /// The value of every pixel from the same samples, linear RGB.
     pub radiance: Vec<R::Vec3>,
@@ -82,7 +82,7 @@ impl<R: Real> Record<R> {
         let first = self.radiance.len() as u32;
         self.radiance.extend(other.radiance);
         self.rays += other.rays;
-        for area in other.area.into_iter().filter(|area| !area.shares.is_empty()) {
+        for area in other.area.into_iter().filter(|area| !area.weights.is_empty()) {
             if self.area.is_empty() {
                 self.area.push(Area::uniform(Primary::default(), 1));
             }
@@ -133,7 +133,7 @@ impl<R: Real> Record<R> {
         let mut coverage = vec![R::zero(); self.radiance.len()];
         for area in &self.area {
             for hit in &area.primary.hits {
-                let Share { pixel, weight } = area.shares[hit.sample];
+                let PixelWeight { pixel, weight } = area.weights[hit.sample];
                 coverage[pixel as usize] += weight;
             }
         }

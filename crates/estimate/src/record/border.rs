@@ -19,6 +19,7 @@ pub struct BorderSample<R: Real> {
 }
 
 /// Samples of the borders of pixels, for the flux of a warp through them.
+#[derive(Debug)]
 pub struct Border<R: Real> {
     /// The samples.
     pub samples: Vec<BorderSample<R>>,

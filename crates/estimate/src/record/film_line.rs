@@ -16,7 +16,7 @@ pub struct FilmLine {
     /// The film position at s = 0.
     pub start: DVec2,
     /// The weight of the line in the mean over the pixel's lines along this axis.
-    pub share: f64,
+    pub weight: f64,
 }
 
 impl FilmLine {

@@ -10,6 +10,7 @@ use warp::{
 use crate::record::adjoints::{Adjoints, PointAdjoint};
 
 /// V at film samples. It is zero at samples whose rays miss the ball of rays.
+#[derive(Debug)]
 pub struct FilmWarp<R: Real> {
     warp: Warp<R>,
     /// The sample of every ray of `warp`.
@@ -17,6 +18,7 @@ pub struct FilmWarp<R: Real> {
 }
 
 /// V and ∇_u·V at film samples.
+#[derive(Debug)]
 pub struct FilmWarpWithDivergence<R: Real> {
     warp: WarpWithDivergence<R>,
     /// The sample of every ray of `warp`.

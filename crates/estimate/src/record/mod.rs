@@ -15,7 +15,7 @@ mod smooth_part;
 mod surface;
 
 pub use adjoints::{Adjoints, PixelAdjoint, PointAdjoint};
-pub use area::{Area, AreaWarp, Share, WarpedSample};
+pub use area::{Area, AreaWarp, PixelWeight, WarpedSample};
 pub use batch::Record;
 pub use border::{Border, BorderSample};
 pub use cameras::CameraAdjoints;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 /// The number of partial sums: enough to balance many threads, few enough to keep their memory
 /// small.
-const LANES: usize = 16;
+const PARTIAL_SUMS: usize = 16;
 
 /// The length of the part of a sum that a thread adds up at a time.
 const PART: usize = 1 << 14;
@@ -27,13 +27,13 @@ where
     T: Send,
     E: Send,
 {
-    let lanes: Vec<Result<_, E>> = (0..LANES.min(chunks))
+    let lanes: Vec<Result<_, E>> = (0..PARTIAL_SUMS.min(chunks))
         .into_par_iter()
         .with_max_len(1)
         .map(|lane| {
             let mut sum = vec![R::zero(); length];
             let values: Result<Vec<T>, E> =
-                (lane..chunks).step_by(LANES).map(|chunk| work(chunk, &mut sum)).collect();
+                (lane..chunks).step_by(PARTIAL_SUMS).map(|chunk| work(chunk, &mut sum)).collect();
             Ok((sum, values?))
         })
         .collect();
@@ -52,7 +52,7 @@ where
             total.iter_mut().zip(part).for_each(|(total, part)| *total += *part);
         }
     });
-    let ordered = (0..chunks).filter_map(|chunk| values[chunk % LANES].next()).collect();
+    let ordered = (0..chunks).filter_map(|chunk| values[chunk % PARTIAL_SUMS].next()).collect();
     Ok((total, ordered))
 }
 

@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 use render::{InvalidField, Sample, Scene};
 
-use crate::record::{Area, FilmLine, Record, SegmentEnd, Share};
+use crate::record::{Area, FilmLine, PixelWeight, Record, SegmentEnd};
 
 /// The stratification of samples along lines.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub struct Stratification<'a> {
 #[derive(Default)]
 struct SegmentSamples<R> {
     samples: Vec<Sample>,
-    shares: Vec<Share<R>>,
+    weights: Vec<PixelWeight<R>>,
     /// The axis of each sample's line.
     axis: Vec<usize>,
 }
@@ -45,14 +45,14 @@ pub fn add_smooth_part<R: Real>(
     ends: &[SegmentEnd],
     record: &mut Record<R>,
 ) -> Result<(), InvalidField> {
-    let SegmentSamples { samples, mut shares, axis } =
+    let SegmentSamples { samples, mut weights, axis } =
         segment_samples::<R>(lines, stratification, ends);
     let primary = scene.primary(&samples)?;
     record.rays += samples.len() as u64;
-    for (share, sample) in shares.iter_mut().zip(&primary.samples) {
+    for (in_pixel, sample) in weights.iter_mut().zip(&primary.samples) {
         // The lines along each of the two axes sample the whole pixel: each has half of the weight.
-        share.weight *= R::of(0.5);
-        record.radiance[share.pixel as usize] += sample.radiance * share.weight;
+        in_pixel.weight *= R::of(0.5);
+        record.radiance[in_pixel.pixel as usize] += sample.radiance * in_pixel.weight;
     }
     for (hit, normal) in primary.hits.iter().zip(&primary.surface.normal) {
         let i = hit.sample;
@@ -60,10 +60,10 @@ pub fn add_smooth_part<R: Real>(
         let slope = du.map(|du| normal.dot(R::Vec3::of(du)));
         let square = slope[0] * slope[0] + slope[1] * slope[1];
         if square > R::zero() {
-            shares[i].weight *= slope[axis[i]] * slope[axis[i]] / square * R::of(2.0);
+            weights[i].weight *= slope[axis[i]] * slope[axis[i]] / square * R::of(2.0);
         }
     }
-    record.area.push(Area { primary, shares, warp: None });
+    record.area.push(Area { primary, weights, warp: None });
     Ok(())
 }
 
@@ -73,16 +73,16 @@ fn segment_samples<R: Real>(
     Stratification { offset, per_pixel }: Stratification<'_>,
     ends: &[SegmentEnd],
 ) -> SegmentSamples<R> {
-    let mut out = SegmentSamples { samples: Vec::new(), shares: Vec::new(), axis: Vec::new() };
+    let mut out = SegmentSamples { samples: Vec::new(), weights: Vec::new(), axis: Vec::new() };
     let mut next = ends.iter().peekable();
     for (i, line) in lines.iter().enumerate() {
         let mut segment = |from: f64, to: f64, dense: [bool; 2]| {
             let count = ((to - from) * f64::from(per_pixel)).ceil().max(1.0);
             for j in 0..count as u32 {
                 let (s, sparsity) = placed((f64::from(j) + offset[i]) / count, dense);
-                let weight = R::of((to - from) * sparsity / count * line.share);
+                let weight = R::of((to - from) * sparsity / count * line.weight);
                 out.samples.push(line.at(from + (to - from) * s));
-                out.shares.push(Share { pixel: line.pixel, weight });
+                out.weights.push(PixelWeight { pixel: line.pixel, weight });
                 out.axis.push(line.axis);
             }
         };

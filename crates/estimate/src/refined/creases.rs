@@ -95,7 +95,7 @@ pub(super) fn add_crease<R: Real>(
     if square <= R::min_positive_value() {
         return;
     }
-    let rgb = (a.radiance - b.radiance) * (determinant[line.axis] / square * R::of(line.share));
+    let rgb = (a.radiance - b.radiance) * (determinant[line.axis] / square * R::of(line.weight));
     record.silhouettes.push(line.pixel, a.x, rgb * along_b);
     record.silhouettes.push(line.pixel, b.x, -(rgb * along_a));
 }

@@ -151,8 +151,8 @@ fn keep_smooth_pixels<R: Real>(record: &mut Record<R>, mask: &SilhouetteMask, sp
     record.area.iter_mut().for_each(|area| area.retain(|pixel| !mask.may_cross[pixel as usize]));
     let weight = R::one() / R::of(f64::from(spp));
     for area in &record.area {
-        for (sample, share) in area.primary.samples.iter().zip(&area.shares) {
-            record.radiance[share.pixel as usize] += sample.radiance * weight;
+        for (sample, in_pixel) in area.primary.samples.iter().zip(&area.weights) {
+            record.radiance[in_pixel.pixel as usize] += sample.radiance * weight;
         }
     }
 }
@@ -181,8 +181,8 @@ impl RandomLines {
         for [across, offset] in stream.sobol_points(0..count) {
             let mut start = pixel.corner();
             start[1 - axis] += across;
-            let share = 1.0 / f64::from(count);
-            self.lines.push(FilmLine { pixel: index, camera: pixel.camera, axis, start, share });
+            let weight = 1.0 / f64::from(count);
+            self.lines.push(FilmLine { pixel: index, camera: pixel.camera, axis, start, weight });
             self.offset.push(offset);
         }
     }
@@ -237,8 +237,8 @@ fn silhouette_end<R: Real>(crossing: &Crossing<R>) -> SegmentEnd {
 fn add_crossing<R: Real>(line: &FilmLine, crossing: &Crossing<R>, record: &mut Record<R>) {
     let [x, y] = crossing.film_gradient;
     let square = (x * x + y * y).max(R::min_positive_value());
-    let share = R::of(line.share);
-    let speed = crossing.film_gradient[line.axis].abs() / square * share;
+    let weight = R::of(line.weight);
+    let speed = crossing.film_gradient[line.axis].abs() / square * weight;
     let (rgb, coverage) = (crossing.contrast * speed, crossing.coverage * speed);
     for (x, weight) in crossing.points.into_iter().zip(crossing.weights) {
         let (rgb, coverage) = (rgb * weight, coverage * weight);

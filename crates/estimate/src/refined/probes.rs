@@ -8,7 +8,7 @@ use super::search::{Searches, first_reach};
 use super::visibility::VisibleCrossing;
 use crate::crossing::tolerance;
 use crate::record::FilmLine;
-use crate::silhouette_margin::GRAZING;
+use crate::silhouette_margin::SILHOUETTE_COSINE;
 
 /// The depth of the surface at one place of a line: from a ray, or beside a crossing.
 #[derive(Clone, Copy, Debug)]
@@ -113,7 +113,7 @@ impl<R: Real> Probes<R> {
             // The rays beside a gap between two surfaces hit these at grazing angles.
             if probe.depth.is_finite() {
                 let reach = first_reach(scene, camera, probe.depth);
-                searches.push(line, between, start(probe.depth, reach, GRAZING));
+                searches.push(line, between, start(probe.depth, reach, SILHOUETTE_COSINE));
             }
         }
         searches

@@ -10,7 +10,7 @@ use trace::Outcome;
 use super::crease_margin::near_creases;
 use crate::crossing::has_visible_creases;
 use crate::estimator::{Batch, SilhouetteMask};
-use crate::record::{Area, Record, Share};
+use crate::record::{Area, PixelWeight, Record};
 use crate::silhouette_margin::{Passage, SilhouetteMargin, near_silhouettes, passages};
 
 /// A ray through a corner that passes a surface by less than this, in pixels, can mark the pixels
@@ -56,9 +56,9 @@ pub(super) fn sample_unmarked<R: Real>(
         }
     }
     let weight = R::one() / R::of(f64::from(batch.counts.spp));
-    let share = |i: usize| Share { pixel: unmarked[i / count], weight };
-    let shares = (0..primary.samples.len()).map(share).collect();
-    record.area.push(Area { primary, shares, warp: None });
+    let in_pixel = |i: usize| PixelWeight { pixel: unmarked[i / count], weight };
+    let weights = (0..primary.samples.len()).map(in_pixel).collect();
+    record.area.push(Area { primary, weights, warp: None });
     Ok(not_far)
 }
 

@@ -151,7 +151,7 @@ mod tests {
 
     use super::*;
 
-    /// A radiance of (x + 1)/2, (y + 1)/2 and (d_z + 1)/2, where d is the view direction.
+    /// A radiance of (x + 1)/2, (y + 1)/2 and `(d_z + 1)/2`, where d is the view direction.
     struct Ramp;
 
     impl Shader<f32> for Ramp {

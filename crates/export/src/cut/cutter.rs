@@ -15,6 +15,7 @@ pub struct Step {
 ///
 /// Cuts are given by flags of the vertices. All are about the whole mesh, so their order changes
 /// only the step that a face is counted in.
+#[derive(Debug)]
 pub struct Cutter<'a> {
     mesh: &'a Mesh,
     kept: Vec<bool>,

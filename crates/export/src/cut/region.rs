@@ -24,7 +24,7 @@ pub enum Region {
 }
 
 /// The largest coordinate and radius of a region: squares of distances stay finite.
-const LARGEST: f64 = 1e12;
+const MAX_COORDINATE: f64 = 1e12;
 
 /// The forms of a region as text.
 const FORMS: &str = "box:x0,y0,z0,x1,y1,z1 with each first coordinate below the second, or \
@@ -41,7 +41,7 @@ impl Region {
 
     /// The region of these numbers, if it has an interior.
     fn new(kind: &str, numbers: &[f64]) -> Option<Self> {
-        if numbers.iter().any(|n| n.is_nan() || n.abs() > LARGEST) {
+        if numbers.iter().any(|n| n.is_nan() || n.abs() > MAX_COORDINATE) {
             return None;
         }
         match (kind, numbers) {

@@ -6,7 +6,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use render::Camera;
 
-use crate::calibrate::calibration::MOST;
+use crate::calibrate::calibration::MAX_CORRECTION;
 use crate::calibrate::freedom::{OF_LENS, OF_POSE};
 use crate::calibrate::median::median;
 use crate::calibrate::solve::{Row, System};
@@ -50,7 +50,7 @@ struct Adjustment<'a> {
 const SCALES: [f64; 7] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.12, 0.06];
 
 /// Steps with each of them.
-const STEPS: usize = 10;
+const STEPS_PER_SCALE: usize = 10;
 
 /// A step that lowers the cost by less than this share of it is the last with its scale.
 const LEAST_FALL: f64 = 1e-5;
@@ -125,7 +125,7 @@ impl Calibration {
         for scale in scales.iter().map(|scale| scale * pixel) {
             let mut damping = DAMPING;
             let mut cost = self.cost(adjustment, &points, scale);
-            for _ in 0..STEPS {
+            for _ in 0..STEPS_PER_SCALE {
                 let system = self.system(adjustment, &points, scale);
                 let before = cost;
                 while damping <= MOST_DAMPING {
@@ -135,7 +135,7 @@ impl Calibration {
                     let shifted = |(x, s): (&Option<DVec3>, &DVec3)| x.map(|x| x + *s);
                     let next: Vec<_> = points.iter().zip(&of_points).map(shifted).collect();
                     let new = moved.cost(adjustment, &next, scale);
-                    if new < cost && moved.parameters.iter().all(|p| p.abs() <= MOST) {
+                    if new < cost && moved.parameters.iter().all(|p| p.abs() <= MAX_CORRECTION) {
                         (cost, points, damping) = (new, next, damping * 0.1);
                         *self = moved;
                         break;

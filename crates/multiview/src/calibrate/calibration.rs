@@ -16,7 +16,7 @@ use crate::calibrate::units::{of_lens, of_pose};
 const PRIOR: f64 = 1e-5;
 
 /// The largest correction of one parameter, in pixels: what is farther off is no correction.
-pub(crate) const MOST: f64 = 1000.0;
+pub(crate) const MAX_CORRECTION: f64 = 1000.0;
 
 /// The reason why a state or a step was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -157,7 +157,7 @@ impl Calibration {
         if self.freedom.poses {
             self.gauge.hold(&mut self.parameters[..OF_POSE * self.given.len()]);
         }
-        self.parameters.iter_mut().for_each(|v| *v = v.clamp(-MOST, MOST));
+        self.parameters.iter_mut().for_each(|v| *v = v.clamp(-MAX_CORRECTION, MAX_CORRECTION));
         Ok(())
     }
 
@@ -260,7 +260,7 @@ impl Calibration {
         steps: u64,
     ) -> Result<(), CalibrationError> {
         let (found, expected) = (parameters.len(), self.parameters.len());
-        if found != expected || parameters.iter().any(|p| p.is_nan() || p.abs() > MOST) {
+        if found != expected || parameters.iter().any(|p| p.is_nan() || p.abs() > MAX_CORRECTION) {
             return Err(CalibrationError::Count { found, expected });
         }
         self.adam.restore(first, second, steps)?;

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 /// Steps of conjugate gradients, at most.
-const STEPS: usize = 300;
+const MAX_SOLVER_STEPS: usize = 300;
 
 /// Conjugate gradients end where the residual is this part of the first.
 const TOLERANCE: f64 = 1e-8;
@@ -121,7 +121,7 @@ impl System {
         let mut z = scaled(&r);
         let (mut along, mut size) = (z.clone(), dot(&r, &z));
         let first = size;
-        for _ in 0..STEPS {
+        for _ in 0..MAX_SOLVER_STEPS {
             if size <= first * TOLERANCE * TOLERANCE {
                 break;
             }

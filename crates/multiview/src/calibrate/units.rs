@@ -7,7 +7,7 @@ use render::Camera;
 use crate::calibrate::freedom::{OF_LENS, OF_POSE};
 
 /// The least distance of an eye from the centre of the bounding sphere that counts, in radii.
-const NEAREST: f64 = 0.1;
+const MIN_EYE_DISTANCE: f64 = 0.1;
 
 /// Half of the frame's longer side, in pixels.
 pub(crate) fn half_frame(camera: &Camera) -> f64 {
@@ -22,7 +22,7 @@ fn focal(camera: &Camera) -> f64 {
 
 /// Radians of each rotation, and world units of each shift, per pixel at the sphere's centre.
 pub(crate) fn of_pose(camera: &Camera, sphere: &Sphere<f64>) -> [f64; OF_POSE] {
-    let distance = (camera.eye - sphere.center).length().max(NEAREST * sphere.radius);
+    let distance = (camera.eye - sphere.center).length().max(MIN_EYE_DISTANCE * sphere.radius);
     let (turn, shift) = (1.0 / focal(camera), distance / focal(camera));
     [turn, turn, turn, shift, shift, shift]
 }

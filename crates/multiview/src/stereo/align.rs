@@ -20,13 +20,13 @@ const SIDE: usize = 2 * HALF as usize + 1;
 const UNKNOWNS: usize = 8;
 
 /// Steps of an alignment, at most.
-const STEPS: usize = 15;
+const MAX_ALIGNMENT_STEPS: usize = 15;
 
 /// A step that moves the patch by less than this is the last, in pixels.
 const SMALL: f32 = 0.005;
 
 /// The largest motion of the middle from where it is expected, in pixels.
-const MOST: f32 = 4.0;
+const MAX_MOTION: f32 = 4.0;
 
 /// The least correlation of aligned patches.
 const LEAST_CORRELATION: f64 = 0.9;
@@ -96,8 +96,8 @@ pub(crate) fn align(
         (-HALF..=HALF).map(|j| patch.values(from, j, Vec2::ZERO)).collect();
     let mut image = start;
     let mut gain = 1.0;
-    for _ in 0..STEPS {
-        let is_near = image.middle.distance(start.middle) <= MOST;
+    for _ in 0..MAX_ALIGNMENT_STEPS {
+        let is_near = image.middle.distance(start.middle) <= MAX_MOTION;
         if !is_near || !image.is_on(to) {
             return None;
         }
@@ -109,7 +109,7 @@ pub(crate) fn align(
         image.below += Vec2::new(xj, yj);
         gain += more;
         if motion.length() < SMALL {
-            let fits = image.is_on(to) && image.middle.distance(start.middle) <= MOST;
+            let fits = image.is_on(to) && image.middle.distance(start.middle) <= MAX_MOTION;
             return (fits && correlation(&rows, to, &image) >= LEAST_CORRELATION).then_some(image);
         }
     }

@@ -20,7 +20,7 @@ const ANGLES: [f32; 2] = [3.0, 60.0];
 pub(crate) const COMPARED: usize = 10;
 
 /// A photograph with its camera, which must have no radial distortion.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The camera, in world units.
     pub camera: &'a Camera,
@@ -66,6 +66,7 @@ impl DepthMap {
 /// The search for the depth maps of some photographs.
 ///
 /// The same seed gives the same bits on any number of threads.
+#[derive(Debug)]
 pub struct Stereo {
     pub(crate) photos: Vec<Photo>,
     ball: Sphere<f32>,

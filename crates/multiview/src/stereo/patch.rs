@@ -5,13 +5,13 @@ use glam::{Vec2, Vec3};
 use crate::stereo::photo::Photo;
 
 /// Half of the side of a patch, in pixels: 7 × 7 pixels, of which every second is compared.
-const HALF: i32 = 3;
+const HALF_SIDE: i32 = 3;
 
 /// The number of compared pixels of a patch.
 const PIXELS: usize = 25;
 
 /// The same, with pixels without weight up to a whole number of vectors.
-const LANES: usize = 28;
+const PADDED_PIXELS: usize = 28;
 
 /// The difference of grey values at which a pixel has half of its weight: pixels of other
 /// brightness than the middle are probably on another surface.
@@ -42,7 +42,7 @@ pub(crate) const NEIGHBOURS: usize = 4;
 const AREAS: [f32; 2] = [0.1, 8.0];
 
 /// The longest side of a pixel's image in a neighbour, in pixels.
-const LONGEST: f32 = 4.0;
+const MAX_PIXEL_SIDE: f32 = 4.0;
 
 /// A plane through a point of a pixel's ray.
 #[derive(Clone, Copy, Debug)]
@@ -64,12 +64,12 @@ impl Plane {
 pub(crate) struct Patch {
     middle: Vec2,
     /// Offsets from the middle, in pixels.
-    x: [f32; LANES],
-    y: [f32; LANES],
+    x: [f32; PADDED_PIXELS],
+    y: [f32; PADDED_PIXELS],
     /// Weights, with the sum 1.
-    weights: [f32; LANES],
+    weights: [f32; PADDED_PIXELS],
     /// Weights times grey values less their mean.
-    weighted: [f32; LANES],
+    weighted: [f32; PADDED_PIXELS],
     variance: f32,
 }
 
@@ -85,7 +85,7 @@ pub(crate) struct Pattern {
 /// The pattern of the patch around a pixel; `None` if the patch with one more pixel leaves the
 /// film.
 pub(crate) fn pattern(photo: &Photo, x: usize, y: usize) -> Option<Pattern> {
-    let reach = HALF as usize + 1;
+    let reach = HALF_SIDE as usize + 1;
     if x < reach || y < reach || x + reach >= photo.width || y + reach >= photo.height {
         return None;
     }
@@ -119,14 +119,15 @@ impl Pattern {
 impl Patch {
     /// The patch around a pixel; `None` if it leaves the film or has no pattern.
     pub(crate) fn of(photo: &Photo, x: usize, y: usize) -> Option<Self> {
-        let half = HALF as usize;
+        let half = HALF_SIDE as usize;
         if x < half || y < half || x + half >= photo.width || y + half >= photo.height {
             return None;
         }
         let center = photo.grey(x, y);
-        let (mut dx, mut dy) = ([0.0; LANES], [0.0; LANES]);
-        let (mut values, mut weights) = ([0.0; LANES], [0.0; LANES]);
-        let places = (-HALF..=HALF).flat_map(|j| (-HALF..=HALF).map(move |i| (i, j)));
+        let (mut dx, mut dy) = ([0.0; PADDED_PIXELS], [0.0; PADDED_PIXELS]);
+        let (mut values, mut weights) = ([0.0; PADDED_PIXELS], [0.0; PADDED_PIXELS]);
+        let places =
+            (-HALF_SIDE..=HALF_SIDE).flat_map(|j| (-HALF_SIDE..=HALF_SIDE).map(move |i| (i, j)));
         for (k, (i, j)) in places.filter(|(i, j)| (i + j) % 2 == 0).take(PIXELS).enumerate() {
             let (column, row) =
                 (x.wrapping_add_signed(i as isize), y.wrapping_add_signed(j as isize));
@@ -138,7 +139,8 @@ impl Patch {
         let sum: f32 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= sum);
         let mean: f32 = values.iter().zip(&weights).map(|(v, w)| v * w).sum();
-        let weighted: [f32; LANES] = std::array::from_fn(|k| weights[k] * (values[k] - mean));
+        let weighted: [f32; PADDED_PIXELS] =
+            std::array::from_fn(|k| weights[k] * (values[k] - mean));
         let variance: f32 = weighted.iter().zip(&values).map(|(w, v)| w * (v - mean)).sum();
         let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         (variance > LEAST_VARIANCE).then_some(Patch {
@@ -181,18 +183,20 @@ impl Patch {
         };
         let (right, below) = (right - middle, below - middle);
         let (area, side) = (right.perp_dot(below).abs(), right.abs().max(below.abs()));
-        let reach = (right.abs() + below.abs()).max_element() * HALF as f32;
-        let fits = area > AREAS[0] && area < AREAS[1] && side.max_element() < LONGEST;
+        let reach = (right.abs() + below.abs()).max_element() * HALF_SIDE as f32;
+        let fits = area > AREAS[0] && area < AREAS[1] && side.max_element() < MAX_PIXEL_SIDE;
         if !fits || !photo.has_around(middle, reach) {
             return WORST;
         }
         let (x, y) = (&self.x, &self.y);
-        let u: [f32; LANES] = std::array::from_fn(|k| middle.x + right.x * x[k] + below.x * y[k]);
-        let v: [f32; LANES] = std::array::from_fn(|k| middle.y + right.y * x[k] + below.y * y[k]);
+        let u: [f32; PADDED_PIXELS] =
+            std::array::from_fn(|k| middle.x + right.x * x[k] + below.x * y[k]);
+        let v: [f32; PADDED_PIXELS] =
+            std::array::from_fn(|k| middle.y + right.y * x[k] + below.y * y[k]);
         let values = photo.sample(&u, &v);
         // Four sums side by side: a vector.
         let (mut means, mut squares, mut products) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        for k in (0..LANES).step_by(4) {
+        for k in (0..PADDED_PIXELS).step_by(4) {
             for l in 0..4 {
                 let (value, own) = (values[k + l], self.weights[k + l] * values[k + l]);
                 means[l] += own;

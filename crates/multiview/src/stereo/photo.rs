@@ -9,6 +9,7 @@ use render::Camera;
 const ROUNDING: f32 = 0.01;
 
 /// A photograph of a view.
+#[derive(Debug)]
 pub(crate) struct Photo {
     pub(crate) eye: Vec3,
     right: Vec3,

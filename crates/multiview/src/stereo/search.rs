@@ -14,7 +14,7 @@ use crate::stereo::patch::{Patch, Plane, WORST, pattern};
 use crate::stereo::photo::Photo;
 
 /// Random planes of a pixel at the start.
-const FIRST: u64 = 3;
+const FIRST_PLANES: u64 = 3;
 
 /// Passes over all pixels.
 const PASSES: u64 = 4;
@@ -30,7 +30,7 @@ const FAR_PASSES: u64 = 2;
 const LEAST_COSINE: f32 = 0.1;
 
 /// The nearest distance that is tried, as a part of the distance where the ray leaves the ball.
-const NEAREST: f32 = 0.05;
+const MIN_DISTANCE: f32 = 0.05;
 
 /// The plane of a pixel, and its cost.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ pub(crate) struct Found {
 fn range(photo: &Photo, ball: &Sphere<f32>, ray: Vec3) -> Option<[f32; 2]> {
     let length = ray.length();
     let (near, far) = ball.clip(photo.eye, ray / length)?;
-    Some([length / far, length / near.max(NEAREST * far)])
+    Some([length / far, length / near.max(MIN_DISTANCE * far)])
 }
 
 /// The search in one photograph.
@@ -112,11 +112,11 @@ impl<'a> Search<'a> {
         let ray = self.photo.ray(middle(x, y));
         let stream = self.stream(PASSES, x, y);
         let mut best: Option<Found> = None;
-        for k in 0..FIRST {
+        for k in 0..FIRST_PLANES {
             let stream = stream.at(k);
             let part = stream.at(0).unit() as f32;
             // The last one is behind the ball.
-            let inverse = if k + 1 < FIRST { low + (high - low) * part } else { low * part };
+            let inverse = if k + 1 < FIRST_PLANES { low + (high - low) * part } else { low * part };
             let normal = facing(direction(stream.at(1)) - ray.normalize(), ray);
             let plane = Plane { depth: inverse.max(f32::MIN_POSITIVE).recip(), normal };
             self.try_plane(&patch, plane, &mut best);

@@ -17,7 +17,7 @@ const CELL: usize = 8;
 const BACK: f32 = 0.15;
 
 /// The places of a track, at least: two have a residual across the ray of each other.
-const LEAST: usize = 2;
+const MIN_TRACK_LENGTH: usize = 2;
 
 /// The places of one point: for each photograph that shows it, its number and the film position, in
 /// pixels.
@@ -45,7 +45,7 @@ impl Stereo {
             let own = (own, middle(x, y).as_dvec2());
             let places: Places =
                 std::iter::once(own).chain(others.iter().filter_map(seen)).collect();
-            (places.len() >= LEAST).then_some(places)
+            (places.len() >= MIN_TRACK_LENGTH).then_some(places)
         };
         let rows = (0..photo.height).step_by(CELL);
         let cells = rows.flat_map(|y| (0..photo.width).step_by(CELL).map(move |x| [x, y]));

@@ -36,6 +36,7 @@ pub(super) const ALL_LIT: u64 = u64::MAX;
 
 /// A shader in closed form. Its derivatives cost as much as a few evaluations, for any number of
 /// parameters.
+#[derive(Debug)]
 pub struct Analytic<R> {
     /// The formula.
     pub formula: Formula,

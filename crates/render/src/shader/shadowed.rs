@@ -1,5 +1,7 @@
 //! A Lambertian shader with shadows.
 
+use std::fmt;
+
 use field::{
     Field, Precision, Real, Scalar, Shader, Sphere, SurfaceAdjoint, SurfaceBatch, Vector3,
 };
@@ -17,6 +19,14 @@ pub struct Shadowed<'a, R: Real> {
     pub occluders: &'a dyn Field<R>,
     /// The ball, in world units, in which shadow rays are traced.
     pub bounds: Sphere<R>,
+}
+
+impl<R: Real> fmt::Debug for Shadowed<'_, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = f.debug_struct("Shadowed");
+        shown.field("analytic", &self.analytic).field("bounds", &self.bounds);
+        shown.finish_non_exhaustive()
+    }
 }
 
 /// The height above the surface at which a shadow ray starts, in bounding radii: more than the

@@ -1,5 +1,7 @@
 //! The `appearance` object of a scene file: the radiance of the surface.
 
+#![warn(clippy::cast_possible_truncation)]
+
 #[cfg(test)]
 mod tests;
 

@@ -3,6 +3,8 @@
 //!
 //! `cargo xtask bench` runs it, and measures whole programs too.
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a benchmark")]
+
 mod passes;
 mod peak;
 

@@ -37,7 +37,7 @@ pub enum FileError {
 const EXTENT: &str = "dsdf.background";
 
 /// The largest size of a number: products of two are finite.
-const LARGEST: f32 = 1e15;
+const MAX_MAGNITUDE: f32 = 1e15;
 
 fn container(error: safetensors::SafeTensorError) -> FileError {
     FileError::Container(error.to_string())
@@ -109,7 +109,7 @@ impl<R: Real> Volume<R> {
             let own = self::bytes(&tensors, name, Dtype::F32, length)?;
             for (i, number) in own.chunks_exact(4).enumerate() {
                 let number: f32 = bytemuck::pod_read_unaligned(number);
-                if number.is_nan() || number.abs() > LARGEST {
+                if number.is_nan() || number.abs() > MAX_MAGNITUDE {
                     let (found, expected) = (format!("{number:e} at {i}"), format!("{length} F32"));
                     return Err(FileError::Tensor { name, found, expected });
                 }

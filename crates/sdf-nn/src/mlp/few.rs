@@ -5,7 +5,7 @@ use super::activate::Activate;
 use super::perceptron::Mlp;
 use lanes::{Isa, LANES, Lane, Row, multiply_few};
 
-/// The working memory of the sweeps for at most [`MOST`] points at once.
+/// The working memory of the sweeps for at most [`MAX_SWEEP_POINTS`] points at once.
 ///
 /// The numbers of a point lie side by side in rows, and its rows follow those of the point before.
 pub(crate) struct FewScratch<R> {
@@ -23,7 +23,7 @@ pub(crate) struct FewScratch<R> {
 }
 
 /// The most points of a sweep. 8 would need 16 sums, all registers of AVX2.
-pub(crate) const MOST: usize = 4;
+pub(crate) const MAX_SWEEP_POINTS: usize = 4;
 
 /// The number of rows that hold `n` numbers.
 fn groups(n: usize) -> usize {
@@ -39,7 +39,7 @@ fn of_points<R, const P: usize>(rows: &[Row<R>], groups: usize) -> [&[Row<R>]; P
 impl<R: Lane> Mlp<R> {
     /// Working memory for the sweeps of a few points, with or without the backward sweep.
     pub(crate) fn few_scratch(&self, store: bool) -> FewScratch<R> {
-        let rows = |n: usize| vec![Row::zero(); MOST * groups(n)];
+        let rows = |n: usize| vec![Row::zero(); MAX_SWEEP_POINTS * groups(n)];
         let rows_if = |n: usize| if store { rows(n) } else { Vec::new() };
         let (widest, hidden) = (self.widest(), self.layers.len() - 1);
         FewScratch {

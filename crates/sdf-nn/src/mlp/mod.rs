@@ -13,6 +13,6 @@ mod forward;
 mod perceptron;
 mod scratch;
 
-pub(crate) use few::{FewScratch, MOST};
+pub(crate) use few::{FewScratch, MAX_SWEEP_POINTS};
 pub(crate) use perceptron::{LayerShape, Mlp};
 pub(crate) use scratch::Scratch;

@@ -92,6 +92,7 @@ impl RunDsdf for Path {
 }
 
 /// The result of `dsdf gradient`: derivative images with their cost.
+#[derive(Debug)]
 pub struct DerivativeImages {
     /// One image for each parameter, in the order of the parameters.
     pub images: Vec<Image>,

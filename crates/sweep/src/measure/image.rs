@@ -32,6 +32,7 @@ impl Image {
 }
 
 /// The squared L2 error of runs with different seeds, split into bias and noise.
+#[derive(Debug)]
 pub struct SquaredError {
     /// The squared distance of one run to the reference, mean over the runs.
     pub run: f64,

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 /// A line of a panel.
+#[derive(Debug)]
 pub struct Curve {
     /// Its name in the legend.
     pub name: String,
@@ -11,6 +12,7 @@ pub struct Curve {
 }
 
 /// A pair of axes.
+#[derive(Debug)]
 pub struct Panel {
     /// The title above it.
     pub title: String,

@@ -4,7 +4,7 @@ use field::{Real, Vector3};
 
 /// A point of a ray with f and its slope along the ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point<R: Real> {
+pub(super) struct RayPoint<R: Real> {
     pub(super) t: R,
     pub(super) f: R,
     /// ∂f/∂t.
@@ -25,7 +25,7 @@ const KINK_RATIO: f64 = 0.25;
 const FACE_DIFFERENCE: f64 = 0.1;
 
 /// Whether two points are on different faces of a solid.
-pub(super) fn on_different_faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
+pub(super) fn on_different_faces<R: Real>(a: RayPoint<R>, b: RayPoint<R>) -> bool {
     let longer = a.gradient.length().max(b.gradient.length());
     (b.gradient - a.gradient).length() > longer * R::of(FACE_DIFFERENCE)
 }
@@ -33,9 +33,9 @@ pub(super) fn on_different_faces<R: Real>(a: Point<R>, b: Point<R>) -> bool {
 /// A minimum of f along a ray, bracketed by two points.
 pub(super) struct Minimum<R: Real> {
     /// The point before the minimum, with a falling f.
-    pub(super) before: Point<R>,
+    pub(super) before: RayPoint<R>,
     /// The point after the minimum, with an f that does not fall.
-    pub(super) after: Point<R>,
+    pub(super) after: RayPoint<R>,
     /// The estimated distance of the minimum.
     pub(super) t: R,
     /// The estimate of m = min_t f.
@@ -55,7 +55,7 @@ pub(super) struct Minimum<R: Real> {
 impl<R: Real> Minimum<R> {
     /// The minimum between `a` and `b`, on a ray whose direction has the derivative
     /// `direction_dot` by s.
-    pub(super) fn between(a: Point<R>, b: Point<R>, direction_dot: R::Vec3) -> Self {
+    pub(super) fn between(a: RayPoint<R>, b: RayPoint<R>, direction_dot: R::Vec3) -> Self {
         let width = b.t - a.t;
         let weight = -a.slope / (b.slope - a.slope).max(R::min_positive_value());
         let t = a.t + width * weight;
@@ -96,8 +96,8 @@ mod tests {
     use glam::DVec3;
 
     /// A point with a gradient of the given slope along the ray, +x, and of 1 across it.
-    fn point(t: f64, f: f64, slope: f64) -> Point<f64> {
-        Point { t, f, slope, gradient: DVec3::new(slope, 1.0, 0.0) }
+    fn point(t: f64, f: f64, slope: f64) -> RayPoint<f64> {
+        RayPoint { t, f, slope, gradient: DVec3::new(slope, 1.0, 0.0) }
     }
 
     #[test]
@@ -139,7 +139,7 @@ mod tests {
         }
         // The heights above the tip decide, here 0.4 and 4, and not the values.
         for offset in [0.0, 9.5] {
-            let high = |t: f64| Point { f: at(t).f + offset, ..at(t) };
+            let high = |t: f64| RayPoint { f: at(t).f + offset, ..at(t) };
             assert_eq!(Minimum::between(high(2.6), high(5.0), DVec3::Y).t, 2.6);
         }
         // Both points are as far from the tip: neither is taken for it.
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn faces_differ_by_their_gradients() {
-        let gradient = |gradient: DVec3| Point { t: 1.0, f: 0.0, slope: 0.0, gradient };
+        let gradient = |gradient: DVec3| RayPoint { t: 1.0, f: 0.0, slope: 0.0, gradient };
         let base = gradient(DVec3::new(0.0, 4.0, 0.0));
         // Longer gradients of 4, turned by 9 % and by 11 % of their length.
         assert!(!on_different_faces(base, gradient(DVec3::new(0.36, 4.0, 0.0))));

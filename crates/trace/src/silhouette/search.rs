@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 
 use super::family::{RayFamily, Start, Tangency};
-use super::minimum::{Minimum, Point, on_different_faces};
+use super::minimum::{Minimum, RayPoint, on_different_faces};
 
 // Evidence: one constant changed at a time, for 28 000 starts about the seven solids of
 // tests/tracing.rs, with s an angle, a range of ±0.25 and a tolerance of 1e-6 radians, in double
@@ -61,8 +61,8 @@ pub(super) struct Search<R: Real> {
     /// The length of the step from there to the other side of the minimum.
     step: R,
     /// The points next to the minimum, before and after it.
-    before: Option<Point<R>>,
-    after: Option<Point<R>>,
+    before: Option<RayPoint<R>>,
+    after: Option<RayPoint<R>>,
     /// Evaluations along the current ray.
     evaluations: u32,
     newton_steps: u32,
@@ -118,7 +118,7 @@ impl<R: Real> Search<R> {
     pub(super) fn take_value(
         &mut self,
         family: &(impl RayFamily<R> + ?Sized),
-        p: Point<R>,
+        p: RayPoint<R>,
         tolerance: R,
     ) -> SearchStep<R> {
         self.evaluations += 1;
@@ -140,14 +140,14 @@ impl<R: Real> Search<R> {
     }
 
     /// Whether `p` is the first point of the search and the ray meets the surface too steeply.
-    fn starts_too_steep(&self, p: Point<R>) -> bool {
+    fn starts_too_steep(&self, p: RayPoint<R>) -> bool {
         self.evaluations == 1
             && self.newton_steps == 0
             && p.slope < -self.start.steepest * p.gradient.length()
     }
 
     /// Steps along the ray in the direction in which f falls; each step is twice the last one.
-    fn step_down(&mut self, p: Point<R>) -> SearchStep<R> {
+    fn step_down(&mut self, p: RayPoint<R>) -> SearchStep<R> {
         self.t = p.t + if p.slope < R::zero() { self.step } else { -self.step };
         self.step *= R::of(2.0);
         if self.t > R::zero() { SearchStep::Evaluate } else { SearchStep::Failed }

@@ -26,7 +26,7 @@ fn outline(radius: f64, distance: f64) -> f64 {
     64.0 * radius / (distance * distance - radius * radius).sqrt()
 }
 
-/// The error of V_x relative to the velocity of the outline, 1e-6 pixels outside the outline, for
+/// The error of `V_x` relative to the velocity of the outline, 1e-6 pixels outside the outline, for
 /// the derivatives by the centre's x, the centre's z and the radius.
 fn errors(points: usize, gamma: f64) -> [f64; 3] {
     let scene = scene(points, gamma);

@@ -24,7 +24,7 @@ const FISHEYE: [&str; 3] = ["OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_F
 impl Frame<'_> {
     /// Distortion: k1 to k6, p1 and p2, of the frame or of the file.
     ///
-    /// With `k5` or `k6`, or the model FULL_OPENCV, k4 to k6 are the radial divisor of OpenCV's
+    /// With `k5` or `k6`, or the model `FULL_OPENCV`, k4 to k6 are the radial divisor of OpenCV's
     /// rational model. Without, k4 is the coefficient of r⁸, as in nerfstudio.
     pub(super) fn lens(&self) -> Result<Lens> {
         let model = self.value("camera_model");

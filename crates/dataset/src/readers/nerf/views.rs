@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::frame::Frame;
 use crate::readers::MaskKind;
 use crate::readers::images::{image_named, image_place, reduced_copies, sibling_mask};
+use crate::readers::pixels::whole_pixels;
 use crate::readers::projection::pose_fault;
 use crate::readers::recognised::Views;
 use crate::readers::result::Result;
@@ -98,11 +99,10 @@ impl Frame<'_> {
         let (width, height) = if keys.contains(&None) { image_size(image)? } else { (0, 0) };
         let pick = |key: &str, value: Option<f64>, of_image: u32| match value {
             None => Ok(of_image),
-            Some(n) if n >= 1.0 && n <= f64::from(u16::MAX) && n.fract() == 0.0 => Ok(n as u32),
-            Some(n) => {
+            Some(n) => whole_pixels(n).ok_or_else(|| {
                 let expected = "a whole number of pixels from 1 to 65535";
-                Err(InputError::new(self.file, key, n, expected))
-            }
+                InputError::new(self.file, key, n, expected)
+            }),
         };
         Ok((pick("w", keys[0], width)?, pick("h", keys[1], height)?))
     }
