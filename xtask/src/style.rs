@@ -9,6 +9,7 @@ mod paths;
 mod quiet;
 mod results;
 mod source;
+mod streams;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -133,6 +134,7 @@ impl Repository {
             findings.extend(circles);
             findings.push(format!("{count} circles of files, expected {CIRCLES}: see CIRCLES"));
         }
+        findings.extend(streams::check(&self.texts));
         for (name, text) in &self.texts {
             findings.extend(self.about_text(name, text));
         }
