@@ -4,7 +4,7 @@
 
 use glam::{DVec2, DVec3};
 use image::{Rgb, RgbImage};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::Camera;
 
 /// The size of a photograph, and its focal length, in pixels.
@@ -16,6 +16,8 @@ const WALL: f64 = 2.0;
 
 /// The sizes of the pattern's cells in three layers, in the units of [`WALL`].
 const CELLS: [f64; 3] = [0.35, 0.12, 0.05];
+
+const COLORS: Name = Name::new("colours of cells", 1 << 32 | 0xc010);
 
 /// Cameras on an arc in front of one corner, about 6° apart as seen from it.
 ///
@@ -52,7 +54,7 @@ pub fn photograph(camera: &Camera) -> RgbImage {
 /// The colour of a point: layers of cells with random colours, with smooth borders.
 fn pattern(x: DVec3) -> DVec3 {
     let layers = CELLS.iter().zip(0..).map(|(size, layer)| {
-        let stream = Stream::new(layer, Purpose::Other(0xc010));
+        let stream = Stream::of_seed(layer).named(COLORS);
         let (low, part) = ((x / size).floor(), (x / size).fract_gl());
         let smooth = part * part * (3.0 - 2.0 * part);
         let corners = (0..8).map(|i| {

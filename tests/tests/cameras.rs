@@ -4,7 +4,7 @@
 use std::fs;
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use serde_json::{Value, json};
 
 use tests::input::{Folder, refused};
@@ -43,7 +43,7 @@ fn disturb(data: &str, degrees: f64) -> Vec<DMat4> {
     let path = format!("{data}/transforms_train.json");
     let mut root = read(&path);
     let given = poses(&root["frames"], "transform_matrix");
-    let stream = Stream::new(1, Purpose::Other(0));
+    let stream = Stream::of_seed(1).named(Name::new("axes of turns", 1 << 32));
     for (i, given) in given.iter().enumerate() {
         let axis = DVec3::from(stream.at(i as u64).in_ball()).normalize();
         let turn = DMat4::from_quat(DQuat::from_axis_angle(axis, degrees.to_radians()));

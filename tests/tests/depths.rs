@@ -7,12 +7,14 @@ use std::process::Command;
 
 use film::Film;
 use glam::{DMat4, DQuat, DVec2, DVec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::Camera;
 use serde_json::{Value, json};
 
 /// The views of a wall.
 const VIEWS: u32 = 6;
+
+const AXES: Name = Name::new("axes of turns", 1 << 32);
 
 /// Six views of a wall through the origin with a pattern, as a data set of pictures of `side`
 /// pixels. The cameras of the data set are turned by `degrees` about random axes. Returns the
@@ -22,7 +24,7 @@ fn wall(folder: &Path, side: u32, degrees: f64) -> Vec<DQuat> {
     let frame = |(i, camera): (u64, &Camera)| {
         let name = format!("{i}.png");
         film::write_image(&folder.join(&name), &photograph(camera)).unwrap();
-        let axis = DVec3::from(Stream::new(2, Purpose::Other(0)).at(i).in_ball()).normalize();
+        let axis = DVec3::from(Stream::of_seed(2).named(AXES).at(i).in_ball()).normalize();
         let turn = DMat4::from_quat(DQuat::from_axis_angle(axis, degrees.to_radians()));
         let pose = DMat4 { w_axis: camera.eye.extend(1.0), ..turn * camera.pose() };
         json!({"file_path": name, "transform_matrix": pose.transpose().to_cols_array_2d()})

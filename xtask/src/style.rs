@@ -9,6 +9,7 @@ mod paths;
 mod quiet;
 mod results;
 mod source;
+mod streams;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -117,6 +118,7 @@ impl Repository {
         let (circles, others) = self.about_modules();
         findings.extend(others);
         findings.extend(circles);
+        findings.extend(streams::check(&self.texts));
         for (name, text) in &self.texts {
             findings.extend(self.about_text(name, text));
         }

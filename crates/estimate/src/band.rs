@@ -88,7 +88,7 @@ impl<R: Real> Estimator<R> for Band {
         _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
         let spp = batch.counts.spp;
-        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.stream);
         let primary = scene.primary(&samples)?;
         let silhouettes = silhouettes(scene, &primary, spp);
         Ok(Record { silhouettes, ..Record::uniform(primary, spp) })

@@ -3,7 +3,7 @@
 
 use field::{Real, Vector3};
 use glam::DVec2;
-use random::{Purpose, Stream, gaussian};
+use random::{Name, Stream, gaussian};
 use render::{InvalidField, Sample, Scene};
 use warp::{Projection, SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 
@@ -27,6 +27,9 @@ const EXPONENT: f64 = 3.0;
 /// The least cos² in a harmonic weight: the weight of a hit seen edge-on at the sample would be
 /// infinite.
 const LEAST_BOUNDARY: f64 = 1e-6;
+
+const AUXILIARY_RAYS: Name = Name::new("auxiliary rays around a position", 7);
+const AUXILIARY_SHIFT: Name = Name::new("shift of a cloud of auxiliary rays", 8);
 
 /// The weights of auxiliary rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,18 +85,18 @@ impl Convolution {
         DVec2::from(gaussian(stream.sobol(index))) * DEVIATION
     }
 
-    /// The random stream of a sample. Its index is the film position, so that samples of different
-    /// tiles have different offsets.
-    fn stream(sample: &Sample, seed: u64, purpose: Purpose) -> Stream {
+    /// The part of a stream for a sample. Its index is the film position, so that samples of
+    /// different tiles have different offsets.
+    fn part(stream: Stream, sample: &Sample) -> Stream {
         let [x, y] = sample.u.to_array().map(f64::to_bits);
-        Stream::new(seed, purpose).at(sample.camera as u64).at(x).at(y)
+        stream.at(sample.camera as u64).at(x).at(y)
     }
 
     /// The offset of the centre of a sample's cloud from the sample, in pixels.
-    fn shift(&self, sample: &Sample, seed: u64) -> DVec2 {
+    fn shift(&self, sample: &Sample, stream: Stream) -> DVec2 {
         match self.weights {
             Weights::Harmonic => DVec2::ZERO,
-            Weights::Mean => Self::offset(0, Self::stream(sample, seed, Purpose::AuxiliaryShift)),
+            Weights::Mean => Self::offset(0, Self::part(stream.named(AUXILIARY_SHIFT), sample)),
         }
     }
 
@@ -102,15 +105,14 @@ impl Convolution {
         &self,
         scene: &Scene<'_, R>,
         samples: &[Sample],
-        seed: u64,
+        stream: Stream,
     ) -> Result<FilmWarpWithDivergence<R>, InvalidField> {
         let rays: Vec<Sample> = samples
             .iter()
             .flat_map(|sample| {
-                let stream = Self::stream(sample, seed, Purpose::AuxiliaryRays);
-                let around = sample.u + self.shift(sample, seed);
-                (0..self.rays)
-                    .map(move |j| Sample { u: around + Self::offset(j, stream), ..*sample })
+                let around = sample.u + self.shift(sample, stream);
+                let own = Self::part(stream.named(AUXILIARY_RAYS), sample);
+                (0..self.rays).map(move |j| Sample { u: around + Self::offset(j, own), ..*sample })
             })
             .collect();
         let hits = auxiliary_hits(scene, &rays)?;
@@ -120,7 +122,7 @@ impl Convolution {
         };
         let n = self.rays as usize;
         for (i, (hits, rays)) in hits.chunks(n).zip(rays.chunks(n)).enumerate() {
-            let terms = self.terms(&samples[i], seed, hits, rays);
+            let terms = self.terms(&samples[i], stream, hits, rays);
             push(&mut out, i, hits, &terms, self.weights == Weights::Harmonic);
         }
         Ok(FilmWarpWithDivergence::new(out, (0..samples.len()).collect()))
@@ -130,7 +132,7 @@ impl Convolution {
     fn terms<R: Real>(
         &self,
         sample: &Sample,
-        seed: u64,
+        stream: Stream,
         hits: &[Option<AuxiliaryHit<R>>],
         rays: &[Sample],
     ) -> Vec<Term<R>> {
@@ -139,7 +141,7 @@ impl Convolution {
                 hits.iter().zip(rays).map(|(hit, ray)| harmonic(hit, sample.u - ray.u)).collect()
             }
             Weights::Mean => {
-                let shift = self.shift(sample, seed);
+                let shift = self.shift(sample, stream);
                 let log_density_du = (shift / (DEVIATION * DEVIATION)).to_array();
                 let count = R::of(hits.iter().flatten().count().max(1) as f64);
                 // The weights are constant. The density of the cloud's centre moves with the
@@ -228,9 +230,9 @@ impl<R: Real> Estimator<R> for Convolution {
         _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
         let spp = batch.counts.spp;
-        let (samples, filter_du) = gaussian_samples(batch.pixels, spp, batch.seed);
+        let (samples, filter_du) = gaussian_samples(batch.pixels, spp, batch.stream);
         let primary = scene.primary(&samples)?;
-        let film_warp = self.warp(scene, &samples, batch.seed)?;
+        let film_warp = self.warp(scene, &samples, batch.stream)?;
         let background = scene.background_radiance(primary.samples.iter().map(|s| s.sample));
         let rows = primary.samples.iter().zip(background).zip(filter_du);
         let warped = rows.map(|((s, background), filter_du)| {

@@ -1,6 +1,7 @@
 //! The trait that every estimator implements.
 
 use field::Real;
+use random::Stream;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::discontinuity::Discontinuity;
@@ -44,8 +45,8 @@ pub struct Batch<'a> {
     pub pixels: &'a [Pixel],
     /// Their numbers of samples.
     pub counts: SampleCounts,
-    /// The seed of the samples.
-    pub seed: u64,
+    /// The random numbers of the samples.
+    pub stream: Stream,
     /// The terms that are wanted.
     pub terms: Terms,
 }

@@ -2,7 +2,7 @@
 
 use field::Real;
 use glam::DVec2;
-use random::gaussian;
+use random::{Stream, gaussian};
 use render::{Pixel, Sample, pixel_samples};
 
 use crate::estimator::FILTER_DEVIATION;
@@ -12,10 +12,10 @@ use crate::estimator::FILTER_DEVIATION;
 pub fn gaussian_samples<R: Real>(
     pixels: &[Pixel],
     spp: u32,
-    seed: u64,
+    stream: Stream,
 ) -> (Vec<Sample>, Vec<[R; 2]>) {
     let mut du = Vec::with_capacity(pixels.len() * spp as usize);
-    let mut samples = pixel_samples(pixels.iter().copied(), &(0..spp), seed);
+    let mut samples = pixel_samples(pixels.iter().copied(), &(0..spp), stream);
     for sample in &mut samples {
         let corner = sample.u.floor();
         let off = DVec2::from(gaussian((sample.u - corner).into())) * FILTER_DEVIATION;

@@ -19,7 +19,7 @@ impl<R: Real> Estimator<R> for Interior {
         _: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
         let spp = batch.counts.spp;
-        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.stream);
         let primary = scene.primary(&samples)?;
         Ok(Record::uniform(primary, spp))
     }

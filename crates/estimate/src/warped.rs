@@ -2,7 +2,7 @@
 
 use boundary::Edges;
 use field::{Real, Vector3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{InvalidField, Pixel, Primary, Sample, Scene, TracedSample, pixel_samples};
 use warp::WarpOptions;
 
@@ -32,6 +32,8 @@ pub struct WarpedArea {
 
 /// The N of the paper; the memory of a sample is relative to it.
 const PUBLISHED_POINTS: usize = WarpOptions::IMAGE.steps;
+
+const EDGE_SAMPLES: Name = Name::new("positions on an edge between pixels", 5);
 
 impl WarpedArea {
     /// As published: the k points of largest weight, box filter, border flux (`paper`).
@@ -118,7 +120,7 @@ impl WarpedArea {
             .zip(area.samples.chunks(spp as usize))
             .map(|(mean, own)| self.has_own_baseline(own).then_some(mean))
             .collect();
-        let (positions, edges) = border_samples(scene, batch.pixels, count, batch.seed);
+        let (positions, edges) = border_samples(scene, batch.pixels, count, batch.stream);
         let primary = scene.primary(&positions)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
         let (points, k) = (self.options.steps, self.options.top_k);
@@ -148,11 +150,11 @@ impl<R: Real> Estimator<R> for WarpedArea {
         let spp = batch.counts.spp;
         let (samples, filter_du) = match self.filter {
             Filter::Box => {
-                let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+                let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.stream);
                 let zero = vec![[R::zero(); 2]; samples.len()];
                 (samples, zero)
             }
-            Filter::Gaussian => gaussian_samples(batch.pixels, spp, batch.seed),
+            Filter::Gaussian => gaussian_samples(batch.pixels, spp, batch.stream),
         };
         let primary = scene.primary(&samples)?;
         let weighting = self.options.weighting::<R>(scene.bounds.radius);
@@ -182,9 +184,9 @@ fn border_samples<R: Real>(
     scene: &Scene<'_, R>,
     pixels: &[Pixel],
     count: u32,
-    seed: u64,
+    stream: Stream,
 ) -> (Vec<Sample>, Vec<boundary::Edge>) {
-    let stream = Stream::new(seed, Purpose::EdgeSamples);
+    let stream = stream.named(EDGE_SAMPLES);
     let (mut samples, mut owners) = (Vec::new(), Vec::new());
     for camera in 0..scene.cameras.len() {
         let own: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i].camera == camera).collect();

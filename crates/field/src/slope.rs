@@ -1,6 +1,6 @@
 //! The slope that a field is seen to have.
 
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 
 use crate::field::Field;
 use crate::real::{Real, Vector3};
@@ -12,6 +12,8 @@ const QUANTILE: f64 = 0.98;
 
 /// Slopes up to this one are left to the tracer, which learns slopes along each ray.
 const LEARNED: f64 = 1.5;
+
+const SLOPES: Name = Name::new("points at which slopes are measured", 23);
 
 /// Points of [`slope`] that are enough for one scene: a few thousandths of an image's evaluations.
 pub const SLOPE_POINTS: u64 = 4096;
@@ -25,7 +27,7 @@ pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R 
     if field.is_lipschitz() {
         return R::one();
     }
-    let stream = Stream::new(0, Purpose::Slopes);
+    let stream = Stream::of_seed(0).named(SLOPES);
     let point = |i: u64| {
         let unit = stream.at(i).in_ball().map(R::of);
         ball.center + R::Vec3::from_array(unit) * ball.radius

@@ -3,7 +3,7 @@
 use estimate::{Refined, SampleCounts};
 use loss::photometry::{Draw, MaskUse, pyramid};
 use loss::{Objective, Surface, Wanted, Workspace, gradient};
-use random::{Purpose, Stream};
+use random::Stream;
 use render::{Camera, Scene};
 
 use dataset::View;
@@ -14,6 +14,7 @@ use crate::error::FitError;
 use crate::model::Model;
 use crate::run_file::RunFile;
 use crate::solid::SLOPE_POINTS;
+use crate::streams::CAMERA_TRIAL;
 
 /// Steps of an alignment.
 const STEPS: u64 = 200;
@@ -46,7 +47,7 @@ pub fn align(
         return Ok(given);
     }
     let mut calibration = Calibration::new(given, file.sphere(), Freedom::POSES).without_gauge();
-    let stream = Stream::new(file.options.seed, Purpose::CameraTrial);
+    let stream = Stream::of_seed(file.options.seed).named(CAMERA_TRIAL);
     let draws = PIXELS * views.len() as u64;
     let mut work = Workspace::default();
     for step in 0..STEPS {
@@ -64,7 +65,7 @@ pub fn align(
         let scene = scene.with_slope_of_field(SLOPE_POINTS);
         let objective = Objective {
             wanted: Wanted { background: false, cameras: true },
-            seed: stream.at(4).at(step).bits(),
+            stream: stream.at(4).at(step),
             ..Objective::photometric(scene, level, &pixels, surface)
         };
         let found = gradient(&objective, &mut work)?;

@@ -6,6 +6,7 @@ use loss::photometry::{Level, Photograph};
 use loss::schedule::ends_depths;
 use multiview::calibrate::{Calibration, CameraDecision};
 use multiview::stereo::{Stereo, View};
+use random::Stream;
 
 use crate::budget::Budget;
 use crate::cameras::{corrected, freedom_by_matches};
@@ -167,7 +168,7 @@ impl Fit {
             View { camera, image: &photograph.image }
         };
         let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
-        Stereo::new(&views, &self.file.sphere(), self.file.options.seed)
+        Stereo::new(&views, &self.file.sphere(), Stream::of_seed(self.file.options.seed))
     }
 }
 

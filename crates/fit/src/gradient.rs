@@ -7,11 +7,13 @@ use loss::photometry::{Draw, MaskUse, without_gains};
 use loss::schedule::{is_carving, sharpness};
 use loss::{Gradient, Objective, Regulariser, Surface, Targets, Wanted, Workspace, gradient};
 use multiview::calibrate::Calibration;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{InvalidField, Scene};
 
 use crate::cameras::corrected;
 use crate::fit::Fit;
+
+const BACKGROUND_COLOR: Name = Name::new("colour behind the object of a view", 26);
 
 /// The pixels of an iteration.
 #[derive(Clone, Debug)]
@@ -30,7 +32,7 @@ pub(crate) fn differentiate(
     fit: &Fit,
     drawn: &Drawn,
     calibration: Option<&Calibration>,
-    seed: u64,
+    stream: Stream,
     work: &mut Workspace,
 ) -> Result<(Gradient, Evaluations), InvalidField> {
     let Fit { file, model, photographs, .. } = fit;
@@ -43,12 +45,12 @@ pub(crate) fn differentiate(
     // The background: a colour for each view, or the model's own with random points on its rays.
     let gains = photographs.factors();
     let behind =
-        (file.masks == MaskUse::Coverage).then(|| random_colors(level.cameras.len(), seed));
+        (file.masks == MaskUse::Coverage).then(|| random_colors(level.cameras.len(), stream));
     let colors = behind.as_ref().or(photographs.colors.as_ref());
     // The photographs show these colours as they are.
     let divided = without_gains(colors, &gains);
     let colors = divided.as_ref().or(colors);
-    let trained = model.background.jittered(seed);
+    let trained = model.background.jittered(stream);
     let trained = trained.as_ref().map_or(scene.background, |trained| trained);
     let background = colors.map_or(trained, |colors| colors);
 
@@ -80,14 +82,14 @@ pub(crate) fn differentiate(
             background: file.background_kind.is_trained(),
             cameras: calibration.is_some() && photographs.corrections.adjusted().is_none(),
         },
-        seed,
+        stream,
     };
     Ok((gradient(&objective, work)?, counted.evaluations()))
 }
 
 /// A random colour for each view, uniform in display space.
-fn random_colors(views: usize, seed: u64) -> BackgroundPerCamera<f32> {
-    let stream = Stream::new(seed, Purpose::BackgroundColor);
+fn random_colors(views: usize, stream: Stream) -> BackgroundPerCamera<f32> {
+    let stream = stream.named(BACKGROUND_COLOR);
     let channel = |view: u64, c: u64| srgb_decode(stream.at(view).at(c).unit() as f32);
     let color = |view| Vec3::from([0, 1, 2].map(|c| channel(view, c)));
     BackgroundPerCamera((0..views as u64).map(color).collect())

@@ -30,6 +30,7 @@ mod session;
 mod solid;
 mod split;
 mod step;
+mod streams;
 mod survey;
 mod trial;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use files::{InputError, atomic_write};
 use glam::DVec3;
 use optim::Group;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use sdf_nn::{Activation, Architecture, Network, RadianceHead, Transform};
 
 use crate::architecture::{encoding, is_fine, mlp_parameters, spline_size};
@@ -59,6 +59,8 @@ pub(crate) const NETWORK_GROUP: &str = "field";
 /// no cavity with 1. With 3 at three times the rate: 0.15 %.
 const GRID_FLOOR: f64 = 1.0;
 
+const INITIAL_RADIANCE: Name = Name::new("first weights of the radiance head", 22);
+
 impl Model {
     /// The model at the start of a fit: a sphere with a nearly uniform radiance.
     ///
@@ -86,7 +88,7 @@ impl Model {
             hidden,
             Activation::Relu,
             transform,
-            Stream::new(options.seed, Purpose::InitialRadiance).bits(),
+            Stream::of_seed(options.seed).named(INITIAL_RADIANCE).bits(),
         );
         Model { field, head, background: ModelBackground::initial(file) }
     }

@@ -4,12 +4,14 @@ use field::{Background, UniformBackground};
 use files::{InputError, atomic_write};
 use glam::{DVec3, Vec3};
 use loss::photometry::BackgroundKind;
-use random::{Purpose, Stream};
-use sdf_nn::background::{Extent, Quadrature, Volume};
+use random::{Name, Stream};
+use sdf_nn::background::{Extent, INITIAL_VOLUME, Quadrature, Volume};
 
 use crate::error::FitError;
 use crate::run_file::RunFile;
 use crate::run_folder::RunFolder;
+
+const BACKGROUND_POINTS: Name = Name::new("places of the points on a background's rays", 27);
 
 /// The background of a model.
 #[derive(Clone, Debug)]
@@ -34,8 +36,8 @@ impl ModelBackground {
     /// The background at the start of a fit.
     pub(crate) fn initial(file: &RunFile) -> Self {
         let Some(extent) = extent_of(file.background_kind) else { return Self::constant(file) };
-        let seed = Stream::new(file.options.seed, Purpose::InitialBackground).bits();
-        ModelBackground::Trained(Volume::new(extent, file.sphere(), seed))
+        let stream = Stream::of_seed(file.options.seed).named(INITIAL_VOLUME);
+        ModelBackground::Trained(Volume::new(extent, file.sphere(), stream))
     }
 
     fn constant(file: &RunFile) -> Self {
@@ -52,11 +54,11 @@ impl ModelBackground {
 
     /// The background with random positions of the points on its rays, if it is trained; see
     /// [`Volume::jittered`].
-    pub(crate) fn jittered(&self, seed: u64) -> Option<Quadrature<'_, f32>> {
+    pub(crate) fn jittered(&self, stream: Stream) -> Option<Quadrature<'_, f32>> {
         match self {
             ModelBackground::Constant(_) => None,
             ModelBackground::Trained(volume) => {
-                Some(volume.jittered(Stream::new(seed, Purpose::BackgroundPoints)))
+                Some(volume.jittered(stream.named(BACKGROUND_POINTS)))
             }
         }
     }

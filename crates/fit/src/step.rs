@@ -4,7 +4,7 @@ use field::Evaluations;
 use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level};
 use loss::{Gradient, Stage, Workspace};
 use multiview::calibrate::CameraDecision;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use rayon::prelude::*;
 
 use crate::error::FitError;
@@ -24,6 +24,9 @@ const GAIN_RATE: f64 = 0.01;
 
 /// Pixels that a thread draws at a time, at least.
 const DRAWS: usize = 64;
+
+const PIXEL_ORDER: Name = Name::new("order in which a fit draws pixels", 10);
+const ITERATION: Name = Name::new("iterations of a fit", 13);
 
 impl Fit {
     /// One iteration. A pixel passes through these stages:
@@ -45,10 +48,10 @@ impl Fit {
 
         let drawn = draw(self);
 
-        let stream = Stream::new(self.file.options.seed, Purpose::Iteration);
-        let seed = stream.at(self.clock.iteration).bits();
+        let stream = Stream::of_seed(self.file.options.seed).named(ITERATION);
+        let stream = stream.at(self.clock.iteration);
         let calibration = self.photographs.corrections.get();
-        let (mut added, evaluations) = differentiate(self, &drawn, calibration, seed, work)?;
+        let (mut added, evaluations) = differentiate(self, &drawn, calibration, stream, work)?;
 
         let norm = self.take_step(&drawn, &mut added, work)?;
         let metrics = self.metrics(&added, evaluations, drawn.level, norm, trial);
@@ -124,7 +127,7 @@ fn draw(fit: &Fit) -> Drawn {
     let pixels = &fit.photographs.levels[level];
     let every = background_group(progress);
     let count = pixels.draws_for(batch, every);
-    let stream = Stream::new(options.seed, Purpose::PixelOrder).at(level as u64);
+    let stream = Stream::of_seed(options.seed).named(PIXEL_ORDER).at(level as u64);
     let draws = (0..count as usize)
         .into_par_iter()
         .with_min_len(DRAWS)

@@ -5,7 +5,7 @@ use loss::photometry::{Draw, photometric, without_gains};
 use loss::schedule::background_group;
 use loss::{Gradient, Workspace};
 use multiview::calibrate::{Calibration, CameraDecision, RefineCameras, Trial};
-use random::{Purpose, Stream};
+use random::Stream;
 use render::{InvalidField, Sample, Scene};
 
 use crate::cameras::{calibration, corrected};
@@ -13,6 +13,7 @@ use crate::corrections::Corrections;
 use crate::error::FitError;
 use crate::fit::{Fit, TRACED_CHUNK};
 use crate::gradient::{Drawn, differentiate};
+use crate::streams::CAMERA_TRIAL;
 
 /// The share of the sharp part of the budget before the refinement of cameras: the surface has
 /// become sharp by then.
@@ -78,16 +79,15 @@ fn trial(
     mut refined: Calibration,
     steps: u64,
 ) -> Result<(Calibration, Trial), FitError> {
-    let stream = Stream::new(fit.file.options.seed, Purpose::CameraTrial);
+    let stream = Stream::of_seed(fit.file.options.seed).named(CAMERA_TRIAL);
     let draws = fit.file.options.batch as u64;
     let mut work = Workspace::default();
     for step in 0..steps {
         let draws = trial_pixels(fit, step * draws..(step + 1) * draws, stream.at(0));
         let pixel_count = draws.iter().map(|p| f32::from(p.count)).sum();
         let drawn = Drawn { level: 0, draws, pixel_count };
-        let seed = stream.at(1).at(step).bits();
         let (Gradient { cameras, parameters, .. }, _) =
-            differentiate(fit, &drawn, Some(&refined), seed, &mut work)?;
+            differentiate(fit, &drawn, Some(&refined), stream.at(1).at(step), &mut work)?;
         work.reuse(parameters);
         let rate = TRIAL_RATE * (1.0 - step as f64 / steps as f64);
         refined.step(&fit.photographs.levels[0].cameras, &cameras, rate)?;

@@ -10,7 +10,7 @@
 
 use film::Film;
 use glam::Vec3;
-use random::{Purpose, Stream};
+use random::Name;
 
 use crate::drawn::{Drawn, NearPoint};
 use crate::eikonal::in_ball;
@@ -37,16 +37,19 @@ const DARK: f32 = 0.02;
 const AROUND: [(i32, i32); 9] =
     [(0, 0), (-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, 1), (1, -1), (-1, 1)];
 
+const BENDING_HITS: Name = Name::new("points of the bending term", 32);
+const BENDING_DIRECTIONS: Name = Name::new("steps of the bending term", 33);
+
 /// Adds the term at points of the surface.
 pub(crate) fn bending(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32, out: &mut Reversed) {
     if weight == 0.0 {
         return;
     }
-    let Drawn { objective, draws, seed, .. } = *drawn;
+    let Drawn { objective, draws, stream, .. } = *drawn;
     let step = STEP * objective.scene.bounding_ball().radius;
     let weight = weight * drawn.pixel_weight() * EVERY as f32;
-    let start = Stream::new(seed, Purpose::BendingHits).bits() as usize % EVERY;
-    let directions = Stream::new(seed, Purpose::BendingDirections);
+    let start = stream.named(BENDING_HITS).bits() as usize % EVERY;
+    let directions = stream.named(BENDING_DIRECTIONS);
 
     let (mut points, mut weights) = (Vec::new(), Vec::new());
     for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::{DVec2, Vec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::Sample;
 
 use crate::objective::Objective;
@@ -12,6 +12,10 @@ use crate::photometry::Draw;
 /// The number of parts of a round: 16 threads can share it.
 pub(crate) const PARTS: usize = 16;
 
+/// The rounds of an iteration, and then the parts of a round.
+pub(crate) const PART: Name = Name::new("rounds and parts of an iteration", 14);
+const FIT_SAMPLES: Name = Name::new("position of a fit's sample in its pixel", 15);
+
 /// A part of the pixels of a round, with random numbers of its own.
 #[derive(Clone, Copy)]
 pub(crate) struct Drawn<'a> {
@@ -19,7 +23,7 @@ pub(crate) struct Drawn<'a> {
     /// The number of the first pixel among the draws of the round.
     pub(crate) first: usize,
     pub(crate) draws: &'a [Draw],
-    pub(crate) seed: u64,
+    pub(crate) stream: Stream,
 }
 
 impl<'a> Drawn<'a> {
@@ -27,8 +31,8 @@ impl<'a> Drawn<'a> {
     pub(crate) fn parts(round: &'a Objective<'a>) -> Vec<Self> {
         let part = |number: usize| {
             let place = portion(round.draws.len(), number, PARTS);
-            let seed = Stream::new(round.seed, Purpose::Part).at(number as u64).bits();
-            Drawn { objective: round, first: place.start, draws: &round.draws[place], seed }
+            let stream = round.stream.named(PART).at(number as u64);
+            Drawn { objective: round, first: place.start, draws: &round.draws[place], stream }
         };
         (0..PARTS).map(part).collect()
     }
@@ -53,7 +57,7 @@ impl<'a> Drawn<'a> {
 impl Objective<'_> {
     /// A uniform random sample in a pixel, which has this number among the draws.
     pub(crate) fn sample(&self, number: usize) -> Sample {
-        let stream = Stream::new(self.seed, Purpose::FitSamples).at(number as u64);
+        let stream = self.stream.named(FIT_SAMPLES).at(number as u64);
         let draw = &self.draws[number];
         let at = |corner: u16, axis: u64| f64::from(corner) + stream.at(axis).unit();
         Sample { camera: draw.view as usize, u: DVec2::new(at(draw.x, 0), at(draw.y, 1)) }

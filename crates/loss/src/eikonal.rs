@@ -5,7 +5,7 @@
 
 use field::Vector3;
 use glam::Vec3;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 
 use crate::drawn::{Drawn, NearPoint, pixels_of};
 use crate::reversed::Reversed;
@@ -17,6 +17,11 @@ const EVERY: usize = 4;
 /// The largest distance from hits of the points near the surface, in bounding radii. At 0.03 and
 /// 0.3: distance 0.97 and 1.04.
 const NEAR: f32 = 0.1;
+
+const EIKONAL_HITS: Name = Name::new("hits of the eikonal term", 17);
+const EIKONAL_POINTS: Name = Name::new("points of the eikonal term in the ball", 18);
+const OFFSET_DIRECTIONS: Name = Name::new("directions from hits to points of the eikonal term", 19);
+const OFFSET_LENGTHS: Name = Name::new("distances from hits to points of the eikonal term", 20);
 
 /// Adds (|∇f| − 1)² near the points `surface` and at uniform points of the bounding ball.
 ///
@@ -42,16 +47,16 @@ fn eikonal_points(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32) -> (Vec
     let (mut points, mut weights) = (Vec::new(), Vec::new());
 
     let of_hit = weight * drawn.pixel_weight() * EVERY as f32;
-    let stream = Stream::new(drawn.seed, Purpose::EikonalHits);
+    let stream = drawn.stream.named(EIKONAL_HITS);
     let start = stream.bits() as usize % EVERY;
     for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
-        points.push(near.x + offset(drawn.seed, i as u64) * (NEAR * ball.radius));
+        points.push(near.x + offset(drawn.stream, i as u64) * (NEAR * ball.radius));
         weights.push(of_hit * near.weight);
     }
 
     let pixels = pixels_of(drawn.draws);
     let free = pixels.div_ceil(2 * EVERY as u64);
-    let stream = Stream::new(drawn.seed, Purpose::EikonalPoints);
+    let stream = drawn.stream.named(EIKONAL_POINTS);
     points.extend((0..free).map(|i| ball.center + in_ball(stream.at(i)) * ball.radius));
     let of_free = weight * drawn.pixel_weight() * pixels as f32 / (2.0 * free as f32);
     weights.resize(points.len(), of_free);
@@ -59,9 +64,9 @@ fn eikonal_points(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32) -> (Vec
 }
 
 /// A random vector for surface point `i`, with a uniform length of at most 1.
-fn offset(seed: u64, i: u64) -> Vec3 {
-    let directions = Stream::new(seed, Purpose::OffsetDirections).at(i);
-    let length = Stream::new(seed, Purpose::OffsetLengths).at(i).unit();
+fn offset(stream: Stream, i: u64) -> Vec3 {
+    let directions = stream.named(OFFSET_DIRECTIONS).at(i);
+    let length = stream.named(OFFSET_LENGTHS).at(i).unit();
     let direction = in_ball(directions.at(0)) + in_ball(directions.at(1));
     direction.normalize_or_zero() * length as f32
 }

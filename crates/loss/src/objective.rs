@@ -4,6 +4,7 @@ use estimate::record::Pass;
 use estimate::{Estimator, SampleCounts};
 use glam::Vec3;
 use multiview::stereo::Guide;
+use random::Stream;
 use render::Scene;
 
 use crate::photometry::{Draw, Level, photometric, squared_error};
@@ -32,8 +33,8 @@ pub struct Objective<'a> {
     pub carving: Option<Guide<'a>>,
     /// The derivatives that are wanted beside those of field and radiance.
     pub wanted: Wanted,
-    /// The seed of this iteration.
-    pub seed: u64,
+    /// The random numbers of this iteration.
+    pub stream: Stream,
 }
 
 /// Photographs at one size as the target of an objective.
@@ -130,7 +131,7 @@ impl<'a> Objective<'a> {
             regularisers: &[],
             carving: None,
             wanted: Wanted::default(),
-            seed: 0,
+            stream: Stream::of_seed(0),
         }
     }
 }

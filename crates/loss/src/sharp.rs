@@ -9,7 +9,7 @@ use estimate::{
 };
 use glam::Vec3;
 use lanes::LANES;
-use random::{Purpose, Stream};
+use random::Name;
 use render::{InvalidField, Primary, Sample};
 
 use crate::carve::carve;
@@ -19,6 +19,8 @@ use crate::photometry::{Draw, TypicalLosses};
 use crate::regularisers::regularise;
 use crate::reversed::Reversed;
 use crate::sums::PartSums;
+
+const FIT_SILHOUETTES: Name = Name::new("samples of a fit's pixels with silhouettes", 16);
 
 /// Pixels with one sample each, traced and shaded.
 pub(crate) struct Shaded<'a> {
@@ -75,8 +77,8 @@ impl Compared {
             y: draw.y.into(),
         };
         let pixels: Vec<render::Pixel> = draws.iter().map(pixel).collect();
-        let seed = Stream::new(round.seed, Purpose::FitSilhouettes).bits();
-        let batch = estimate::Batch { pixels: &pixels, counts, seed, terms: Terms::All };
+        let stream = round.stream.named(FIT_SILHOUETTES);
+        let batch = estimate::Batch { pixels: &pixels, counts, stream, terms: Terms::All };
         let mut mask = SilhouetteMask::all(pixels.len());
         let record = estimator.record(&round.scene, &batch, &mut mask)?;
 

@@ -3,6 +3,7 @@
 use crate::photometry::BackgroundModel;
 use field::Sphere;
 use glam::DVec3;
+use random::Stream;
 use sdf_nn::background::{Extent, Volume};
 use sdf_nn::grids::{Degree, SplineSize};
 use sdf_nn::{Activation, Architecture, Encoding, Network, RadianceHead, Transform};
@@ -36,7 +37,7 @@ impl Model {
         Model {
             field: Network::geometric(architecture, transform, radius, 0),
             head: RadianceHead::new(octaves, &[4, 8], hidden, Activation::Relu, transform, 1),
-            background: Volume::new(Extent::Volume, BOUNDS, 2),
+            background: Volume::new(Extent::Volume, BOUNDS, Stream::of_seed(2)),
         }
     }
 

@@ -4,12 +4,11 @@
 use estimate::record::CameraAdjoints;
 use glam::DVec3;
 use lanes::LANES;
-use random::{Purpose, Stream};
 use rayon::prelude::*;
 use render::{CameraAdjoint, InvalidField};
 
 use crate::carve::pushes_of;
-use crate::drawn::{Drawn, portion};
+use crate::drawn::{Drawn, PART, portion};
 use crate::objective::{Objective, Surface};
 use crate::reversed::Reversed;
 use crate::stats::BatchStats;
@@ -56,8 +55,8 @@ pub struct Gradient {
 pub fn gradient(objective: &Objective<'_>, work: &mut Workspace) -> Result<Gradient, InvalidField> {
     let mut added = Gradient::zero(objective, work);
     for (round, draws) in objective.draws.chunks(ROUND).enumerate() {
-        let seed = Stream::new(objective.seed, Purpose::Part).at(round as u64).bits();
-        let round = Objective { draws, seed, ..*objective };
+        let stream = objective.stream.named(PART).at(round as u64);
+        let round = Objective { draws, stream, ..*objective };
         let sums = work.take(&round);
 
         let compared = compare(&round, work)?;

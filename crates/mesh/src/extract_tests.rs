@@ -1,4 +1,4 @@
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
@@ -209,7 +209,7 @@ impl<F: Fn(DVec3) -> f64 + Send + Sync> Field<f64> for Formula<F> {
 /// combination of signs in a cell occurs. `density` is the share of points inside.
 fn noise(seed: u64, density: f64) -> Formula<impl Fn(DVec3) -> f64 + Send + Sync> {
     Formula(move |x: DVec3| {
-        let stream = Stream::new(seed, Purpose::Other(0));
+        let stream = Stream::of_seed(seed).named(Name::other("solid cells"));
         let point = (x * 97.0).round().to_array();
         let stream = point.iter().fold(stream, |stream, c| stream.at(c.to_bits()));
         1e-3 * (stream.unit() - density)

@@ -171,7 +171,7 @@ mod tests {
     use approx::assert_relative_eq;
     use field::{Shape, Sphere};
     use mesh::extract;
-    use random::{Purpose, Stream};
+    use random::{Name, Stream};
 
     const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 1.2 };
 
@@ -181,7 +181,7 @@ mod tests {
 
     /// Random points of a sphere, uniform by area, with z from `low`·radius to the radius.
     fn cloud(radius: f64, low: f64, count: u64) -> Vec<DVec3> {
-        let stream = Stream::new(5, Purpose::Other(3));
+        let stream = Stream::of_seed(5).named(Name::other("points of a cloud"));
         let point = |i: u64| {
             let [a, b] = [0, 1].map(|k| stream.at(i).at(k).unit());
             let (z, angle) = (low + (1.0 - low) * a, std::f64::consts::TAU * b);

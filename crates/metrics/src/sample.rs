@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use mesh::Mesh;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
+
+const SURFACE_POINTS: Name = Name::new("points on a mesh", 21);
 
 /// A point of a surface, with the unit normal of its face (zero if the face has no area).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +28,7 @@ pub fn sample_surface(mesh: &Mesh, count: usize, seed: u64) -> Vec<SurfacePoint>
     let face_area = |face: usize| 0.5 * mesh.face_cross(face).length();
     let total = mesh.area();
     let (mut face, mut area_up_to_face) = (0, face_area(0));
-    let stream = Stream::new(seed, Purpose::SurfacePoints);
+    let stream = Stream::of_seed(seed).named(SURFACE_POINTS);
     (0..count as u64)
         .map(|i| {
             let [a, b, c] = [0, 1, 2].map(|k| stream.at(i).at(k).unit());

@@ -7,6 +7,7 @@ use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3};
 use multiview::stereo::{DepthMap, Stereo, View};
+use random::Stream;
 use render::Camera;
 
 const SIDE: u32 = 64;
@@ -73,7 +74,7 @@ fn maps_of(seen: &dyn Fn(usize, DVec3, DVec3) -> f32) -> Vec<DepthMap> {
     let images: Vec<Film> = cameras.iter().enumerate().map(photograph).collect();
     let views: Vec<View<'_>> =
         cameras.iter().zip(&images).map(|(camera, image)| View { camera, image }).collect();
-    Stereo::new(&views, &BALL, 3).depth_maps()
+    Stereo::new(&views, &BALL, Stream::of_seed(3)).depth_maps()
 }
 
 /// The depth maps of walls whose points have the given values.

@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
+use random::Stream;
 use render::{Analytic, Formula, Pixel, Scene};
 use warp::WarpOptions;
 
@@ -163,7 +164,8 @@ pub(crate) fn record(
     parts.refuse_inside(py, &pixels)?;
     let (samples, unmodelled) = parts.with_scene(py, |scene| {
         let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
-        let batch = Batch { pixels: &pixels, counts, seed, terms: Terms::All };
+        let batch =
+            Batch { pixels: &pixels, counts, stream: Stream::of_seed(seed), terms: Terms::All };
         let samples = estimator.record(&scene, &batch, &mut SilhouetteMask::default());
         (samples, estimator.unmodelled(&scene))
     })?;

@@ -1,9 +1,9 @@
 #![doc = include_str!("../README.md")]
 
-mod purpose;
+mod name;
 mod sobol;
 mod stream;
 
-pub use purpose::Purpose;
+pub use name::Name;
 pub use sobol::SobolPoints;
 pub use stream::{Stream, gaussian};

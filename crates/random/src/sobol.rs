@@ -84,12 +84,11 @@ fn scrambled<const D: usize>(point: Int4, scramble: Int4) -> [f64; D] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::purpose::Purpose;
 
     #[test]
     fn every_quarter_of_a_run_has_its_share() {
         for seed in 0..20 {
-            let stream = Stream::new(seed, Purpose::PixelSamples);
+            let stream = Stream::of_seed(seed);
             let mut count = [0; 4];
             for i in 0..64 {
                 let [x, y] = stream.sobol(i);
@@ -102,7 +101,7 @@ mod tests {
     /// At the start of a sequence, inside a run, across the end of a run, and at the last index.
     #[test]
     fn consecutive_points_are_those_of_their_indices() {
-        let stream = Stream::new(5, Purpose::PixelSamples);
+        let stream = Stream::of_seed(5);
         for range in
             [0..300, 77..99, RUN - 3..RUN + 70, 3 * RUN - 1..3 * RUN + 1, u32::MAX - 2..u32::MAX]
         {

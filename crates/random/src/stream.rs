@@ -1,25 +1,50 @@
 //! Streams of random numbers.
 
-use crate::purpose::Purpose;
+use crate::name::Name;
 
-/// A stream of random numbers: a pure function of a seed, a purpose and indices.
+/// A stream of random numbers: a pure function of a seed, names and indices.
+///
+/// A computation takes a stream, and gives each of its decisions the part of that name:
+///
+/// ```
+/// # use random::{Name, Stream};
+/// const COINS: Name = Name::other("sides of a coin");
+/// const DICE: Name = Name::other("sides of a die");
+///
+/// fn heads(stream: Stream) -> usize {
+///     let coins = stream.named(COINS);
+///     (0..100).filter(|i| coins.at(*i).unit() < 0.5).count()
+/// }
+/// # assert!(heads(Stream::of_seed(1)) < 100);
+/// # assert_ne!(Stream::of_seed(1).named(COINS), Stream::of_seed(1).named(DICE));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stream {
     key: u64,
 }
 
 impl Stream {
-    /// The stream of a purpose.
-    pub fn new(seed: u64, purpose: Purpose) -> Self {
-        Stream { key: mix(seed, purpose.key()) }
+    /// The stream of a seed. [`Stream::bits`] of it is the seed.
+    pub fn of_seed(seed: u64) -> Self {
+        Stream { key: seed }
+    }
+
+    /// The part of the stream for a decision; it can be divided further.
+    #[must_use]
+    pub fn named(self, name: Name) -> Self {
+        Stream { key: mix(self.key, name.number()) }
     }
 
     /// The part of the stream at an index; it can be divided further.
+    ///
+    /// Divide a stream either by names or by indices: the index 4 and the name with the number 4
+    /// give the same part.
+    #[must_use]
     pub fn at(self, index: u64) -> Self {
         Stream { key: mix(self.key, index) }
     }
 
-    /// 64 random bits, for example the seed of a computation.
+    /// 64 random bits, for example the seed of a computation that takes no stream.
     pub fn bits(self) -> u64 {
         self.key
     }
@@ -60,9 +85,11 @@ mod tests {
     use super::*;
     use std::collections::HashSet;
 
+    const POINTS: Name = Name::other("points of a test");
+
     #[test]
     fn points_are_uniform_in_the_unit_ball() {
-        let (n, stream) = (20_000, Stream::new(1, Purpose::EikonalPoints));
+        let (n, stream) = (20_000, Stream::of_seed(1).named(POINTS));
         let points: Vec<[f64; 3]> = (0..n).map(|i| stream.at(i).in_ball()).collect();
         let length = |p: &[f64; 3]| p.iter().map(|v| v * v).sum::<f64>().sqrt();
         assert!(points.iter().all(|p| length(p) <= 1.0));
@@ -74,7 +101,7 @@ mod tests {
 
     #[test]
     fn gaussian_numbers_have_unit_variance() {
-        let stream = Stream::new(3, Purpose::PixelSamples);
+        let stream = Stream::of_seed(3).named(POINTS);
         let points: Vec<[f64; 2]> = (0..4096).map(|i| gaussian(stream.sobol(i))).collect();
         for d in 0..2 {
             let mean = points.iter().map(|p| p[d]).sum::<f64>() / 4096.0;
@@ -86,20 +113,21 @@ mod tests {
 
     #[test]
     fn numbers_are_uniform_in_the_unit_interval() {
-        let stream = Stream::new(7, Purpose::PixelSamples);
+        let stream = Stream::of_seed(7).named(POINTS);
         let mean = (0..10_000).map(|i| stream.at(i).unit()).sum::<f64>() / 1e4;
         assert!((mean - 0.5).abs() < 0.01, "mean {mean}");
     }
 
-    /// Streams, their parts at 4096 indices, and parts of parts, for all purposes and five seeds.
+    /// Streams, their parts at 4096 indices, and parts of parts, for many names and five seeds.
     #[test]
-    fn no_two_purposes_share_a_value() {
-        let others = [0, 1, u32::MAX].map(Purpose::Other);
-        let purposes: Vec<Purpose> = Purpose::ALL.into_iter().chain(others).collect();
+    fn no_two_names_share_a_value() {
+        let others = ["", "a", "b", "points of a test"].map(Name::other);
+        let names = (1..=40).map(|number| Name::new("numbered", number)).chain(others);
+        let names: Vec<Name> = names.collect();
         for seed in [0, 1, 2, 0x5eed, u64::MAX] {
             let mut seen = HashSet::new();
             let mut count = 0;
-            for stream in purposes.iter().map(|purpose| Stream::new(seed, *purpose)) {
+            for stream in names.iter().map(|name| Stream::of_seed(seed).named(*name)) {
                 let parts = (0..4096).map(|i| stream.at(i));
                 let nested = (0..64).flat_map(|i| (0..64).map(move |j| stream.at(i).at(j)));
                 for part in parts.chain(nested).chain([stream]) {
@@ -111,9 +139,13 @@ mod tests {
         }
     }
 
+    /// Files of earlier fits can be continued: streams keep their bits.
     #[test]
-    fn purposes_have_different_keys() {
-        let keys: HashSet<u64> = Purpose::ALL.iter().map(|purpose| purpose.key()).collect();
-        assert_eq!(keys.len(), Purpose::ALL.len());
+    fn the_bits_of_a_name_are_those_of_its_number() {
+        let stream = Stream::of_seed(42);
+        assert_eq!(stream.bits(), 42);
+        assert_eq!(stream.named(Name::new("a", 4)).at(17).bits(), 0xe178_3dfd_d77e_ad53);
+        assert_eq!(stream.named(Name::new("b", 4)), stream.named(Name::new("a", 4)));
+        assert_eq!(Stream::of_seed(stream.named(POINTS).bits()), stream.named(POINTS));
     }
 }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use field::{Real, Vector3};
 use film::{Film, srgb_decode};
+use random::Stream;
 use rayon::prelude::*;
 
 use crate::invalid::InvalidField;
@@ -51,7 +52,7 @@ pub fn render<R: Real>(
     seed: u64,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Render, InvalidField> {
-    let scene = &scene.clipped_to_solid();
+    let (scene, stream) = (&scene.clipped_to_solid(), Stream::of_seed(seed));
     let (width, height) = (scene.cameras[camera].width, scene.cameras[camera].height);
     let count = width as usize * height as usize;
     let done = AtomicUsize::new(0);
@@ -66,7 +67,7 @@ pub fn render<R: Real>(
     // A program that stops a command unwinds from `progress`.
     parts.panic_fuse().try_for_each(|(chunk, ((radiance, coverage), normals))| {
         let part = Part { radiance, coverage, normals };
-        render_pixels(scene, camera, chunk * size, part, spp, seed)?;
+        render_pixels(scene, camera, chunk * size, part, spp, stream)?;
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress((done * size) as f64 / count as f64);
         Ok(())
@@ -81,12 +82,12 @@ fn render_pixels<R: Real>(
     first: usize,
     part: Part<'_>,
     spp: u32,
-    seed: u64,
+    stream: Stream,
 ) -> Result<(), InvalidField> {
     let width = scene.cameras[camera].width as usize;
     let pixels = first..first + part.radiance.len();
     let pixels = pixels.map(|p| Pixel { camera, x: (p % width) as u32, y: (p / width) as u32 });
-    let primary = scene.primary(&pixel_samples(pixels, &(0..spp), seed))?;
+    let primary = scene.primary(&pixel_samples(pixels, &(0..spp), stream))?;
     let mean = |sum: R::Vec3| sum.to_array().map(|c| (c.to_double() / f64::from(spp)) as f32);
     for (pixel, samples) in part.radiance.iter_mut().zip(primary.samples.chunks(spp as usize)) {
         *pixel = mean(samples.iter().fold(R::Vec3::zero(), |sum, s| sum + s.radiance));

@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use glam::DVec2;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
+
+const PIXEL_SAMPLES: Name = Name::new("positions in a pixel", 4);
 
 /// A pixel of one of a scene's cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,10 +19,10 @@ pub struct Pixel {
 }
 
 impl Pixel {
-    /// The random numbers of this pixel, for a seed and a purpose.
-    pub fn stream(&self, seed: u64, purpose: Purpose) -> Stream {
+    /// The random numbers of this pixel: its part of a stream.
+    pub fn part_of(&self, stream: Stream) -> Stream {
         let position = u64::from(self.y) << 32 | u64::from(self.x);
-        Stream::new(seed, purpose).at(self.camera as u64).at(position)
+        stream.at(self.camera as u64).at(position)
     }
 
     /// The film position of the pixel's upper left corner, in pixels.
@@ -39,19 +41,19 @@ pub struct Sample {
 }
 
 /// Samples of every pixel, in the order of the pixels: the points number `range` of a Sobol
-/// sequence in the pixel's unit square, scrambled by `seed` and the pixel.
+/// sequence in the pixel's unit square, scrambled by the stream and the pixel.
 ///
 /// The points are those of Burley, "Practical Hash-based Owen Scrambling", Journal of Computer
 /// Graphics Techniques 9(4), 2020.
 pub fn pixel_samples(
     pixels: impl ExactSizeIterator<Item = Pixel>,
     range: &Range<u32>,
-    seed: u64,
+    stream: Stream,
 ) -> Vec<Sample> {
+    let stream = stream.named(PIXEL_SAMPLES);
     let mut samples = Vec::with_capacity(pixels.len() * range.len());
     for pixel in pixels {
-        let stream = pixel.stream(seed, Purpose::PixelSamples);
-        let points = stream.sobol_points::<2>(range.clone());
+        let points = pixel.part_of(stream).sobol_points::<2>(range.clone());
         samples.extend(points.map(|point| {
             let u = pixel.corner() + DVec2::from(point);
             Sample { camera: pixel.camera, u }

@@ -2,7 +2,7 @@
 
 use film::{Film, srgb_decode};
 use glam::{DVec2, DVec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::Camera;
 use serde_json::{Value, json};
 
@@ -26,16 +26,15 @@ const GREY: f32 = 0.18;
 /// The largest change of the exposure, stops.
 const MOST_STOPS: f64 = 0.7;
 
-/// The purposes of the random numbers: panorama, noise, exposures and colours.
-const PANORAMA_WAVES: Purpose = Purpose::Other(0xc000);
-const NOISE_WAVES: Purpose = Purpose::Other(0xc001);
-const EXPOSURES: Purpose = Purpose::Other(0xc002);
-const COLORS: Purpose = Purpose::Other(0xc003);
+const PANORAMA_WAVES: Name = Name::new("waves of a panorama", 1 << 32 | 0xc000);
+const NOISE_WAVES: Name = Name::new("waves of a noise picture", 1 << 32 | 0xc001);
+const EXPOSURES: Name = Name::new("exposure of a view", 1 << 32 | 0xc002);
+const COLORS: Name = Name::new("colour behind a view", 1 << 32 | 0xc003);
 
 /// The backgrounds of all views of a variant.
 pub(super) struct Backdrop {
     kind: Kind,
-    seed: u64,
+    stream: Stream,
     /// The environment of [`Kind::Panorama`].
     panorama: Option<Texture>,
 }
@@ -65,15 +64,16 @@ impl Setting {
 
 impl Backdrop {
     pub(super) fn new(kind: Kind, seed: u64) -> Self {
-        let stream = Stream::new(seed, PANORAMA_WAVES);
-        let panorama = || Texture::new(stream, PANORAMA.map(f64::to_radians), PANORAMA_SMOOTHNESS);
-        Backdrop { kind, seed, panorama: (kind == Kind::Panorama).then(panorama) }
+        let stream = Stream::of_seed(seed);
+        let waves = stream.named(PANORAMA_WAVES);
+        let panorama = || Texture::new(waves, PANORAMA.map(f64::to_radians), PANORAMA_SMOOTHNESS);
+        Backdrop { kind, stream, panorama: (kind == Kind::Panorama).then(panorama) }
     }
 
     /// The random part of view `i` of a set; the number of the set is 0 for training views and 1
     /// for held-out views.
     pub(super) fn setting(&self, set: usize, i: usize) -> Setting {
-        let stream = |purpose| Stream::new(self.seed, purpose).at(set as u64).at(i as u64);
+        let stream = |name| self.stream.named(name).at(set as u64).at(i as u64);
         match self.kind {
             Kind::Panorama | Kind::Alpha | Kind::Black => Setting::Shared,
             Kind::Noise => Setting::Noise(Texture::new(stream(NOISE_WAVES), NOISE, 0.0)),

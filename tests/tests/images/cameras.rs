@@ -7,7 +7,7 @@ use estimate::{Batch, EstimatorOptions, Registry, SampleCounts, SilhouetteMask, 
 use field::{Background, BackgroundRay, RayAdjoint, UniformBackground};
 use field::{PartialSum, SLOPE_POINTS};
 use glam::{DQuat, DVec2, DVec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, CameraAdjoint, Pixel, Scene, render};
 use scene::SceneFile;
 use serde_json::{Value, json};
@@ -72,7 +72,7 @@ fn lit(sdf: &Value) -> SceneFile {
 
 /// A random adjoint for each pixel.
 fn adjoints() -> Vec<DVec3> {
-    let stream = Stream::new(5, Purpose::Other(0));
+    let stream = Stream::of_seed(5).named(Name::new("adjoints", 1 << 32));
     let of = |i: u32, c| stream.at(i.into()).at(c).unit() - 0.3;
     (0..SIDE * SIDE).map(|i| DVec3::new(of(i, 0), of(i, 1), of(i, 2))).collect()
 }
@@ -130,7 +130,8 @@ fn adjoint(scene: &Scene<'_, f64>, delta: &[DVec3], estimator: &str, seeds: u64)
     let mut out = Adjoints { cameras, ..Adjoints::default() };
     let delta: Vec<DVec3> = delta.iter().map(|delta| *delta / seeds as f64).collect();
     for seed in 0..seeds {
-        let batch = Batch { pixels: &pixels, counts, seed, terms: Terms::All };
+        let batch =
+            Batch { pixels: &pixels, counts, stream: Stream::of_seed(seed), terms: Terms::All };
         let record = estimator.record(scene, &batch, &mut SilhouetteMask::default()).unwrap();
         assert!(record.has_cameras());
         record.vjp(scene, &delta, Pass::Sum, &mut PartialSum::zero(64, 0..0), &mut out);

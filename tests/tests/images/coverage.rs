@@ -6,6 +6,7 @@ use std::path::Path;
 use approx::assert_relative_eq;
 use estimate::record::Adjoints;
 use estimate::{Batch, EstimatorOptions, Registry, SampleCounts, SilhouetteMask, Terms};
+use random::Stream;
 use render::{Pixel, Scene};
 use scene::SceneFile;
 use serde_json::json;
@@ -40,7 +41,7 @@ fn the_coverage_of_a_ball_is_the_area_of_its_disc() {
     let batch = Batch {
         pixels: &pixels,
         counts: SampleCounts { spp: 64, edge_samples: 64 },
-        seed: 1,
+        stream: Stream::of_seed(1),
         terms: Terms::All,
     };
     let refined =

@@ -9,17 +9,20 @@ use crate::truth::{Camera, Look, Solid, dense, truth};
 use estimate::gradient::{Direction, Sampling, differentiate, random_unit};
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::{Field, SLOPE_POINTS};
+use random::{Name, Stream};
 use render::{Scene, render};
 use scene::SceneFile;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde_json::{Value, json};
 
+const FAMILIES: Name = Name::new("scenes of a family", 1 << 32 | 13);
+
 /// Random numbers of a family.
-struct Random(random::Stream);
+struct Random(Stream);
 
 impl Random {
     fn new(seed: u64) -> Self {
-        Random(random::Stream::new(seed, random::Purpose::Other(13)))
+        Random(Stream::of_seed(seed).named(FAMILIES))
     }
 
     /// A number in [from, to).

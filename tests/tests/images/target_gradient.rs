@@ -8,6 +8,7 @@ use estimate::{
 use field::PartialSum;
 use film::Film;
 use glam::DVec3;
+use random::Stream;
 use render::Pixel;
 use render::{Scene, render};
 use scene::{BackgroundModel, SceneFile};
@@ -92,7 +93,7 @@ fn check_transpose(scene: &Scene<'_, f64>, name: &str) {
     let delta: Vec<DVec3> =
         (0..120).map(|i| DVec3::new(0.3, -0.7, 0.2) * f64::from(i % 7) + 0.1).collect();
     let counts = SampleCounts { spp: 9, edge_samples: 4 };
-    let batch = Batch { pixels: &pixels, counts, seed: 3, terms: Terms::All };
+    let batch = Batch { pixels: &pixels, counts, stream: Stream::of_seed(3), terms: Terms::All };
     for baseline in [Baseline::Background, Baseline::PixelMean, Baseline::None] {
         let mut mask = SilhouetteMask::default();
         let record = estimator(name, baseline).record(scene, &batch, &mut mask).unwrap();

@@ -4,13 +4,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use field::{PartialSum, Real, SurfaceAdjoint, SurfaceBatch, Vector3};
 use film::Film;
-use random::{Purpose, Stream, gaussian};
+use random::{Name, Stream, gaussian};
 use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::gradient::replicates::{Image, Mean, Sampling, tiles};
 use crate::record::{Adjoints, Area, Pass, PixelAdjoint, Record};
 use crate::{Estimator, SilhouetteMask, Terms};
+
+const WEIGHT_DIRECTION: Name = Name::new("directions in the space of weights", 9);
 
 /// The number that an image is differentiated by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -169,8 +171,9 @@ fn forward<R: Real>(
 
 /// A random unit vector of `length` numbers, uniform in its direction; a function of `number`.
 pub fn random_unit<R: Real>(length: usize, number: u64) -> Vec<R> {
+    let stream = Stream::of_seed(number).named(WEIGHT_DIRECTION);
     let entry = |i: usize| {
-        let stream = Stream::new(number, Purpose::WeightDirection).at(i as u64);
+        let stream = stream.at(i as u64);
         gaussian([stream.at(0).unit(), stream.at(1).unit()])[0]
     };
     let vector: Vec<f64> = (0..length).map(entry).collect();

@@ -27,7 +27,8 @@ pub fn finite_difference<E>(
     let mut images: Vec<Image> = Vec::new();
     let mut size = (0, 0);
     for (i, part) in parts.iter().enumerate() {
-        let (plus, minus) = (render(step, *part)?, render(-step, *part)?);
+        let sampling = part.sampling();
+        let (plus, minus) = (render(step, sampling)?, render(-step, sampling)?);
         size = (plus.width, plus.height);
         let slope = |a: &[f32; 3], b: &[f32; 3]| {
             std::array::from_fn(|c| (f64::from(a[c]) - f64::from(b[c])) / (2.0 * step))

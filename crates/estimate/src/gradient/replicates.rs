@@ -1,10 +1,12 @@
 //! Independent replicates of an image, for standard errors, and tiles of pixels that are sampled
 //! together.
 
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, Pixel};
 
 use crate::{Batch, SampleCounts, Terms};
+
+const REPLICATE: Name = Name::new("replicates of an image", 1);
 
 /// Numbers of samples with their seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,25 +34,44 @@ const LONGEST_REPLICATE: u32 = 1024;
 pub(crate) type Image = Vec<[f64; 3]>;
 
 impl Sampling {
-    /// Independent parts that have the same total number of samples, each with its own seed; one
-    /// part if the estimator does not depend on the seed.
-    pub(crate) fn replicates(self, depends_on_seed: bool) -> Vec<Sampling> {
+    /// The random numbers of the samples.
+    pub(crate) fn stream(self) -> Stream {
+        Stream::of_seed(self.seed)
+    }
+
+    /// Independent parts that have the same total number of samples, each with random numbers of
+    /// its own; one part if the estimator does not depend on the seed.
+    pub(crate) fn replicates(self, depends_on_seed: bool) -> Vec<Replicate> {
         let SampleCounts { spp, edge_samples } = self.counts;
         let enough = REPLICATES.max(spp.max(edge_samples).div_ceil(LONGEST_REPLICATE));
         let most = enough.min(spp).min(edge_samples.max(2));
         let replicates = if depends_on_seed { most } else { 1 };
         let share =
             |total: u32, r: u32| (total / replicates + u32::from(r < total % replicates)).max(1);
-        let part = |r: u32| Sampling {
+        let part = |r: u32| Replicate {
             counts: SampleCounts { spp: share(spp, r), edge_samples: share(edge_samples, r) },
-            seed: Stream::new(self.seed, Purpose::Replicate).at(u64::from(r)).bits(),
+            stream: self.stream().named(REPLICATE).at(u64::from(r)),
         };
         (0..replicates).map(part).collect()
     }
+}
 
+/// An independent part of the samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Replicate {
+    pub(crate) counts: SampleCounts,
+    pub(crate) stream: Stream,
+}
+
+impl Replicate {
     /// The batch of `pixels` with these samples.
     pub(crate) fn batch(self, pixels: &[Pixel], terms: Terms) -> Batch<'_> {
-        Batch { pixels, counts: self.counts, seed: self.seed, terms }
+        Batch { pixels, counts: self.counts, stream: self.stream, terms }
+    }
+
+    /// The same samples for a caller that samples by itself.
+    pub(crate) fn sampling(self) -> Sampling {
+        Sampling { counts: self.counts, seed: self.stream.bits() }
     }
 }
 

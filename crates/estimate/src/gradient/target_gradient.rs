@@ -2,13 +2,16 @@
 
 use field::{PartialSum, Real, Vector3};
 use film::Film;
-use random::{Purpose, Stream};
+use random::Name;
 use render::{InvalidField, Scene, render};
 
 use crate::gaussian_samples;
-use crate::gradient::replicates::{Image, Sampling, tiles};
+use crate::gradient::replicates::{Image, Replicate, Sampling, tiles};
 use crate::record::{Adjoints, Pass, ordered_sum};
 use crate::{Estimator, Filter, SilhouetteMask, Terms};
+
+const TARGET_IMAGE: Name = Name::new("image that gives the adjoints of a target", 2);
+const TARGET_SAMPLES: Name = Name::new("samples that a target gradient differentiates", 3);
 
 /// The gradient of the loss ½ Σ (I − target)².
 #[derive(Clone, Debug)]
@@ -55,8 +58,7 @@ pub fn target_gradient<R: Real>(
     let mut runs = Vec::new();
     let parameters = scene.field.parameter_count();
     for (r, part) in parts.iter().enumerate() {
-        let part =
-            Sampling { seed: Stream::new(part.seed, Purpose::TargetSamples).bits(), ..*part };
+        let part = Replicate { stream: part.stream.named(TARGET_SAMPLES), ..*part };
         let (sum, found) = ordered_sum(tiles.len(), parameters, |tile, sum: &mut [R]| {
             let (pixels, mut mask) = (&tiles[tile], masks[tile].clone());
             let record = estimator.record(scene, &part.batch(pixels, Terms::All), &mut mask)?;
@@ -93,23 +95,23 @@ fn loss_adjoint<R: Real>(image: &Image, target: &Film) -> (f64, Vec<R::Vec3>) {
     (loss, adjoint)
 }
 
-/// The image under the filter of the estimator, from samples of its own seed.
+/// The image under the filter of the estimator, from samples of its own.
 fn image<R: Real>(
     scene: &Scene<'_, R>,
     estimator: &dyn Estimator<R>,
     sampling: Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Image, InvalidField> {
-    let seed = Stream::new(sampling.seed, Purpose::TargetImage).bits();
+    let stream = sampling.stream().named(TARGET_IMAGE);
     let spp = sampling.counts.spp;
     if estimator.filter() == Filter::Box {
-        let pixels = render(scene, 0, spp, seed, progress)?.film.pixels;
+        let pixels = render(scene, 0, spp, stream.bits(), progress)?.film.pixels;
         return Ok(pixels.into_iter().map(|p| p.map(f64::from)).collect());
     }
     let camera = &scene.cameras[0];
     let mut pixels = vec![[0.0; 3]; camera.width as usize * camera.height as usize];
     for tile in tiles(camera, sampling.counts, estimator.memory_factor()) {
-        let (samples, _) = gaussian_samples::<R>(&tile, spp, seed);
+        let (samples, _) = gaussian_samples::<R>(&tile, spp, stream);
         let radiance = scene.primary(&samples)?.pixel_means(spp);
         for (p, radiance) in tile.iter().zip(radiance) {
             let rgb = R::Vec3::to_array(radiance).map(R::to_double);

@@ -15,7 +15,7 @@ mod unseen_faces;
 mod visibility;
 
 use field::Real;
-use random::Purpose;
+use random::Name;
 use render::{InvalidField, Pixel, Scene};
 
 use crate::crossing::{Crossing, has_visible_creases, with_steps_for_wedges};
@@ -28,6 +28,8 @@ use creases::add_crease;
 use crossings::{Crossings, crossings};
 use face_changes::{FaceChanges, face_changes};
 use survey::{mark_corners, sample_unmarked};
+
+const LINES: Name = Name::new("lines across a pixel", 6);
 
 /// Area samples in pixels without silhouettes, and random lines on the film in the others.
 ///
@@ -177,7 +179,7 @@ impl RandomLines {
 
     fn add(&mut self, index: u32, pixel: &Pixel, axis: usize, batch: &Batch<'_>) {
         let count = batch.counts.edge_samples;
-        let stream = pixel.stream(batch.seed, Purpose::Lines).at(axis as u64);
+        let stream = pixel.part_of(batch.stream.named(LINES)).at(axis as u64);
         for [across, offset] in stream.sobol_points(0..count) {
             let mut start = pixel.corner();
             start[1 - axis] += across;

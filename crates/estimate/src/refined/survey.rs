@@ -36,7 +36,7 @@ pub(super) fn sample_unmarked<R: Real>(
     let unmarked: Vec<u32> =
         (0..batch.pixels.len() as u32).filter(|&i| !mask.may_cross[i as usize]).collect();
     let pixels: Vec<Pixel> = unmarked.iter().map(|&i| batch.pixels[i as usize]).collect();
-    let primary = scene.primary(&pixel_samples(pixels.iter().copied(), &range, batch.seed))?;
+    let primary = scene.primary(&pixel_samples(pixels.iter().copied(), &range, batch.stream))?;
     record.rays += primary.samples.len() as u64;
     let near = near_silhouettes(scene, &primary, SilhouetteMargin::SMALL);
     let seen = seen_faces(scene, &primary);

@@ -92,13 +92,13 @@ mod tests {
     use dataset::{Mask, MaskKind};
     use film::Film;
     use glam::DVec2;
-    use random::{Purpose, Stream};
+    use random::{Name, Stream};
     use render::Camera;
 
     #[test]
     fn a_dilation_is_the_set_of_pixels_near_the_mask() {
         let (width, height) = (23, 17);
-        let stream = Stream::new(3, Purpose::Other(1));
+        let stream = Stream::of_seed(3).named(Name::other("points"));
         for (case, radius) in [(0, 0.0), (1, 1.0), (2, 2.5), (3, 6.0), (4, 100.0)] {
             let is_set = |i: usize| stream.at(case).at(i as u64).unit() < 0.01;
             let mask: Vec<f32> =

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use metrics::SurfacePoint;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use rayon::prelude::*;
 
 /// The largest angle between a table's normal and the upward direction, in degrees. The mean
@@ -59,6 +59,8 @@ impl Plane {
         Some(Plane { point: a, normal })
     }
 }
+
+const PLANE_TRIALS: Name = Name::new("points through which planes are tried", 29);
 
 /// A flat and level part of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +122,7 @@ pub fn ground(
     let facing: Vec<usize> =
         (0..points.len()).filter(|i| search.is_level(points[*i].normal)).collect();
     let stride = points.len().div_ceil(COMPARED).max(1);
-    let stream = Stream::new(0, Purpose::PlaneTrials);
+    let stream = Stream::of_seed(0).named(PLANE_TRIALS);
     let try_plane = |trial: u64| {
         let pick = |k: u64| {
             let place = stream.at(trial).at(k).unit() * facing.len() as f64;

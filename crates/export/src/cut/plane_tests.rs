@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
 use metrics::SurfacePoint;
-use random::{Purpose, Stream, gaussian};
+use random::{Name, Stream, gaussian};
 
 use crate::cut::{Ground, ground};
 
@@ -13,7 +13,7 @@ use crate::cut::{Ground, ground};
 /// the points, and the true normal.
 fn table(tilt: f64, noise: f64, on_table: u64) -> (Vec<SurfacePoint>, DVec3) {
     let turn = DQuat::from_rotation_x(tilt.to_radians());
-    let stream = Stream::new(7, Purpose::Other(2));
+    let stream = Stream::of_seed(7).named(Name::other("points"));
     let point = |i: u64| {
         let [a, b, c] = [0, 1, 2].map(|k| stream.at(i).at(k).unit());
         let (position, normal) = if i < on_table {

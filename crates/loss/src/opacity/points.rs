@@ -147,14 +147,13 @@ mod tests {
     use super::*;
     use crate::opacity::weights;
     use field::Shape;
-    use random::Purpose;
 
     /// The share of the light of a ray through the unit sphere that comes from the first tenth.
     fn share_of_entry(ball: f32) -> f32 {
         let chord =
             Chord { origin: Vec3::new(0.0, 0.0, -2.0), direction: Vec3::Z, ends: [1.0, 3.0] };
         let field = Shape::<f32>::sphere([0.0; 3], ball.into());
-        let points = ChordPoints::new(&field, &[chord], 50.0, Stream::new(1, Purpose::RayPoints));
+        let points = ChordPoints::new(&field, &[chord], 50.0, Stream::of_seed(1));
         let mut each = [0.0; INTERVALS];
         weights(50.0, &points.f, 0.0, &mut each);
         each.iter().zip(&points.t).filter(|(_, t)| **t < 1.2).map(|(weight, _)| weight).sum()

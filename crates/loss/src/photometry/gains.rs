@@ -156,7 +156,7 @@ pub fn gain_between(image: &Film, photograph: &Film, used: impl IntoIterator<Ite
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use random::{Purpose, Stream};
+    use random::{Name, Stream};
 
     #[test]
     fn factors_have_the_mean_one_and_descend() {
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn the_factor_between_images_is_found_though_a_quarter_differs() {
-        let stream = Stream::new(1, Purpose::Other(0));
+        let stream = Stream::of_seed(1).named(Name::other("exposures"));
         let pixel =
             |i: u64| std::array::from_fn(|c| 0.05 + 0.5 * stream.at(i).at(c as u64).unit() as f32);
         let image = Film { width: 20, height: 20, pixels: (0..400).map(pixel).collect() };

@@ -3,7 +3,7 @@
 
 use dataset::View;
 use glam::DVec2;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, Sample};
 
 use crate::photometry::background::BackgroundModel;
@@ -13,6 +13,9 @@ use crate::photometry::photograph::{Draw, Photograph};
 
 /// The smallest side that a level of the pyramid may have, in pixels.
 const SMALLEST_SIDE: u32 = 24;
+
+const PERMUTATION: Name = Name::new("rounds of a permutation of pixels", 11);
+const BACKGROUND_PIXEL: Name = Name::new("pixel that stands for a group of background pixels", 12);
 
 /// One level of the pyramid: all views at one size.
 #[derive(Clone, Debug)]
@@ -168,14 +171,14 @@ impl Level {
     /// draws, weighted by `count`, is the mean over all pixels.
     pub fn draw(&self, draw: u64, every: usize, stream: Stream) -> Draw {
         let n = self.draws(every) as u64;
-        let seed = stream.at(draw / n).bits();
-        let i = permute(draw % n, n, seed) as usize;
+        let stream = stream.at(draw / n);
+        let i = permute(draw % n, n, stream) as usize;
         if i < self.foreground.len() {
             return self.foreground[i];
         }
         let from = (i - self.foreground.len()) * every;
         let group = &self.background[from..(from + every).min(self.background.len())];
-        let random = Stream::new(seed, Purpose::BackgroundPixel).at(i as u64);
+        let random = stream.named(BACKGROUND_PIXEL).at(i as u64);
         let one = random.bits() as usize % group.len();
         Draw { count: group.len() as u16, ..group[one] }
     }
@@ -185,10 +188,10 @@ impl Level {
 /// the next power of four, applied until the result is below n.
 ///
 /// Black and Rogaway, "Ciphers with Arbitrary Finite Domains", CT-RSA 2002: "cycle walking".
-fn permute(i: u64, n: u64, seed: u64) -> u64 {
+fn permute(i: u64, n: u64, stream: Stream) -> u64 {
     let half_bits = (64 - (n - 1).leading_zeros()).div_ceil(2).max(1);
     let mask = (1u64 << half_bits) - 1;
-    let stream = Stream::new(seed, Purpose::Permutation);
+    let stream = stream.named(PERMUTATION);
     let mut value = i;
     loop {
         let (mut left, mut right) = (value >> half_bits, value & mask);
@@ -244,13 +247,13 @@ mod tests {
     #[test]
     fn permutations_have_every_number_once_and_depend_on_the_seed() {
         for n in [1u64, 2, 3, 17, 1000] {
-            let mut seen: Vec<u64> = (0..n).map(|i| permute(i, n, 42)).collect();
+            let mut seen: Vec<u64> = (0..n).map(|i| permute(i, n, Stream::of_seed(42))).collect();
             seen.sort_unstable();
             assert_eq!(seen, (0..n).collect::<Vec<_>>());
         }
         assert_ne!(
-            (0..50).map(|i| permute(i, 50, 1)).collect::<Vec<_>>(),
-            (0..50).map(|i| permute(i, 50, 2)).collect::<Vec<_>>()
+            (0..50).map(|i| permute(i, 50, Stream::of_seed(1))).collect::<Vec<_>>(),
+            (0..50).map(|i| permute(i, 50, Stream::of_seed(2))).collect::<Vec<_>>()
         );
     }
 

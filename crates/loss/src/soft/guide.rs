@@ -1,7 +1,7 @@
 //! The term of known depths.
 
 use multiview::stereo::{Guide, GuidedRay, guide};
-use random::{Purpose, Stream};
+use random::Name;
 use render::Sample;
 
 use crate::drawn::Drawn;
@@ -11,6 +11,8 @@ use crate::reversed::Reversed;
 /// The weight of a pixel's term, in units of its photometric loss: a surface that is off by a tenth
 /// of the bounding radius counts as much as an error of a tenth of white.
 const WEIGHT: f32 = 1.0;
+
+const FREE_POINTS: Name = Name::new("points of a ray in front of a known depth", 31);
 
 /// Adds the term of known depths for the pixels that have one.
 pub(super) fn add_guide(
@@ -27,7 +29,7 @@ pub(super) fn add_guide(
         Some(GuidedRay { origin: ray.origin, direction: ray.direction, distance, weight })
     };
     let rays: Vec<GuidedRay> = drawn.draws.iter().zip(samples).filter_map(ray).collect();
-    let stream = Stream::new(drawn.seed, Purpose::FreePoints);
+    let stream = drawn.stream.named(FREE_POINTS);
     for (x, alpha) in guide(scene.field, &scene.bounding_ball(), &rays, stream) {
         out.push_value(x, alpha);
     }

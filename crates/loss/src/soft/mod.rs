@@ -8,7 +8,7 @@ use field::BackgroundRay;
 use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::Vec3;
 use multiview::stereo::Guide;
-use random::{Purpose, Stream};
+use random::Name;
 use render::{InvalidField, Sample, normals};
 use trace::HitAdjoint;
 
@@ -27,6 +27,8 @@ const LEAST_WEIGHT: f32 = 1e-3;
 
 /// Coefficients of f below this, relative to the largest that one interval can give, are left out.
 const NEGLIGIBLE: f32 = 1e-4;
+
+const RAY_POINTS: Name = Name::new("points of a ray whose opacity is summed", 25);
 
 /// The least weight of an interval whose middle counts as a point of the surface.
 const SURFACE: f32 = 0.1;
@@ -91,7 +93,7 @@ impl<'a> Traced<'a> {
             }
         }
 
-        let stream = Stream::new(drawn.seed, Purpose::RayPoints);
+        let stream = drawn.stream.named(RAY_POINTS);
         let points = ChordPoints::new(scene.field, &chords, sharpness, stream);
         if let Some(i) = points.f.iter().position(|f| !f.is_finite()) {
             return Err(InvalidField::at(scene.cameras, samples[of_chord[i / POINTS]]));

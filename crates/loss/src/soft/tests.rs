@@ -7,11 +7,11 @@ use field::{Background, BackgroundRay, Field};
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use multiview::stereo::{DepthMap, Guide};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, Scene};
 
 use super::*;
-use crate::drawn::PARTS;
+use crate::drawn::{PART, PARTS};
 use crate::photometry::{Level, MaskUse, Target, photometric, pyramid};
 use crate::test_model::{BOUNDS, Model, background_model};
 use crate::{Objective, Surface, Wanted, Workspace, gradient};
@@ -106,7 +106,11 @@ fn objective<'a>(
     surface: Surface<'a>,
 ) -> Objective<'a> {
     let wanted = Wanted { background: true, cameras: false };
-    Objective { wanted, seed: 4, ..Objective::photometric(scene, level, draws, surface) }
+    Objective {
+        wanted,
+        stream: Stream::of_seed(4),
+        ..Objective::photometric(scene, level, draws, surface)
+    }
 }
 
 fn all_pixels() -> Vec<Draw> {
@@ -159,8 +163,8 @@ fn check_gradient(initial_radius: f64) {
     let objective = objective(scene(&model, &cameras), &level, &pixels, surface);
     let gradient = gradient(&objective, &mut Workspace::default()).unwrap().parameters;
     // The parts have points of their own. These are found again here.
-    let seed = Stream::new(objective.seed, Purpose::Part).at(0).bits();
-    let round = Objective { seed, ..objective };
+    let stream = objective.stream.named(PART).at(0);
+    let round = Objective { stream, ..objective };
     let parts = Drawn::parts(&round).into_iter();
     let parts: Vec<Traced<'_>> =
         parts.map(|drawn| Traced::new(drawn, SHARPNESS).unwrap()).collect();
@@ -175,7 +179,7 @@ fn check_gradient(initial_radius: f64) {
     for (name, range) in
         [("field", 0..field), ("head", field..shape), ("background", shape..start.len())]
     {
-        let stream = Stream::new(7, Purpose::Other(0));
+        let stream = Stream::of_seed(7).named(Name::other("steps of parameters"));
         // Every parameter moves so that the loss should grow.
         let step = |i: usize| stream.at(i as u64).unit() as f32 * gradient[i].signum();
         let along: f64 = range.clone().map(|i| f64::from(gradient[i] * step(i))).sum();

@@ -10,7 +10,7 @@ use field::{Background, UniformBackground};
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use multiview::stereo::{DepthMap, Guide};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, Scene, render};
 use sdf_nn::Encoding;
 
@@ -78,6 +78,9 @@ fn sharp(estimator: &dyn Estimator<f32>) -> Surface<'_> {
     Surface::Sharp { estimator, counts, pass: Pass::Limited(1e6) }
 }
 
+const ORDER: Name = Name::other("order of pixels");
+const DIRECTION: Name = Name::other("direction in the space of parameters");
+
 const SOFT: Surface<'_> = Surface::Soft { sharpness: 20.0, depths: None };
 
 /// The mean over seeds of the photometric gradient of a model.
@@ -89,14 +92,14 @@ fn mean_gradient(model: &Model, level: &Level, estimator: &dyn Estimator<f32>) -
     let mut mean = vec![0.0f64; trained];
     let seeds = 40;
     let share = level.pixel_count() as f64 / f64::from(SIZE * SIZE);
-    let order = Stream::new(1, Purpose::PixelOrder);
+    let order = Stream::of_seed(1).named(ORDER);
     for seed in 0..seeds {
         let pixels: Vec<Draw> =
             (0..draws).map(|i| level.draw(i + seed * draws, 4, order)).collect();
         let scene = scene(model, &cameras);
         let objective = Objective {
             pixel_count: level.count_of(draws, 4) as f32,
-            seed,
+            stream: Stream::of_seed(seed),
             ..Objective::photometric(scene, level, &pixels, sharp(estimator))
         };
         let sum = gradient(&objective, &mut Workspace::default()).unwrap().parameters;
@@ -116,7 +119,7 @@ fn error(estimator: &dyn Estimator<f32>) -> f64 {
     let fields = model.field.parameters().len();
     let (mut error, mut square) = (0.0, 0.0);
     for direction in 0..4u64 {
-        let stream = Stream::new(direction, Purpose::WeightDirection);
+        let stream = Stream::of_seed(direction).named(DIRECTION);
         let step: Vec<f64> = (0..mean.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
         let along: f64 = mean.iter().zip(&step).take(fields).map(|(m, s)| m * s).sum();
         let moved = |h: f64| {
@@ -170,7 +173,7 @@ impl TwoViews {
         };
         let views = cameras.each_ref().map(view);
         let level = pyramid(&views, MaskUse::None, &background_model(true), 1).remove(0);
-        let order = Stream::new(1, Purpose::PixelOrder);
+        let order = Stream::of_seed(1).named(ORDER);
         let pixels = (0..count).map(|i| level.draw(i, 1, order)).collect();
         TwoViews { model: model(0.5, 24), cameras, level, pixels }
     }
@@ -219,7 +222,7 @@ fn the_bits_of_a_gradient_do_not_depend_on_threads_or_tasks() {
     }
     let views = views;
     let gains = [Vec3::new(1.1, 0.9, 1.0), Vec3::splat(0.8)];
-    let volume = views.model.background.jittered(Stream::new(5, Purpose::BackgroundPoints));
+    let volume = views.model.background.jittered(Stream::of_seed(5).named(Name::other("points")));
     let distances = vec![0.0; (SIZE * SIZE) as usize];
     let maps = [0, 1].map(|_| DepthMap { width: SIZE as usize, distances: distances.clone() });
     // All cases use the same memory.
@@ -306,7 +309,7 @@ fn cameras_and_gains_have_the_gradient_of_one_record() {
 fn an_observer_sees_each_task_begin_and_end() {
     let (cameras, model) = ([camera()], model(0.5, 24));
     let level = level_of(target(), false);
-    let order = Stream::new(1, Purpose::PixelOrder);
+    let order = Stream::of_seed(1).named(ORDER);
     let pixels: Vec<Draw> = (0..250).map(|i| level.draw(i, 1, order)).collect();
     let scene = scene(&model, &cameras);
     let objective = Objective::photometric(scene, &level, &pixels, sharp(&Refined));

@@ -2,13 +2,13 @@ use super::*;
 use crate::calibrate::{Matching, off_views};
 use field::Sphere;
 use glam::DQuat;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 
 const SPHERE: Sphere<f64> = Sphere { center: DVec3::new(0.2, 0.1, -0.3), radius: 1.0 };
 const FOCAL: Freedom = Freedom { poses: true, focal: true, lens: false };
 
 fn random(i: u64) -> Stream {
-    Stream::new(5, Purpose::Other(1)).at(i)
+    Stream::of_seed(5).named(Name::other("points and cameras")).at(i)
 }
 
 /// Cameras on a ring around the sphere, with one lens.

@@ -3,7 +3,7 @@
 use approx::assert_relative_eq;
 use field::Sphere;
 use glam::{DMat4, DQuat, DVec2, DVec3};
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use render::{Camera, CameraAdjoint};
 
 use crate::calibrate::gauge::Gauge;
@@ -15,7 +15,7 @@ const ALL: Freedom = Freedom { poses: true, focal: true, lens: true };
 
 /// Random eyes around the sphere, with two lenses.
 fn cameras() -> Vec<Camera> {
-    let stream = Stream::new(3, Purpose::Other(0));
+    let stream = Stream::of_seed(3).named(Name::other("cameras"));
     let camera = |i: u64| {
         let eye = SPHERE.center + DVec3::from(stream.at(i).in_ball()).normalize() * 5.0;
         let focal = DVec2::new(150.0, if i.is_multiple_of(2) { 150.0 } else { 170.0 });
@@ -28,7 +28,7 @@ fn cameras() -> Vec<Camera> {
 /// A number that depends on all parameters of all cameras at half of their size: the sum of the
 /// directions of some rays and of the eyes, weighted.
 fn seen(cameras: &[Camera]) -> (f64, Vec<CameraAdjoint>) {
-    let stream = Stream::new(4, Purpose::Other(0));
+    let stream = Stream::of_seed(4).named(Name::other("cameras"));
     let mut sum = 0.0;
     let adjoints = cameras.iter().enumerate().map(|(i, camera)| {
         let mut adjoint = CameraAdjoint::default();
@@ -54,7 +54,7 @@ fn halved(camera: &Camera) -> Camera {
 fn moved(freedom: Freedom) -> Calibration {
     let mut calibration = Calibration::new(cameras(), SPHERE, freedom);
     let n = calibration.state().0.len();
-    let stream = Stream::new(6, Purpose::Other(0));
+    let stream = Stream::of_seed(6).named(Name::other("cameras"));
     let parameters: Vec<f64> = (0..n).map(|i| 4.0 * stream.at(i as u64).unit() - 2.0).collect();
     calibration.restore(&parameters, &vec![0.0; n], &vec![0.0; n], 0).unwrap();
     calibration

@@ -3,7 +3,7 @@
 use field::Sphere;
 use film::Film;
 use glam::DVec2;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 use rayon::prelude::*;
 use render::Camera;
 
@@ -18,6 +18,8 @@ const ANGLES: [f32; 2] = [3.0, 60.0];
 
 /// The photographs that are compared with a depth.
 pub(crate) const COMPARED: usize = 10;
+
+const DEPTH_PLANES: Name = Name::new("planes that the search for depths tries", 30);
 
 /// A photograph with its camera, which must have no radial distortion.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +67,7 @@ impl DepthMap {
 
 /// The search for the depth maps of some photographs.
 ///
-/// The same seed gives the same bits on any number of threads.
+/// The same stream gives the same bits on any number of threads.
 #[derive(Debug)]
 pub struct Stereo {
     pub(crate) photos: Vec<Photo>,
@@ -78,11 +80,10 @@ pub struct Stereo {
 impl Stereo {
     /// A search in photographs of a ball, in world units. Only pixels whose rays meet the ball are
     /// searched; the surfaces can be behind it.
-    pub fn new(views: &[View<'_>], ball: &Sphere<f64>, seed: u64) -> Self {
+    pub fn new(views: &[View<'_>], ball: &Sphere<f64>, stream: Stream) -> Self {
         let photos = views.iter().map(|v| Photo::new(v.camera, v.image)).collect();
         let ball = Sphere { center: ball.center.as_vec3(), radius: ball.radius as f32 };
-        let stream = Stream::new(seed, Purpose::DepthPlanes);
-        Stereo { photos, ball, stream, found: Vec::new() }
+        Stereo { photos, ball, stream: stream.named(DEPTH_PLANES), found: Vec::new() }
     }
 
     /// The number of photographs that were searched, and that of all.

@@ -123,7 +123,7 @@ pub fn guide(
 #[cfg(test)]
 mod tests {
     use field::Shape;
-    use random::Purpose;
+    use random::Name;
 
     use super::*;
 
@@ -135,7 +135,7 @@ mod tests {
     }
 
     fn stream() -> Stream {
-        Stream::new(5, Purpose::FreePoints)
+        Stream::of_seed(5).named(Name::other("places"))
     }
 
     fn total(field: &dyn Field<f32>, rays: &[GuidedRay]) -> f64 {

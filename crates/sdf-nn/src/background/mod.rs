@@ -10,7 +10,7 @@ mod volume;
 
 pub use file::FileError;
 pub use quadrature::Quadrature;
-pub use volume::{Extent, Volume};
+pub use volume::{Extent, INITIAL_VOLUME, Volume};
 
 #[cfg(test)]
 mod tests;

@@ -5,7 +5,7 @@ use field::{Background, BackgroundRay, RayAdjoint};
 use field::{Sphere, Vector3};
 use glam::DVec3;
 use proptest::prelude::*;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 
 use crate::background::grid::table_length;
 use crate::background::path::Path;
@@ -16,7 +16,7 @@ const SPHERE: Sphere<f64> = Sphere { center: DVec3::new(0.5, -1.0, 2.0), radius:
 
 /// A volume whose features are of the size that a fit gives them.
 fn volume(extent: Extent, seed: u64) -> Volume<f64> {
-    let mut volume = Volume::new(extent, SPHERE, seed);
+    let mut volume = Volume::new(extent, SPHERE, Stream::of_seed(seed));
     volume.parameters[..table_length()].iter_mut().for_each(|feature| *feature *= 100.0);
     volume
 }
@@ -40,7 +40,7 @@ fn direction(stream: Stream) -> DVec3 {
 
 /// A ray from a random eye outside the sphere, which meets the sphere or misses it.
 fn ray(seed: u64) -> BackgroundRay<f64> {
-    let stream = Stream::new(seed, Purpose::Other(0));
+    let stream = Stream::of_seed(seed).named(Name::other("ray"));
     let eye = direction(stream.at(0)) * (1.2 + 3.0 * stream.at(1).unit());
     let aim = DVec3::from(stream.at(2).in_ball()) * 2.0;
     let origin = SPHERE.center + eye * SPHERE.radius;
@@ -92,10 +92,10 @@ proptest! {
     fn the_derivative_by_the_parameters_matches_differences(seed in 0u64..1000) {
         for extent in [Extent::Volume, Extent::Direction] {
             let (volume, ray) = (volume(extent, 3), ray(seed));
-            let places = Stream::new(seed, Purpose::Other(2));
+            let places = Stream::of_seed(seed).named(Name::other("places"));
             let mut gradient = vec![0.0; volume.parameters.len()];
             volume.jittered(places).parameter_vjp(&[ray], &[DELTA], &mut gradient);
-            let stream = Stream::new(seed, Purpose::Other(1));
+            let stream = Stream::of_seed(seed).named(Name::other("tangent"));
             let tangent: Vec<f64> =
                 (0..gradient.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
             let along = |h: f64| {
@@ -124,7 +124,7 @@ fn random_places_are_uniform_in_their_parts() {
         Quadrature { volume: &volume, places }.radiance(&[ray], &mut rgb);
         rgb[0]
     };
-    let random = |i| Places::Random(Stream::new(i, Purpose::Other(3)));
+    let random = |i| Places::Random(Stream::of_seed(i).named(Name::other("places")));
     for ray in (0..4).map(ray) {
         let even = (0..64).map(|i| seen(Places::At((f64::from(i) + 0.5) / 64.0), ray));
         let even = even.sum::<DVec3>() / 64.0;
@@ -203,7 +203,7 @@ fn smoothing_descends_the_total_variation() {
     let before: Vec<f64> = before.iter().map(|p| 0.05 * p).collect();
     let (step, mut after) = (1e-3, before.clone());
     Volume::smooth(&mut after, step);
-    let stream = Stream::new(8, Purpose::Other(4));
+    let stream = Stream::of_seed(8).named(Name::other("points"));
     let tangent: Vec<f64> = (0..before.len()).map(|i| stream.at(i as u64).unit() - 0.5).collect();
     let along = |h: f64| {
         let moved: Vec<f64> = before.iter().zip(&tangent).map(|(p, t)| p + h * t).collect();
@@ -228,7 +228,7 @@ fn smoothing_by_any_step_is_stable() {
 
 /// Sets all features to zero and the outputs to those of the biases alone.
 fn uniform(density: f64, outputs: [f64; 3]) -> Volume<f64> {
-    let mut volume = Volume::new(Extent::Volume, SPHERE, 0);
+    let mut volume = Volume::new(Extent::Volume, SPHERE, Stream::of_seed(0));
     let n = volume.parameters.len();
     volume.parameters.fill(0.0);
     volume.parameters[n - 4] = density.exp_m1().ln();
@@ -282,7 +282,7 @@ fn a_direction_is_seen_alike_from_everywhere() {
 #[test]
 fn a_file_holds_the_volume() {
     for extent in [Extent::Volume, Extent::Direction] {
-        let volume = Volume::<f32>::new(extent, SPHERE, 9);
+        let volume = Volume::<f32>::new(extent, SPHERE, Stream::of_seed(9));
         let bytes = volume.to_safetensors().unwrap();
         assert_eq!(Volume::<f32>::from_safetensors(&bytes).unwrap(), volume);
         assert_eq!(bytes, volume.to_safetensors().unwrap());
@@ -293,10 +293,11 @@ fn a_file_holds_the_volume() {
 #[test]
 fn a_wrong_file_is_refused_by_name() {
     let sphere = Sphere { radius: f64::NAN, ..SPHERE };
-    let bytes = Volume::<f32>::new(Extent::Volume, sphere, 9).to_safetensors().unwrap();
+    let bytes =
+        Volume::<f32>::new(Extent::Volume, sphere, Stream::of_seed(9)).to_safetensors().unwrap();
     let error = Volume::<f32>::from_safetensors(&bytes).unwrap_err().to_string();
     assert!(error.contains("\"sphere\"") && error.contains("NaN"), "{error}");
-    let mut volume = Volume::<f32>::new(Extent::Volume, SPHERE, 9);
+    let mut volume = Volume::<f32>::new(Extent::Volume, SPHERE, Stream::of_seed(9));
     // The product of two numbers must be finite.
     for (number, text) in [(f32::INFINITY, "inf at 5"), (3e38, "3e38 at 5")] {
         volume.parameters[5] = number;

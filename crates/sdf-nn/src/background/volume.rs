@@ -4,7 +4,7 @@ use std::fmt;
 
 use field::{Real, Sphere};
 use glam::DVec3;
-use random::{Purpose, Stream};
+use random::{Name, Stream};
 
 use crate::background::decoder::{DENSITY_BIAS, LENGTH, initial_range};
 use crate::background::grid::table_length;
@@ -56,14 +56,18 @@ const FIRST_FEATURES: f64 = 0.01;
 /// have a part in all rays.
 const FIRST_DENSITY: f64 = -1.0;
 
+/// The name of the parameters of a new volume in a stream. A fit also gives this name to the stream
+/// of its volume.
+pub const INITIAL_VOLUME: Name = Name::new("parameters of a new volume", 24);
+
 impl<R: Real> Volume<R> {
     /// The number of parameters.
     pub const PARAMETERS: usize = table_length() + LENGTH;
 
-    /// A volume of random features around a sphere, in world units. The same seed gives the same
+    /// A volume of random features around a sphere, in world units. The same stream gives the same
     /// volume.
-    pub fn new(extent: Extent, sphere: Sphere<f64>, seed: u64) -> Self {
-        let stream = Stream::new(seed, Purpose::InitialBackground);
+    pub fn new(extent: Extent, sphere: Sphere<f64>, stream: Stream) -> Self {
+        let stream = stream.named(INITIAL_VOLUME);
         let tables = table_length();
         let number = |i: usize| {
             let range = i.checked_sub(tables).map_or(FIRST_FEATURES, initial_range);

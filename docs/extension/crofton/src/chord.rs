@@ -1,7 +1,7 @@
 //! Random lines through a pixel, and their parts inside it.
 
 use glam::DVec2;
-use random::Purpose;
+use random::{Name, Stream};
 use render::Pixel;
 
 /// The part of a line inside a pixel.
@@ -14,17 +14,16 @@ pub(crate) struct Chord {
     pub(crate) measure: f64,
 }
 
-/// The purpose of the random lines: a number that no other extension uses.
-const PURPOSE: Purpose = Purpose::Other(0xc40f);
+const LINES: Name = Name::other("lines of the Crofton formula");
 
 /// Up to `count` chords of a pixel, from lines with uniform angles and offsets.
 ///
 /// Crofton's formula: the integral of g along a curve is half the integral over all lines, in dp
 /// dφ, of the sum of g over the crossings of the line with the curve. A line of angle φ meets the
 /// unit square if its offset p lies in an interval of length |cos φ| + |sin φ|.
-pub(crate) fn chords(pixel: &Pixel, count: u32, seed: u64) -> impl Iterator<Item = Chord> {
+pub(crate) fn chords(pixel: &Pixel, count: u32, stream: Stream) -> impl Iterator<Item = Chord> {
     let centre = pixel.corner() + 0.5;
-    let stream = pixel.stream(seed, PURPOSE);
+    let stream = pixel.part_of(stream.named(LINES));
     (0..count).filter_map(move |i| {
         let [angle, offset] = stream.sobol(i);
         let (sin, cos) = (std::f64::consts::PI * angle).sin_cos();
@@ -57,7 +56,7 @@ mod tests {
     fn crossings_give_the_length_of_a_circle() {
         let (pixel, count) = (Pixel { camera: 0, x: 3, y: 5 }, 4096);
         let centre = DVec2::new(3.4, 5.55);
-        let length: f64 = chords(&pixel, count, 7)
+        let length: f64 = chords(&pixel, count, Stream::of_seed(7))
             .map(|chord| {
                 let [a, b] = chord.ends;
                 let along = (b - a).normalize();

@@ -28,7 +28,7 @@ impl<R: Real> Estimator<R> for Crofton {
         mask: &mut SilhouetteMask,
     ) -> Result<Record<R>, InvalidField> {
         let spp = batch.counts.spp;
-        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.seed);
+        let samples = pixel_samples(batch.pixels.iter().copied(), &(0..spp), batch.stream);
         let primary = scene.primary(&samples)?;
         let near = near_silhouettes(scene, &primary, SilhouetteMargin::LARGE);
         let hit = primary.hit_mask();

@@ -79,7 +79,7 @@ fn intervals<R: Real>(
 ) -> Result<Vec<Interval<R>>, InvalidField> {
     let mut all = Vec::new();
     for (number, pixel) in batch.pixels.iter().enumerate().filter(|(i, _)| mask.may_cross[*i]) {
-        for chord in chords(pixel, batch.counts.edge_samples, batch.seed) {
+        for chord in chords(pixel, batch.counts.edge_samples, batch.stream) {
             let at = |i: u32| chord.ends[0].lerp(chord.ends[1], f64::from(i) / f64::from(PARTS));
             all.extend((0..PARTS).map(|i| Interval {
                 pixel: number as u32,
