@@ -9,10 +9,10 @@ use multiview::stereo::{Stereo, View};
 use random::Stream;
 
 use crate::budget::Budget;
+use crate::camera_matching::{decide_cameras, match_cameras};
 use crate::cameras::{corrected, freedom_by_matches};
 use crate::depths::Depths;
 use crate::fit::Fit;
-use crate::matching::{decide_cameras, match_cameras};
 use crate::options::FitOptions;
 use crate::run_file::RunFile;
 

@@ -1,24 +1,25 @@
 #![doc = include_str!("../README.md")]
 
-mod alignment;
 mod architecture;
 mod budget;
+mod camera_alignment;
+mod camera_corrections;
+mod camera_matching;
+mod camera_trial;
 mod cameras;
 pub mod checkpoint;
 mod clock;
-mod corrections;
 mod depth_search;
 mod depths;
 mod downscale;
 mod error;
 mod exposures;
 mod fit;
-mod gradient;
-mod matching;
 mod metrics;
 mod metrics_file;
 mod model;
 mod model_background;
+mod objective;
 mod optimiser;
 mod options;
 mod photographs;
@@ -32,12 +33,11 @@ mod split;
 mod step;
 mod streams;
 mod survey;
-mod trial;
 
-pub use alignment::align;
 pub use budget::Budget;
+pub use camera_alignment::align;
+pub use camera_corrections::Corrections;
 pub use clock::Clock;
-pub use corrections::Corrections;
 pub use error::FitError;
 pub use exposures::{RunExposure, RunExposures, match_exposures};
 pub use fit::Fit;

@@ -10,9 +10,9 @@ use loss::photometry::{ExposureModel, Gains, Level, MEMORY_PER_PIXEL, pyramid};
 use multiview::calibrate::{Calibration, CameraDecision, Freedom};
 use multiview::stereo::Guide;
 
+use crate::camera_corrections::Corrections;
 use crate::cameras::{calibration, freedom_by_matches};
 use crate::checkpoint::Optimised;
-use crate::corrections::Corrections;
 use crate::depths::Depths;
 use crate::exposures::RunExposures;
 use crate::run_cameras::RunCameras;

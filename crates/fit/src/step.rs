@@ -7,13 +7,13 @@ use multiview::calibrate::CameraDecision;
 use random::{Name, Stream};
 use rayon::prelude::*;
 
+use crate::camera_trial::start_refinement;
 use crate::error::FitError;
 use crate::fit::Fit;
-use crate::gradient::{Drawn, differentiate};
 use crate::metrics::Metrics;
+use crate::objective::{Drawn, differentiate};
 use crate::optimiser::Moment;
 use crate::survey::survey_surface;
-use crate::trial::start_refinement;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
 /// of a trial. Good poses get worse if they are refined fast.

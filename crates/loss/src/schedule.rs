@@ -2,7 +2,7 @@
 
 use optim::Schedule;
 
-// Evidence, here and for constants of the crates `fit` and `photometry` that refer to it: one
+// Evidence, here and for constants of the crate `fit` and of `photometry` that refer to it: one
 // constant changed at a time, 1000 iterations on the demo's scene and on the stool of the sweeps
 // (24 views of 128 × 128 pixels), two seeds each, before fits had a soft surface. "Distance" is the
 // geometric mean of the four Chamfer distances, relative to that of the values in the code; its

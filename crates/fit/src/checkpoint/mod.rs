@@ -7,8 +7,8 @@ use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use files::{InputError, atomic_write};
 
+use crate::camera_corrections::Corrections;
 use crate::clock::Clock;
-use crate::corrections::Corrections;
 use crate::error::FitError;
 
 /// The state of a fit between two iterations. Random numbers are functions of the seed and the

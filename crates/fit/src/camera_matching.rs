@@ -6,8 +6,8 @@ use multiview::calibrate::{
 };
 use multiview::stereo::{HALF_PATCH, Places};
 
+use crate::camera_corrections::Corrections;
 use crate::cameras::calibration;
-use crate::corrections::Corrections;
 use crate::photographs::Photographs;
 use crate::run_file::RunFile;
 

@@ -8,11 +8,11 @@ use multiview::calibrate::{Calibration, CameraDecision, RefineCameras, Trial};
 use random::Stream;
 use render::{InvalidField, Sample, Scene};
 
+use crate::camera_corrections::Corrections;
 use crate::cameras::{calibration, corrected};
-use crate::corrections::Corrections;
 use crate::error::FitError;
 use crate::fit::{Fit, TRACED_CHUNK};
-use crate::gradient::{Drawn, differentiate};
+use crate::objective::{Drawn, differentiate};
 use crate::streams::CAMERA_TRIAL;
 
 /// The share of the sharp part of the budget before the refinement of cameras: the surface has
