@@ -159,8 +159,8 @@ impl<R: Real> Probes<R> {
 }
 
 /// Whether two depths at a distance of `width` pixels belong to different surfaces: only one of
-/// them is finite, or they differ by more than those of a ball as large as the tracing scale, over
-/// this distance inwards from its silhouette.
+/// them is finite, or they differ by more than twice as much as those of a ball as large as the
+/// tracing scale, over this distance h inwards from its silhouette: 2 √(2 r h).
 fn jumps<R: Real>(scene: &Scene<'_, R>, camera: usize, [a, b]: [R; 2], width: f64) -> bool {
     if a.is_infinite() || b.is_infinite() {
         return a != b;
