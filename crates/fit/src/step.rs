@@ -33,7 +33,7 @@ impl Fit {
     ///
     /// | stage | where | value |
     /// | --- | --- | --- |
-    /// | drawn | [`draw`] | [`Drawn`]: the pixels of this iteration, on a level of the pyramid |
+    /// | drawn | `draw` | the pixels of this iteration, on a level of the pyramid |
     /// | traced, shaded, compared, reversed, added | [`loss::gradient()`] | [`Gradient`]: the gradient of the total loss |
     /// | stepped | here | parameters, cameras and exposures after a step against it |
     ///
