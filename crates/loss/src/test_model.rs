@@ -1,7 +1,7 @@
 //! A small model for tests, with tables in the field, the head and the background.
 
 use crate::photometry::BackgroundModel;
-use field::Sphere;
+use field::{Shader, Sphere};
 use glam::DVec3;
 use random::Stream;
 use sdf_nn::background::{Extent, Volume};

@@ -177,7 +177,7 @@ fn sigmoid_squared<R: Lane, I: Isa>(y: R) -> (R, R) {
     (s * s, R::of(2.0) * s * s * complement)
 }
 
-/// The pass of [`RadianceHead::radiance`].
+/// The pass of [`Shader::radiance`](field::Shader::radiance).
 pub(crate) struct Radiance<'a, R: Real> {
     pub(crate) head: &'a RadianceHead<R>,
     pub(crate) points: SurfaceBatch<'a, R>,
@@ -202,7 +202,7 @@ impl<R: Lane> Pass for Radiance<'_, R> {
     }
 }
 
-/// The pass of [`RadianceHead::vjp`].
+/// The pass of [`Shader::vjp`](field::Shader::vjp).
 pub(crate) struct Vjp<'a, R: Real> {
     pub(crate) head: &'a RadianceHead<R>,
     pub(crate) points: SurfaceBatch<'a, R>,

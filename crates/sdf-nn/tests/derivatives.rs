@@ -2,7 +2,7 @@
 //! differences. Model files and inputs that are not finite.
 
 use approx::assert_relative_eq;
-use field::{Dual, Field, Scalar, SurfaceAdjoint, SurfaceBatch};
+use field::{Dual, Field, Scalar, Shader, SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use sdf_nn::{

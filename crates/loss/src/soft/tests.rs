@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use dataset::View;
-use field::{Background, BackgroundRay, Field};
+use field::{Background, BackgroundRay, Field, Shader};
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
 use multiview::stereo::{DepthMap, Guide};
