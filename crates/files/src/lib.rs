@@ -8,7 +8,6 @@ pub mod json;
 mod lock;
 mod memory;
 mod regular;
-pub mod run_json;
 pub mod seconds;
 
 pub use atomic::{

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
-use files::{InputError, WriteError, run_json};
+use files::{InputError, WriteError};
 use glam::Vec3;
 use loss::photometry::{Gains, gain_between};
 use render::{InvalidField, render};
@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::model::Model;
 use crate::run_file::RunFile;
 use crate::run_folder::RunFolder;
+use crate::run_json;
 use crate::solid::Solid;
 
 /// The content of `exposures.json` in a run folder.

@@ -27,6 +27,7 @@ mod preview;
 mod run_cameras;
 mod run_file;
 mod run_folder;
+mod run_json;
 mod session;
 mod solid;
 mod split;

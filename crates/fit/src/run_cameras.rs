@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
-use files::{InputError, WriteError, run_json};
+use files::{InputError, WriteError};
 use glam::{DMat4, DVec2, DVec3};
 use multiview::calibrate::{Calibration, Correction};
 use render::Camera;
 use serde::{Deserialize, Serialize};
 
 use crate::run_folder::RunFolder;
+use crate::run_json;
 
 /// The content of `cameras.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
