@@ -1,4 +1,4 @@
-//! Cameras that keypoint matches adjust in front of the first iteration.
+//! Cameras that keypoint matches adjust before the first iteration.
 
 use glam::DVec2;
 use multiview::calibrate::{

@@ -1,4 +1,4 @@
-//! The search for depth maps in front of the first iteration.
+//! The search for depth maps before the first iteration.
 
 use std::time::{Duration, Instant};
 

@@ -61,6 +61,16 @@ impl Fit {
         source: &Path,
     ) -> Result<Self, InputError> {
         file.options.validate(source, registry)?;
+        Self::of_valid(dataset, file, registry, source)
+    }
+
+    /// The fit of a run whose options were validated; see [`new`](Self::new).
+    pub(crate) fn of_valid(
+        dataset: Dataset,
+        file: RunFile,
+        registry: &Registry,
+        source: &Path,
+    ) -> Result<Self, InputError> {
         let Some(entry) = registry.get(&file.options.estimator) else {
             let expected = format!("one of {}", registry.names());
             let found = &file.options.estimator;

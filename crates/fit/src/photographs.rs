@@ -38,7 +38,7 @@ pub struct Photographs {
     pub(crate) gains: Option<Gains>,
     /// The corrections of the cameras.
     pub(crate) corrections: Corrections<Calibration>,
-    /// The decision about the cameras that was made in front of the next iteration.
+    /// The decision about the cameras that was made before the next iteration.
     pub(crate) decision: Option<CameraDecision>,
     /// The depths of the training views, once they were looked for.
     pub(crate) depths: Option<Depths>,

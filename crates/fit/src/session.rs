@@ -49,7 +49,7 @@ impl Session {
         file.options.validate(&source, registry)?;
         // Before the model, which may be large: the checkpoint tells whether it is that of the run.
         let state = if resume { Some(load_state(&folder, &file)?) } else { None };
-        let fit = Fit::new(dataset, file, registry, &source)?;
+        let fit = Fit::of_valid(dataset, file, registry, &source)?;
         let work = Workspace::default();
         let mut session = Session { fit, folder, held_out_psnr: None, work };
         if let Some(state) = state {

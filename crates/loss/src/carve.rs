@@ -14,15 +14,15 @@ const STRENGTH: f32 = 20.0;
 const NEAR: f32 = 0.03;
 
 /// The push of each pixel of a round, if the objective carves; else empty. See [`pushes`].
-pub(crate) fn pushes_of<'a>(
+pub(crate) fn pushes_of(
     round: &Objective<'_>,
-    losses: impl Iterator<Item = &'a Option<f32>>,
+    losses: impl Iterator<Item = Option<f32>>,
 ) -> Vec<f32> {
     if round.carving.is_none() {
         return Vec::new();
     }
     // `pushes` reads the losses more than once.
-    let losses: Vec<Option<f32>> = losses.copied().collect();
+    let losses: Vec<Option<f32>> = losses.collect();
     pushes(losses.into_iter().zip(round.draws.iter().map(|draw| f32::from(draw.count))))
 }
 

@@ -167,8 +167,6 @@ pub(crate) struct ComparedPart<'a> {
     /// The latter, if their records depend on the pixels beside.
     edge: Compared,
     typical: Option<TypicalLosses>,
-    /// The loss of each of these pixels; `None` for one that a silhouette may cross.
-    pub(crate) losses: Vec<Option<f32>>,
 }
 
 impl<'a> ComparedPart<'a> {
@@ -187,11 +185,16 @@ impl<'a> ComparedPart<'a> {
             let smooth = own.draws.len().min(round.draws.len() - first);
             let drawn = drawn.with(first..first + smooth);
             first += smooth;
-            let mut losses = own.photometric();
-            losses.truncate(smooth);
-            ComparedPart { drawn, pass, own, edge, typical, losses }
+            ComparedPart { drawn, pass, own, edge, typical }
         };
         Drawn::parts(round).into_iter().zip(all.deal()).zip(edges).map(part).collect()
+    }
+
+    /// The loss of each of these pixels; `None` for one that a silhouette may cross.
+    pub(crate) fn losses(&self) -> Vec<Option<f32>> {
+        let mut losses = self.own.photometric();
+        losses.truncate(self.drawn.draws.len());
+        losses
     }
 
     /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
@@ -201,7 +204,7 @@ impl<'a> ComparedPart<'a> {
         let mut out = Reversed::new(&drawn, sums);
         out.stats.pixels += pixels_of(drawn.draws);
 
-        let is_smooth = |pixel: usize| self.losses.get(pixel).is_some_and(Option::is_some);
+        let is_smooth = |pixel: usize| pixel < smooth && own.losses[pixel].is_some();
         carve(&drawn, own.hits().filter(|(pixel, _)| is_smooth(*pixel)), pushes, &mut out);
 
         let near = own.hits().filter(|(pixel, _)| *pixel < smooth);

@@ -8,10 +8,11 @@ use rayon::prelude::*;
 use render::{CameraAdjoint, InvalidField};
 
 use crate::carve::pushes_of;
-use crate::drawn::{Drawn, PART, portion};
+use crate::drawn::{Drawn, PART, PARTS, portion};
 use crate::objective::{Objective, Surface};
 use crate::reversed::Reversed;
 use crate::stats::BatchStats;
+use crate::sums::PartSums;
 use crate::workspace::{Stage, Workspace};
 use crate::{sharp, soft};
 
@@ -101,7 +102,7 @@ fn compare<'a>(
             let (draws, typical) = (all.crossed_draws(), all.typical_losses());
             // Records of a warp depend on the pixels beside: these are those of a part.
             let is_by_pixel = estimator.is_by_pixel();
-            let tasks = if is_by_pixel { tasks } else { crate::drawn::PARTS };
+            let tasks = if is_by_pixel { tasks } else { PARTS };
             let crossed = |task| {
                 let own = &draws[portion(draws.len(), task, tasks)];
                 sharp::Compared::crossed(round, estimator, counts, own)
@@ -126,15 +127,15 @@ enum Compared<'a> {
 
 impl Compared<'_> {
     /// The photometric loss of each pixel; `None` for one that a silhouette may cross.
-    fn losses(&self) -> &[Option<f32>] {
+    fn losses(&self) -> Vec<Option<f32>> {
         match self {
-            Compared::Soft(part) => &part.losses,
-            Compared::Sharp(part) => &part.losses,
+            Compared::Soft(part) => part.losses(),
+            Compared::Sharp(part) => part.losses(),
         }
     }
 
     /// The adjoints of all terms.
-    fn reverse(self, pushes: &[f32], sums: crate::sums::PartSums) -> Reversed {
+    fn reverse(self, pushes: &[f32], sums: PartSums) -> Reversed {
         match self {
             Compared::Soft(part) => part.reverse(pushes, sums),
             Compared::Sharp(part) => part.reverse(pushes, sums),

@@ -175,8 +175,7 @@ impl<'a> Shaded<'a> {
         let shown = draws.iter().zip(&self.seen);
         let pixels: Vec<PixelLoss> =
             shown.map(|(draw, seen)| objective.targets.loss(*seen, draw)).collect();
-        let losses = pixels.iter().map(|own| Some(own.loss)).collect();
-        Compared { shaded: self, depths, pixels, losses }
+        Compared { shaded: self, depths, pixels }
     }
 }
 
@@ -185,14 +184,17 @@ pub(crate) struct Compared<'a> {
     shaded: Shaded<'a>,
     depths: Option<Guide<'a>>,
     pixels: Vec<PixelLoss>,
-    /// The photometric loss of each pixel.
-    pub(crate) losses: Vec<Option<f32>>,
 }
 
 impl Compared<'_> {
+    /// The photometric loss of each pixel.
+    pub(crate) fn losses(&self) -> Vec<Option<f32>> {
+        self.pixels.iter().map(|own| Some(own.loss)).collect()
+    }
+
     /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
     pub(crate) fn reverse(self, pushes: &[f32], sums: PartSums) -> Reversed {
-        let Compared { shaded, depths, pixels, .. } = self;
+        let Compared { shaded, depths, pixels } = self;
         let Traced { drawn, samples, .. } = &shaded.traced;
         let mut out = Reversed::new(drawn, sums);
         out.stats.rays += samples.len() as u64;
