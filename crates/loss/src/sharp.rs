@@ -160,6 +160,7 @@ impl Compared {
 pub(crate) struct ComparedPart<'a> {
     /// The pixels of the part in the round.
     drawn: Drawn<'a>,
+    sums: PartSums,
     pass: Pass<f32>,
     /// One sample for each of these pixels, then records of pixels that a silhouette may cross. The
     /// latter need not be among these pixels.
@@ -175,19 +176,20 @@ impl<'a> ComparedPart<'a> {
     /// in their place, for each part.
     pub(crate) fn parts(
         round: &'a Objective<'a>,
-        pass: Pass<f32>,
+        sums: Vec<PartSums>,
         (all, edges): (Compared, Vec<Compared>),
-        typical: Option<TypicalLosses>,
+        (typical, pass): (Option<TypicalLosses>, Pass<f32>),
     ) -> Vec<Self> {
         let mut first = 0;
         let edges = edges.into_iter().chain(std::iter::repeat_with(Compared::default));
-        let part = |((drawn, own), edge): ((Drawn<'a>, Compared), Compared)| {
+        let part = |(((drawn, sums), own), edge): (((Drawn<'a>, PartSums), Compared), Compared)| {
             let smooth = own.draws.len().min(round.draws.len() - first);
             let drawn = drawn.with(first..first + smooth);
             first += smooth;
-            ComparedPart { drawn, pass, own, edge, typical }
+            ComparedPart { drawn, sums, pass, own, edge, typical }
         };
-        Drawn::parts(round).into_iter().zip(all.deal()).zip(edges).map(part).collect()
+        let drawn = Drawn::parts(round).into_iter().zip(sums);
+        drawn.zip(all.deal()).zip(edges).map(part).collect()
     }
 
     /// The loss of each of these pixels; `None` for one that a silhouette may cross.
@@ -198,10 +200,10 @@ impl<'a> ComparedPart<'a> {
     }
 
     /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
-    pub(crate) fn reverse(mut self, pushes: &[f32], sums: PartSums) -> Reversed {
+    pub(crate) fn reverse(mut self, pushes: &[f32]) -> Reversed {
         let (own, edge) = (std::mem::take(&mut self.own), std::mem::take(&mut self.edge));
         let (drawn, smooth) = (self.drawn, self.drawn.draws.len());
-        let mut out = Reversed::new(&drawn, sums);
+        let mut out = Reversed::new(&drawn, std::mem::take(&mut self.sums));
         out.stats.pixels += pixels_of(drawn.draws);
 
         let is_smooth = |pixel: usize| pixel < smooth && own.losses[pixel].is_some();

@@ -60,13 +60,13 @@ pub fn gradient(objective: &Objective<'_>, work: &mut Workspace) -> Result<Gradi
         let round = Objective { draws, stream, ..*objective };
         let sums = work.take(&round);
 
-        let compared = compare(&round, work)?;
+        let compared = compare(&round, sums, work)?;
 
         // The pushes need the losses of all pixels of the round.
         let pushes = pushes_of(&round, compared.iter().flat_map(Compared::losses));
-        let parts = compared.into_par_iter().zip(sums);
-        let reversed: Vec<Reversed> = parts
-            .map(|(part, sums)| work.run(Stage::Reverse, || part.reverse(&pushes, sums)))
+        let reversed: Vec<Reversed> = compared
+            .into_par_iter()
+            .map(|part| work.run(Stage::Reverse, || part.reverse(&pushes)))
             .collect();
 
         added.add(backward(&round, reversed, work), work);
@@ -74,20 +74,24 @@ pub fn gradient(objective: &Objective<'_>, work: &mut Workspace) -> Result<Gradi
     Ok(added)
 }
 
-/// Traces, shades and compares the pixels of a round.
+/// Traces, shades and compares the pixels of a round. `sums` are zero, and become those of the
+/// parts.
 fn compare<'a>(
     round: &'a Objective<'a>,
+    sums: Vec<PartSums>,
     work: &Workspace,
 ) -> Result<Vec<Compared<'a>>, InvalidField> {
     match round.surface {
         Surface::Soft { sharpness, depths } => {
-            let compared = |drawn: Drawn<'a>| {
+            let uncarved = |drawn: Drawn<'a>, sums: PartSums| {
                 let traced = soft::Traced::new(drawn, sharpness)?;
                 let shaded = traced.shade();
-                Ok(Compared::Soft(shaded.compare(depths)))
+                let compared = shaded.compare(depths);
+                Ok(Compared::Soft(Box::new(compared.reverse(sums))))
             };
-            let parts = Drawn::parts(round).into_par_iter();
-            in_order(parts.map(|drawn| work.run(Stage::Soft, || compared(drawn))))
+            let parts = Drawn::parts(round).into_par_iter().zip(sums);
+            let task = |(drawn, sums)| work.run(Stage::Soft, || uncarved(drawn, sums));
+            in_order(parts.map(task))
         }
         Surface::Sharp { estimator, counts, pass } => {
             let (tasks, count) = (work.tasks(), round.draws.len());
@@ -113,16 +117,17 @@ fn compare<'a>(
                 all = std::mem::take(&mut edges).into_iter().fold(all, sharp::Compared::joined);
             }
 
-            let parts = sharp::ComparedPart::parts(round, pass, (all, edges), typical);
-            Ok(parts.into_iter().map(Compared::Sharp).collect())
+            let parts = sharp::ComparedPart::parts(round, sums, (all, edges), (typical, pass));
+            Ok(parts.into_iter().map(Box::new).map(Compared::Sharp).collect())
         }
     }
 }
 
-/// A part of the pixels of a round that were compared with the photographs.
+/// A part of the pixels of a round that were compared with the photographs. A soft part has the
+/// adjoints of all terms but carving already.
 enum Compared<'a> {
-    Soft(soft::Compared<'a>),
-    Sharp(sharp::ComparedPart<'a>),
+    Soft(Box<soft::Uncarved<'a>>),
+    Sharp(Box<sharp::ComparedPart<'a>>),
 }
 
 impl Compared<'_> {
@@ -135,10 +140,10 @@ impl Compared<'_> {
     }
 
     /// The adjoints of all terms.
-    fn reverse(self, pushes: &[f32], sums: PartSums) -> Reversed {
+    fn reverse(self, pushes: &[f32]) -> Reversed {
         match self {
-            Compared::Soft(part) => part.reverse(pushes, sums),
-            Compared::Sharp(part) => part.reverse(pushes, sums),
+            Compared::Soft(part) => part.carve(pushes),
+            Compared::Sharp(part) => part.reverse(pushes),
         }
     }
 }

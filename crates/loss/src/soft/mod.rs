@@ -186,34 +186,54 @@ pub(crate) struct Compared<'a> {
     pixels: Vec<PixelLoss>,
 }
 
-impl Compared<'_> {
-    /// The photometric loss of each pixel.
-    pub(crate) fn losses(&self) -> Vec<Option<f32>> {
-        self.pixels.iter().map(|own| Some(own.loss)).collect()
-    }
-
-    /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
-    pub(crate) fn reverse(self, pushes: &[f32], sums: PartSums) -> Reversed {
+impl<'a> Compared<'a> {
+    /// The adjoints of all terms but carving.
+    ///
+    /// It follows the comparison in the same task: what a part has traced is still in the cache.
+    pub(crate) fn reverse(self, sums: PartSums) -> Uncarved<'a> {
         let Compared { shaded, depths, pixels } = self;
         let Traced { drawn, samples, .. } = &shaded.traced;
-        let mut out = Reversed::new(drawn, sums);
+        let drawn = *drawn;
+        let mut out = Reversed::new(&drawn, sums);
         out.stats.rays += samples.len() as u64;
         out.stats.pixels += pixels_of(drawn.draws);
 
         let own = pixels.iter().zip(drawn.draws);
-        let delta: Vec<Vec3> = own.map(|(loss, draw)| out.add_loss(drawn, loss, draw)).collect();
+        let delta: Vec<Vec3> = own.map(|(loss, draw)| out.add_loss(&drawn, loss, draw)).collect();
         shaded.reverse_colors(&delta, &mut out);
         shaded.reverse_opacity(&delta, &mut out);
         if drawn.objective.wanted.background {
             shaded.reverse_background(&delta, &mut out);
         }
 
-        regularise(drawn, &shaded.near_points(), &mut out);
+        regularise(&drawn, &shaded.near_points(), &mut out);
         if let Some(depths) = depths {
-            add_guide(drawn, samples, &depths, &mut out);
+            add_guide(&drawn, samples, &depths, &mut out);
         }
-        carve(drawn, shaded.opaque_points(), pushes, &mut out);
-        out
+        Uncarved { drawn, pixels, opaque: shaded.opaque_points().collect(), out }
+    }
+}
+
+/// A part of the pixels with the adjoints of all terms but carving, which needs the losses of all
+/// parts.
+pub(crate) struct Uncarved<'a> {
+    drawn: Drawn<'a>,
+    pixels: Vec<PixelLoss>,
+    /// The points that can be carved, each with the number of its pixel.
+    opaque: Vec<(usize, Vec3)>,
+    out: Reversed,
+}
+
+impl Uncarved<'_> {
+    /// The photometric loss of each pixel.
+    pub(crate) fn losses(&self) -> Vec<Option<f32>> {
+        self.pixels.iter().map(|own| Some(own.loss)).collect()
+    }
+
+    /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
+    pub(crate) fn carve(mut self, pushes: &[f32]) -> Reversed {
+        carve(&self.drawn, self.opaque.into_iter(), pushes, &mut self.out);
+        self.out
     }
 }
 
