@@ -2,9 +2,9 @@
 
 use lanes::{FEW_POINTS, HALF, Isa, LANES, Lane, Row};
 
-use crate::grid::{self, Jets};
 use crate::mlp::{FewScratch, MAX_SWEEP_POINTS};
 use crate::network::Network;
+use crate::spline_block::{self, Jets};
 
 /// The number of points of a chunk of at most `LANES` points that are computed as one block; the
 /// others, at most [`FEW_POINTS`], take the sweeps for a few points.
@@ -49,7 +49,7 @@ impl<R: Lane> FewPoints<R> {
     ) {
         network.encoder.encode::<I, FEW_POINTS>(x, &mut self.features);
         let values = network.grid_values(x.len(), &mut self.features);
-        I::call(grid::Slopes { values, jets: &mut *jets });
+        I::call(spline_block::Slopes { values, jets: &mut *jets });
         self.sweeps::<I, true>(network, f);
         network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
     }

@@ -8,7 +8,6 @@ mod architecture;
 pub mod background;
 mod encode;
 mod few_points;
-mod grid;
 pub mod grids;
 mod head;
 mod init;
@@ -19,6 +18,7 @@ mod network_field;
 mod network_passes;
 mod passes;
 mod shader;
+mod spline_block;
 
 pub use crate::grids::{Degree, SplineSize};
 pub use lanes::{Instructions, Lane};

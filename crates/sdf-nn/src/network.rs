@@ -6,8 +6,8 @@ use glam::DVec3;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::grid::{self, Jets};
 use crate::mlp::{Mlp, Scratch};
+use crate::spline_block::{self, Jets};
 use lanes::{Instructions, Isa, LANES, Lane, Portable, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
@@ -163,9 +163,9 @@ impl<R: Lane> Network<R> {
         &'a self,
         count: usize,
         features: &'a mut [Row<R>],
-    ) -> grid::Values<'a, R> {
+    ) -> spline_block::Values<'a, R> {
         let (splines, coefficients) = (&self.splines, &self.table[..]);
-        grid::Values { splines, coefficients, first: self.first_of_grid(), count, features }
+        spline_block::Values { splines, coefficients, first: self.first_of_grid(), count, features }
     }
 
     /// The output of one block: a forward sweep.
@@ -188,7 +188,7 @@ impl<R: Lane> Network<R> {
         let factor = self.output_factor();
         self.encoder.encode::<I, N>(x, &mut s.features[0]);
         let values = self.grid_values(x.len(), &mut s.features[0]);
-        I::call(grid::Slopes { values, jets });
+        I::call(spline_block::Slopes { values, jets });
         self.mlp.forward::<I, N, true, false>(s);
         for (f, y) in f.iter_mut().zip(s.output[0][0].0) {
             *f = y * factor;
@@ -235,9 +235,9 @@ impl<R: Lane> Network<R> {
         let [features, tangent] = &mut s.features;
         let values = self.grid_values(x.len(), features);
         if WEIGHTS {
-            I::call(grid::Tangents::<R, false> { values, tangent, jets });
+            I::call(spline_block::Tangents::<R, false> { values, tangent, jets });
         } else {
-            I::call(grid::Tangents::<R, true> { values, tangent, jets });
+            I::call(spline_block::Tangents::<R, true> { values, tangent, jets });
         }
         self.mlp.forward::<I, N, true, true>(s);
         for l in 0..LANES {

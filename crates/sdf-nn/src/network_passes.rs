@@ -5,8 +5,8 @@ use lanes::{HALF, Isa, LANES, Lane, Pass};
 
 use crate::encode::lane;
 use crate::few_points::{FewPoints, block_points};
-use crate::grid::{self, Jets};
 use crate::network::Network;
+use crate::spline_block::{self, Jets};
 
 /// The pass of [`Field::value`](field::Field::value).
 pub(crate) struct Value<'a, R: Real> {
@@ -142,7 +142,7 @@ impl<R: Lane> Pass for ParameterVjp<'_, R> {
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
             network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
-            grid::add_coefficients(
+            spline_block::add_coefficients(
                 &network.splines,
                 network.first_of_grid(),
                 x.len(),
