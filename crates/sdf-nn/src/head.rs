@@ -1,6 +1,6 @@
 //! The radiance head: the radiance from a surface point towards the camera.
 
-use crate::grids::Grids;
+use crate::grids::HashGrid;
 use field::{Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
 
@@ -25,7 +25,7 @@ pub struct RadianceHead<R: Real> {
     pub(crate) encoding: Encoding,
     pub(crate) transform: Transform,
     pub(crate) mlp: Mlp<R>,
-    pub(crate) details: Grids,
+    pub(crate) details: HashGrid,
     /// The features at the corners of the grids, level by level.
     pub(crate) tables: Vec<R>,
     encoder: Encoder<R>,
@@ -71,7 +71,7 @@ impl<R: Lane> RadianceHead<R> {
         activation: Activation,
         transform: Transform,
     ) -> Self {
-        let details = Grids::new(details);
+        let details = HashGrid::new(details);
         let inputs = encoding.features() + DIRECTIONS + details.features();
         let mlp = Mlp::new(inputs, hidden, 3, &[], activation, false);
         let (tables, encoder) =
@@ -95,7 +95,7 @@ impl<R: Lane> RadianceHead<R> {
 
     /// The number of inputs and the number of parameters of details with these numbers of cells.
     pub fn size_of_details(cells: &[usize]) -> (usize, usize) {
-        let details = Grids::new(cells);
+        let details = HashGrid::new(cells);
         (details.features(), details.table_length())
     }
 

@@ -4,7 +4,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use crate::grids::{
-    Degree, FEATURES, Grids, MOST_CELLS, MOST_COEFFICIENTS, MOST_FEATURES, MOST_LEVELS, SplineSize,
+    Degree, FEATURES, HashGrid, MOST_CELLS, MOST_COEFFICIENTS, MOST_FEATURES, MOST_LEVELS,
+    SplineSize,
 };
 use glam::DVec3;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -449,7 +450,7 @@ impl<R: Lane> RadianceHead<R> {
         }
         let encoding = metadata.encoding()?;
         let cells = metadata.details()?;
-        let details = Grids::new(&cells);
+        let details = HashGrid::new(&cells);
         let hidden = model.hidden(encoding.features() + DIRECTIONS + details.features(), &[])?;
         let (activation, transform) = (metadata.activation()?, metadata.transform()?);
         let mut head = RadianceHead::zero(encoding, &cells, &hidden, activation, transform);

@@ -1,4 +1,4 @@
-//! Features on grids of several resolutions.
+//! A multi-resolution hash grid: trainable features on grids of several resolutions.
 //!
 //! Müller, Evans, Schied and Keller, "Instant Neural Graphics Primitives with a Multiresolution
 //! Hash Encoding", SIGGRAPH 2022, section 3: trainable features at the corners of grids of several
@@ -94,14 +94,14 @@ impl Level {
     }
 }
 
-/// Grids of features: `FEATURES` for each level.
+/// A multi-resolution hash grid: [`FEATURES`] features for each level.
 #[derive(Clone, Debug, Default)]
-pub struct Grids {
+pub struct HashGrid {
     levels: Vec<Level>,
 }
 
-impl Grids {
-    /// Grids with these numbers of cells along a side.
+impl HashGrid {
+    /// A grid with levels of these numbers of cells along a side.
     ///
     /// # Panics
     /// If a number is not from 1 to [`MOST_CELLS`].
@@ -113,7 +113,7 @@ impl Grids {
             Some(start)
         });
         let level = |(cells, start): (&usize, usize)| Level { cells: *cells, start };
-        Grids { levels: cells.iter().zip(starts).map(level).collect() }
+        HashGrid { levels: cells.iter().zip(starts).map(level).collect() }
     }
 
     /// The numbers of cells along a side.
@@ -189,31 +189,31 @@ mod tests {
     /// The last level has more corners than entries.
     const CELLS: [usize; 3] = [2, 5, 50];
 
-    fn tables(grids: &Grids) -> Vec<f64> {
-        (0..grids.table_length()).map(|i| (0.7 * i as f64).sin()).collect()
+    fn tables(grid: &HashGrid) -> Vec<f64> {
+        (0..grid.table_length()).map(|i| (0.7 * i as f64).sin()).collect()
     }
 
     /// The sum of all features times 1, 2, 3, ….
-    fn total(grids: &Grids, tables: &[f64], y: [f64; 3]) -> f64 {
+    fn total(grid: &HashGrid, tables: &[f64], y: [f64; 3]) -> f64 {
         let mut sum = 0.0;
-        grids.encode(tables, y, |i, value| sum += (i + 1) as f64 * value);
+        grid.encode(tables, y, |i, value| sum += (i + 1) as f64 * value);
         sum
     }
 
     #[test]
     fn the_reverse_mode_matches_differences() {
-        let grids = Grids::new(&CELLS);
-        let tables = tables(&grids);
+        let grid = HashGrid::new(&CELLS);
+        let tables = tables(&grid);
         let y = [0.31, -0.47, 0.83];
         let mut sums = vec![0.0; tables.len()];
         let bars =
-            grids.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut TableSum::Vector(&mut sums));
+            grid.encode_vjp(&tables, y, |i| (i + 1) as f64, &mut TableSum::Vector(&mut sums));
         let h = 1e-6;
         for axis in 0..3 {
             let moved = |h: f64| {
                 let mut y = y;
                 y[axis] += h;
-                total(&grids, &tables, y)
+                total(&grid, &tables, y)
             };
             let difference = (moved(h) - moved(-h)) / (2.0 * h);
             assert_relative_eq!(bars[axis], difference, max_relative = 1e-6);
@@ -223,18 +223,18 @@ mod tests {
         for i in met {
             let mut moved = tables.clone();
             moved[i] += 1.0;
-            let difference = total(&grids, &moved, y) - total(&grids, &tables, y);
+            let difference = total(&grid, &moved, y) - total(&grid, &tables, y);
             assert_relative_eq!(sums[i], difference, max_relative = 1e-9);
         }
     }
 
     #[test]
     fn points_outside_have_the_features_of_the_nearest_point_of_the_cube() {
-        let grids = Grids::new(&CELLS);
-        let tables = tables(&grids);
+        let grid = HashGrid::new(&CELLS);
+        let tables = tables(&grid);
         let far = [7.0, -9.0, 0.3];
-        assert_eq!(total(&grids, &tables, far), total(&grids, &tables, [1.0, -1.0, 0.3]));
-        let bars = grids.encode_vjp(
+        assert_eq!(total(&grid, &tables, far), total(&grid, &tables, [1.0, -1.0, 0.3]));
+        let bars = grid.encode_vjp(
             &tables,
             far,
             |_| 1.0,

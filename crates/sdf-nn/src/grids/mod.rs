@@ -10,6 +10,6 @@ mod support;
 mod taps;
 
 pub use grid_levels::GridLevels;
-pub use hashed::{FEATURES, Grids, MOST_CELLS, MOST_LEVELS};
+pub use hashed::{FEATURES, HashGrid, MOST_CELLS, MOST_LEVELS};
 pub use splines::{Degree, MOST_COEFFICIENTS, MOST_FEATURES, SplineSize, Splines};
 pub use taps::{Jet, PADDING};
