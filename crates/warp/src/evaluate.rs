@@ -4,9 +4,9 @@ use field::{Field, Real, Vector3};
 
 use crate::projection::Projection;
 use crate::ray::WarpedRay;
+use crate::top_k::{Entry, Quadrature, normalise_rates};
 use crate::warp::{SampleDivergence, Warp, WarpSample, WarpWithDivergence};
 use crate::weighting::{Motion, Weighting};
-use crate::weights::{Entry, Quadrature, normalise_rates};
 
 /// V of a batch of rays, from the k points of largest weight on each. `charts` has one chart per
 /// ray, or one for all.

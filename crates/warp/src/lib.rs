@@ -6,9 +6,9 @@ mod evaluate;
 mod options;
 mod projection;
 mod ray;
+mod top_k;
 mod warp;
 mod weighting;
-mod weights;
 
 pub use args::{WarpArgs, WarpDefaults};
 pub use evaluate::{evaluate, evaluate_with_divergence};

@@ -1,4 +1,6 @@
-//! The quadrature weights of the points of rays, as logarithms until only ratios matter.
+//! The k largest quadrature weights of each ray, less the smallest of them, with the sum 1.
+//!
+//! Weights are logarithms until only ratios matter.
 
 use std::cmp::Ordering;
 
