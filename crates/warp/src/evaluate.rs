@@ -2,11 +2,11 @@
 
 use field::{Field, Real, Vector3};
 
+use crate::density::{Motion, Weighting};
 use crate::projection::Projection;
 use crate::ray::WarpedRay;
 use crate::top_k::{Entry, Quadrature, normalise_rates};
 use crate::warp::{SampleDivergence, Warp, WarpSample, WarpWithDivergence};
-use crate::weighting::{Motion, Weighting};
 
 /// V of a batch of rays, from the k points of largest weight on each. `charts` has one chart per
 /// ray, or one for all.

@@ -2,7 +2,7 @@
 
 use field::{Check, InvalidSetting, Real};
 
-use crate::weighting::PublishedWeighting;
+use crate::density::PublishedWeighting;
 
 /// N, k, γ, λ_d and ε of the published warp (Bangaru et al. 2022, supplement, sections 1 and 3).
 ///

@@ -6,8 +6,8 @@ use std::cmp::Ordering;
 
 use field::{Real, Vector3};
 
+use crate::density::{Motion, Weighting};
 use crate::ray::WarpedRay;
-use crate::weighting::{Motion, Weighting};
 
 /// A point that keeps a weight, or the *floor*: the point of the smallest of the k largest weights.
 ///
