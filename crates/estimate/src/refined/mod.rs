@@ -6,11 +6,11 @@ mod crossings;
 mod face_change;
 mod face_changes;
 mod line_places;
+mod mark_pixels;
 mod neighbours;
 mod outside;
 mod probes;
 mod search;
-mod survey;
 mod unseen_faces;
 mod visibility;
 
@@ -27,7 +27,7 @@ use crate::record::{
 use creases::add_crease;
 use crossings::{Crossings, crossings};
 use face_changes::{FaceChanges, face_changes};
-use survey::{mark_corners, sample_unmarked};
+use mark_pixels::{mark_corners, sample_unmarked};
 
 const LINES: Name = Name::new("lines across a pixel", 6);
 
