@@ -11,10 +11,10 @@ use optim::Schedule;
 
 /// The progress at which each finer level of the pyramid starts, the finest last: the shape must be
 /// fine while the surface is soft.
-const LEVEL_ENDS: [f64; 3] = [0.05, 0.12, 0.25];
+const FINER_FROM: [f64; 3] = [0.05, 0.12, 0.25];
 
 /// The share of the budget that is spent on the finest level.
-pub const FINEST_SHARE: f64 = 1.0 - LEVEL_ENDS[2];
+pub const FINEST_SHARE: f64 = 1.0 - FINER_FROM[2];
 
 /// On the finest level, one draw stands for a group of this many certain background pixels: their
 /// rays miss by then, and only a trained background has a gradient there. Before a uniform one,
@@ -27,7 +27,7 @@ const COARSE_GROUP: usize = 4;
 
 /// The number of background pixels that one draw stands for.
 pub fn background_group(progress: f64) -> usize {
-    if progress >= LEVEL_ENDS[2] { BACKGROUND_GROUP } else { COARSE_GROUP }
+    if progress >= FINER_FROM[2] { BACKGROUND_GROUP } else { COARSE_GROUP }
 }
 
 /// The shares of the sharp part at which the surface is surveyed: pixels far from it become certain
@@ -37,7 +37,7 @@ const SURVEYS: [f64; 3] = [0.0, 0.2, 0.6];
 
 /// The progress at which the surface is sharp at full size.
 fn sharp_from(soft: f64) -> f64 {
-    soft.max(LEVEL_ENDS[2])
+    soft.max(FINER_FROM[2])
 }
 
 /// The spent fraction of the budget after that, 0 to 1.
@@ -69,7 +69,7 @@ const WARM_UP: f64 = 0.01;
 
 /// The level of a pyramid of `levels` levels: the coarsest at the start, 0 at the end.
 pub fn pyramid_level(progress: f64, levels: usize) -> usize {
-    let remaining = LEVEL_ENDS.iter().filter(|end| progress < **end).count();
+    let remaining = FINER_FROM.iter().filter(|from| progress < **from).count();
     remaining.min(levels - 1)
 }
 
