@@ -54,7 +54,7 @@ impl Optimiser {
         model: &mut Model,
         gradient: &mut [f32],
         options: &FitOptions,
-        Moment { iteration, progress, schedule }: Moment,
+        StepTime { iteration, progress, schedule }: StepTime,
     ) -> Result<f32, OptimError> {
         let background = model.background.parameters().len();
         let shape = gradient.len() - background;
@@ -168,9 +168,9 @@ impl Optimiser {
     }
 }
 
-/// The place of a step in its fit.
+/// The time of a step in its fit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
+pub(crate) struct StepTime {
     /// The number of finished iterations.
     pub(crate) iteration: u64,
     /// The spent fraction of the budget.

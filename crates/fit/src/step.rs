@@ -12,7 +12,7 @@ use crate::error::FitError;
 use crate::fit::Fit;
 use crate::metrics::Metrics;
 use crate::objective::{Drawn, differentiate};
-use crate::optimiser::Moment;
+use crate::optimiser::StepTime;
 use crate::survey::survey_surface;
 
 /// The rate at which cameras are refined, in pixels, times the fit's schedule: a tenth of the rate
@@ -70,9 +70,9 @@ impl Fit {
         let (iteration, progress) = (self.clock.iteration, self.progress());
         let schedule = learning_rate(progress);
         let Fit { file, model, optimiser, photographs, .. } = self;
-        let moment = Moment { iteration, progress, schedule };
+        let time = StepTime { iteration, progress, schedule };
         let gradient = &mut added.parameters;
-        let step = || optimiser.step(model, gradient, &file.options, moment);
+        let step = || optimiser.step(model, gradient, &file.options, time);
         let norm = work.run(Stage::Parameters, step)?;
 
         if let Some(calibration) = photographs.corrections.refined_mut() {
