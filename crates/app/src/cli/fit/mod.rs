@@ -1,9 +1,9 @@
 //! `dsdf fit`.
 
 mod options;
+mod prepare_run;
 mod progress;
 mod resume;
-mod run_folder;
 mod start;
 mod summary;
 
@@ -23,7 +23,7 @@ use fit::{Clock, Fit as Fitting, FitError, Metrics, RunFile, RunFolder, Session}
 use report::examine;
 
 pub(crate) use options::Fit;
-pub(super) use run_folder::{lock, refuse_occupied};
+pub(super) use prepare_run::{lock, refuse_occupied};
 pub(super) use start::{new_run, read_for};
 
 /// The result of `dsdf fit`.
@@ -67,7 +67,7 @@ pub(super) struct Segment {
 
 impl Fit {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
-        run_folder::check_output(&self.output, global)?;
+        prepare_run::check_output(&self.output, global)?;
         if !self.resume {
             refuse_occupied(&self.output)?;
         }
@@ -115,7 +115,7 @@ pub(super) fn fit(
              longer --time, or more --iterations, continues it"
         ));
     }
-    run_folder::write_run_file(run, &session.fit.file)?;
+    prepare_run::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
     let live = segment.reports.then(|| Live::start(run, &session.fit));
     let last = console
@@ -198,7 +198,7 @@ fn locked_fit(
         return Ok((new(dataset, file)?, lock));
     }
     let session = new(dataset, file)?;
-    run_folder::create(run)?;
+    prepare_run::create(run)?;
     let lock = lock(run)?;
     // Another fit may have ended here since the folder was checked.
     refuse_occupied(run)?;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::options::Fit;
-use super::run_folder::{absolute, refuse_without_checkpoint};
+use super::prepare_run::{absolute, refuse_without_checkpoint};
 use crate::cli::common::{ARGUMENTS, FROM_RUN, Global, option_error};
 use dataset::Dataset;
 use files::InputError;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::options::Fit;
-use super::run_folder::absolute;
+use super::prepare_run::absolute;
 use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use dataset::{Dataset, LoadOptions, Unread};
 use files::InputError;

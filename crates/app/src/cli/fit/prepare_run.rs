@@ -1,4 +1,4 @@
-//! The files of a run folder that a fit writes before its first iteration.
+//! Prepares a run folder before the first iteration: checks, lock, subfolders and `fit.toml`.
 
 use std::fs::{File, create_dir_all};
 use std::path::{Path, PathBuf};
