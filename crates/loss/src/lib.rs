@@ -3,6 +3,7 @@
 
 mod bending;
 mod carve;
+mod coverage;
 mod drawn;
 mod eikonal;
 mod objective;

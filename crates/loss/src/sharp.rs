@@ -13,9 +13,10 @@ use random::Name;
 use render::{InvalidField, Primary, Sample};
 
 use crate::carve::carve;
+use crate::coverage::TypicalLosses;
 use crate::drawn::{Drawn, NearPoint, PARTS, pixels_of, portion};
 use crate::objective::{Objective, PixelLoss};
-use crate::photometry::{Draw, TypicalLosses};
+use crate::photometry::Draw;
 use crate::regularisers::regularise;
 use crate::reversed::Reversed;
 use crate::sums::PartSums;

@@ -11,7 +11,6 @@ mod masks;
 mod overexposed;
 mod photograph;
 mod pyramid;
-mod typical;
 
 pub use background::BackgroundModel;
 pub use background_choice::{BackgroundChoice, BackgroundKind};
@@ -22,4 +21,3 @@ pub use loss::{Target, photometric, squared_error};
 pub use masks::{MaskChoice, MaskUse, check_masks, put_over_black};
 pub use photograph::{Draw, Photograph};
 pub use pyramid::{Level, pyramid};
-pub use typical::TypicalLosses;

@@ -5,7 +5,7 @@
 //! a pixel beside the object as well as the background does. No radiance holds the silhouette
 //! there. But the object's own pixels have a far smaller loss than those of the background.
 
-use crate::photometry::photograph::Draw;
+use crate::photometry::Draw;
 
 /// The term is used where the background's mean loss is above this multiple of the object's.
 const LEAST_RATIO: f32 = 2.0;
@@ -15,7 +15,7 @@ const LEAST_DRAWS: usize = 20;
 
 /// The mean losses of pixels that no silhouette crosses.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TypicalLosses {
+pub(crate) struct TypicalLosses {
     object: f32,
     background: f32,
 }
@@ -23,7 +23,7 @@ pub struct TypicalLosses {
 impl TypicalLosses {
     /// The means over pixels that show the object or not. Pixels without a loss do not count.
     /// `None` if there are too few, or if the background is explained as well as the object.
-    pub fn of(drawn: &[Draw], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
+    pub(crate) fn of(drawn: &[Draw], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
         let (mut sum, mut all, mut draws) = ([0.0; 2], [0.0; 2], [0; 2]);
         for ((draw, is_object), loss) in drawn.iter().zip(is_object).zip(losses) {
             let (Some(loss), count) = (loss, f32::from(draw.count)) else { continue };
@@ -40,7 +40,7 @@ impl TypicalLosses {
     /// The derivative by the coverage C of the term (ρ − e)²/2b of a pixel with the loss ρ, where
     /// e = C s + (1 − C) b is the loss to expect, with the mean losses s of the object and b of the
     /// background. ρ counts as an observation: the term does not change radiance.
-    pub fn slope(self, coverage: f32, loss: f32) -> f32 {
+    pub(crate) fn slope(self, coverage: f32, loss: f32) -> f32 {
         let TypicalLosses { object, background } = self;
         let expected = coverage * object + (1.0 - coverage) * background;
         (loss - expected) * (background - object) / background
