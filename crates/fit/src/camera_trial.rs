@@ -12,7 +12,7 @@ use crate::camera_corrections::Corrections;
 use crate::cameras::{calibration, corrected};
 use crate::error::FitError;
 use crate::fit::{Fit, TRACED_CHUNK};
-use crate::objective::{Drawn, differentiate};
+use crate::objective::{DrawnPixels, differentiate};
 use crate::streams::CAMERA_TRIAL;
 
 /// The share of the sharp part of the budget before the refinement of cameras: the surface has
@@ -85,7 +85,7 @@ fn trial(
     for step in 0..steps {
         let draws = trial_pixels(fit, step * draws..(step + 1) * draws, stream.at(0));
         let pixel_count = draws.iter().map(|p| f32::from(p.count)).sum();
-        let drawn = Drawn { level: 0, draws, pixel_count };
+        let drawn = DrawnPixels { level: 0, draws, pixel_count };
         let (Gradient { cameras, parameters, .. }, _) =
             differentiate(fit, &drawn, Some(&refined), stream.at(1).at(step), &mut work)?;
         work.reuse(parameters);

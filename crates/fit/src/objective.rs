@@ -17,7 +17,7 @@ const BACKGROUND_COLOR: Name = Name::new("colour behind the object of a view", 2
 
 /// The pixels of an iteration.
 #[derive(Clone, Debug)]
-pub(crate) struct Drawn {
+pub(crate) struct DrawnPixels {
     /// The level of the pyramid.
     pub(crate) level: usize,
     /// The pixels.
@@ -30,7 +30,7 @@ pub(crate) struct Drawn {
 /// `calibration`, and the number of its field evaluations.
 pub(crate) fn differentiate(
     fit: &Fit,
-    drawn: &Drawn,
+    drawn: &DrawnPixels,
     calibration: Option<&Calibration>,
     stream: Stream,
     work: &mut Workspace,

@@ -11,7 +11,7 @@ use crate::camera_trial::start_refinement;
 use crate::error::FitError;
 use crate::fit::Fit;
 use crate::metrics::Metrics;
-use crate::objective::{Drawn, differentiate};
+use crate::objective::{DrawnPixels, differentiate};
 use crate::optimiser::StepTime;
 use crate::survey::survey_surface;
 
@@ -63,7 +63,7 @@ impl Fit {
     /// before clipping.
     fn take_step(
         &mut self,
-        drawn: &Drawn,
+        drawn: &DrawnPixels,
         added: &mut Gradient,
         work: &Workspace,
     ) -> Result<f32, FitError> {
@@ -116,7 +116,7 @@ impl Fit {
 }
 
 /// Draws the pixels of an iteration.
-fn draw(fit: &Fit) -> Drawn {
+fn draw(fit: &Fit) -> DrawnPixels {
     let (progress, options) = (fit.progress(), &fit.file.options);
     let level = pyramid_level(progress, fit.photographs.levels.len());
     // Coarse images have few pixels: level 1 has half of the batch, coarser levels a quarter.
@@ -133,5 +133,5 @@ fn draw(fit: &Fit) -> Drawn {
         .with_min_len(DRAWS)
         .map(|i| pixels.draw(fit.clock.iteration * count + i as u64, every, stream))
         .collect();
-    Drawn { level, draws, pixel_count: pixels.count_of(count, every) as f32 }
+    DrawnPixels { level, draws, pixel_count: pixels.count_of(count, every) as f32 }
 }
