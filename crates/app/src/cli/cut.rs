@@ -279,7 +279,7 @@ impl<'a> Cutting<'a> {
         Ok(())
     }
 
-    /// The rest without its small pieces.
+    /// The rest without its small components.
     fn finish(mut self) -> anyhow::Result<(Mesh, Vec<CutReport>)> {
         let rest = keep_components(self.cutter.mesh(), Components::default());
         if rest.faces.is_empty() {
