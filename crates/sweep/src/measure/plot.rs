@@ -54,11 +54,29 @@ const TOP: f64 = 34.0;
 /// Panels in a row.
 const COLUMNS: usize = 3;
 
+/// The corner of a panel with its legend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Corner {
+    /// The upper right one.
+    UpperRight,
+    /// The lower left one.
+    LowerLeft,
+}
+
 /// Draws panels in rows of three.
 ///
 /// If all panels have curves of the same names in the same order, there is one legend below them;
-/// otherwise each panel has its own.
+/// otherwise each panel has its own, in its upper right corner.
 pub fn svg(panels: &[Panel], x_label: &str, y_label: &str) -> String {
+    svg_with_legends(panels, [x_label, y_label], Corner::UpperRight)
+}
+
+/// Like [`svg`], with the legends of single panels in another corner.
+pub fn svg_with_legends(
+    panels: &[Panel],
+    [x_label, y_label]: [&str; 2],
+    legends: Corner,
+) -> String {
     let columns = COLUMNS.min(panels.len().max(1));
     let rows = panels.len().div_ceil(columns);
     let (width, height) =
@@ -73,9 +91,15 @@ pub fn svg(panels: &[Panel], x_label: &str, y_label: &str) -> String {
         );
         draw_panel(&mut out, panel, corner, x_label, y_label);
         if !shared_legend {
-            let place =
-                |j: usize| (corner.0 + WIDTH - 70.0, corner.1 + TOP + 8.0 + 12.0 * j as f64);
-            legend(&mut out, &names(panel), place);
+            let names = names(panel);
+            let (x, y) = match legends {
+                Corner::UpperRight => (corner.0 + WIDTH - 70.0, corner.1 + TOP + 8.0),
+                Corner::LowerLeft => {
+                    let below = 12.0 * names.len() as f64 + 10.0;
+                    (corner.0 + LEFT + 8.0, corner.1 + HEIGHT - below)
+                }
+            };
+            legend(&mut out, &names, |j| (x, y + 12.0 * j as f64));
         }
     }
     if let Some(panel) = panels.first().filter(|_| shared_legend) {

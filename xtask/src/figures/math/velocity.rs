@@ -1,6 +1,6 @@
 //! The error of the warp beside a silhouette, against the velocity of the silhouette.
 
-use sweep::measure::plot::{Curve, Panel, svg};
+use sweep::measure::plot::{Corner, Curve, Panel, svg_with_legends};
 
 use super::ball::{BALL, Parameter, SETTINGS, Settings};
 
@@ -25,7 +25,9 @@ pub(super) fn draw() -> String {
         panel("exponent γ, N = 600", GAMMA.map(of_gamma).into()),
         panel("number of points N, γ = 3", POINTS.map(of_points).into()),
     ];
-    svg(&panels, "distance outside the outline, pixels", "|V·n − v| / v")
+    let labels = ["distance outside the outline, pixels", "|V·n − v| / v"];
+    // The upper corners have curves.
+    svg_with_legends(&panels, labels, Corner::LowerLeft)
 }
 
 /// |V·n − v|/v beside the outline, for a ball that moves towards the camera.
