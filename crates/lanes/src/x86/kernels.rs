@@ -42,8 +42,9 @@ fn multiply_tile_rows<V: Vector, const N: usize, const ROWS: usize, const REGS: 
 ) {
     for lane in (0..N).step_by(REGS * V::N) {
         let mut sums = [[V::splat(0.0); REGS]; ROWS];
-        for (sum, start) in sums.iter_mut().zip(start.get(first..).unwrap_or(&[])) {
-            *sum = [V::splat(*start); REGS];
+        // Constant indices only: otherwise the loop also stores the sums in memory.
+        for r in 0..ROWS {
+            sums[r] = [V::splat(start.get(first + r).copied().unwrap_or(0.0)); REGS];
         }
         for (w, row) in weights.iter().zip(input) {
             let mut x = [V::splat(0.0); REGS];
@@ -203,8 +204,10 @@ pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut 
     for first in (0..rows.len()).step_by(N) {
         for lane in (0..LANES).step_by(N) {
             let mut square = [V::splat(0.0); N];
-            for (square, row) in square.iter_mut().zip(&rows[first..]) {
-                *square = V::load(&row.0[lane..]);
+            for r in 0..N {
+                if let Some(row) = rows.get(first + r) {
+                    square[r] = V::load(&row.0[lane..]);
+                }
             }
             V::transpose(&mut square);
             for (l, column) in square.into_iter().enumerate() {
