@@ -31,7 +31,7 @@ fn a_fit_prints_its_assumptions_and_its_verdict() {
     assert!(cameras.contains("it needs 640 iterations before it, and the budget gives 16"));
     for (line, words) in [
         (0, "6 to fit, 1 held out, 32 x 32 pixels"),
-        (1, "from outlines before plain backgrounds"),
+        (1, "from outlines in front of plain backgrounds"),
         (2, "one colour (confidence that one colour explains it: 1.00 of 1)"),
         (3, "of the object in 7 views, not used"),
         (4, "not known"),

@@ -125,10 +125,11 @@ impl Repository {
         Ok(findings)
     }
 
-    /// The table of crates, and the promise of no input and output.
+    /// The table of crates, the picture of their layers, and the promise of no input and output.
     fn about_architecture(&self) -> anyhow::Result<Vec<String>> {
         let page = self.texts.get(ARCHITECTURE).context(ARCHITECTURE)?;
         let mut findings = crates::table(page, &self.members);
+        findings.extend(crates::layers(page, &self.members, &crates::dependencies()?));
         let promised = quiet::promised(page);
         let checked = BTreeSet::from(QUIET.map(str::to_owned));
         let difference = promised.symmetric_difference(&checked);

@@ -32,7 +32,7 @@ pub enum Baseline {
     /// The background, for all pixels. It is also correct at the outline of the bounding sphere,
     /// where V ends and all radiance is background.
     Background,
-    /// c = 0, as published. Before a background that is not black, it is wrong at the outline of
-    /// the bounding sphere.
+    /// c = 0, as published. In front of a background that is not black, it is wrong at the outline
+    /// of the bounding sphere.
     None,
 }

@@ -46,8 +46,10 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> Result<Vec<Vec<Task>
     let dataset = file.prepare(dataset);
     // The run is not changed: files of the end go to another folder.
     let copy = tempfile::tempdir()?;
-    std::fs::create_dir_all(copy.path().join("checkpoint"))?;
     let [from, to] = [run, copy.path()].map(RunFolder::new);
+    for folder in to.subfolders() {
+        std::fs::create_dir_all(folder)?;
+    }
     for [from, to] in [[from.checkpoint(), to.checkpoint()], [from.fit_toml(), to.fit_toml()]] {
         std::fs::copy(&from, to).map_err(|e| format!("{}: {e}", from.display()))?;
     }

@@ -47,7 +47,7 @@ pub use loss::photometry::{
     check_masks,
 };
 pub use loss::{Observer, Stage, Workspace};
-pub use metrics::Metrics;
+pub use metrics::{Metrics, StepMetrics};
 pub use model::Model;
 pub use model_background::ModelBackground;
 pub use multiview::calibrate::{CameraDecision, RefineCameras};

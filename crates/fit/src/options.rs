@@ -62,7 +62,7 @@ pub struct FitOptions {
     #[arg(long, value_name = "CHOICE", value_enum,
           default_value_t = Self::default().background)]
     pub background: BackgroundChoice,
-    /// Refinement of the cameras: by places of points before the fit, or by the loss once the
+    /// Refinement of the cameras: by keypoint matches before the fit, or by the loss once the
     /// surface is sharp
     #[arg(help_heading = CAMERAS)]
     #[arg(long, value_name = "CHOICE", value_enum,
@@ -156,7 +156,7 @@ pub struct FitOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub soft: Option<f64>,
     /// Depths of the photographs, by comparison with their neighbours: they guide the surface, and
-    /// a surface that photographs contradict goes back where none is known
+    /// the fit removes surface that photographs contradict where no depth is known
     #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
     pub stereo: StereoChoice,
@@ -239,8 +239,8 @@ const MAX_BATCH: usize = 1 << 24;
 /// Bytes of memory for each draw of an iteration. Measured: 14.
 const MEMORY_PER_DRAW: u64 = 32;
 
-/// Bytes of memory for the pixels of a round. An estimate: up to 16 KiB a pixel, before a trained
-/// background.
+/// Bytes of memory for the pixels of a round. An estimate: up to 16 KiB a pixel, in front of a
+/// trained background.
 const MEMORY_OF_ROUND: u64 = 64 << 20;
 
 /// Pixels for each one that a silhouette may cross. Half of them are crossed in a fit of images of

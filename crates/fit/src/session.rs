@@ -101,8 +101,8 @@ impl Session {
                 seconds,
                 progress: self.fit.progress(),
                 psnr: self.held_out_psnr,
-                rays_per_second: step.rays_per_second / taken.max(1e-9),
-                ..step
+                rays_per_second: step.rays as f64 / taken.max(1e-9),
+                step,
             };
             lines.write(&metrics).map_err(FitError::from)?;
             report(self, &metrics)?;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::camera_trial::start_refinement;
 use crate::error::FitError;
 use crate::fit::Fit;
-use crate::metrics::Metrics;
+use crate::metrics::StepMetrics;
 use crate::objective::{DrawnPixels, differentiate};
 use crate::optimiser::StepTime;
 use crate::survey::survey_surface;
@@ -37,12 +37,11 @@ impl Fit {
     /// | traced, shaded, compared, reversed, added | [`loss::gradient()`] | [`Gradient`]: the gradient of the total loss |
     /// | stepped | here | parameters, cameras and exposures after a step against it |
     ///
-    /// `rays_per_second` of the result is the number of rays, and `progress` is 0; the caller
-    /// completes them. `work` is memory that the next iteration uses again.
+    /// `work` is memory that the next iteration uses again.
     ///
     /// # Errors
     /// If the field gives a NaN or an infinity along a ray, or a gradient is not finite.
-    pub fn step(&mut self, work: &mut Workspace) -> Result<Metrics, FitError> {
+    pub fn step(&mut self, work: &mut Workspace) -> Result<StepMetrics, FitError> {
         let trial = start_refinement(self)?;
         survey_surface(self)?;
 
@@ -95,18 +94,15 @@ impl Fit {
         level: usize,
         norm: f32,
         trial: Option<CameraDecision>,
-    ) -> Metrics {
+    ) -> StepMetrics {
         let n = stats.pixels as f64;
-        Metrics {
+        StepMetrics {
             iteration: self.clock.iteration,
-            seconds: self.clock.seconds,
-            progress: 0.0,
             loss: stats.photometric / n,
             eikonal: stats.eikonal / stats.eikonal_points.max(1) as f64,
             train_psnr: -10.0 * (stats.squared_error / n).max(1e-10).log10(),
-            psnr: None,
             evaluations,
-            rays_per_second: stats.rays as f64,
+            rays: stats.rays,
             edge_fraction: stats.edge_pixels as f64 / n,
             level,
             gradient_norm: norm.into(),

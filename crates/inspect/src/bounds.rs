@@ -54,7 +54,7 @@ pub enum SphereSource {
     Masks,
     /// The points on the scene's surfaces.
     Points,
-    /// The outline of the object before uniform or smooth backgrounds.
+    /// The outline of the object in front of uniform or smooth backgrounds.
     Outlines,
     /// The cameras alone.
     Cameras,
@@ -67,7 +67,7 @@ impl fmt::Display for SphereSource {
             SphereSource::Dataset => "from the data set",
             SphereSource::Masks => "from the masks",
             SphereSource::Points => "from the data set's points",
-            SphereSource::Outlines => "from outlines before plain backgrounds",
+            SphereSource::Outlines => "from outlines in front of plain backgrounds",
             SphereSource::Cameras => "from the cameras alone",
         })
     }
@@ -85,7 +85,7 @@ pub struct Surroundings {
     /// A uniform background of each training view.
     pub backgrounds: Vec<BackgroundEstimate>,
     /// The share of the background, 0 to 1, that photographs show alike along equal directions: 1
-    /// if all of it is far away. Only parts with a pattern count. 0 before uniform backgrounds.
+    /// if all of it is far away. Only parts with a pattern count. 0 in front of uniform backgrounds.
     pub distant: f32,
 }
 

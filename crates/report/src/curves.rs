@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn a_long_curve_has_the_means_of_equal_times_and_damaged_lines_are_left_out() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("metrics.jsonl");
+        let path = fit::RunFolder::new(folder.path()).metrics();
         let line = |i: u32| {
             let known = format!("{{\"iteration\":{i},\"seconds\":{i},\"loss\":{i}");
             known + ",\"train_psnr\":20.0,\"psnr\":null}\n"

@@ -62,7 +62,7 @@ impl FitFile {
         Ok(flags)
     }
 
-    /// The run's model with radiance 1 before a background of 0, on a film of `size` × `size`
+    /// The run's model with radiance 1 in front of a background of 0, on a film of `size` × `size`
     /// pixels. The camera is three bounding radii from the centre: the bounding ball fills the
     /// film.
     fn silhouette_scene(&self, run: &Path, size: u32) -> Value {

@@ -87,7 +87,7 @@ impl Backdrop {
         }
     }
 
-    /// The photograph of the object before the background, linear RGB.
+    /// The photograph of the object in front of the background, linear RGB.
     pub(super) fn photograph(&self, setting: &Setting, camera: &Camera, layers: &Layers) -> Film {
         let Layers { width, height, object, coverage } = layers;
         let gain = match setting {

@@ -34,7 +34,9 @@ pub(crate) fn links(line: &str) -> Vec<&str> {
             out.extend(rest.split([')', ' ']).next());
         }
     }
-    let definition = line.strip_prefix('[').and_then(|rest| rest.split_once("]: "));
+    // `[^name]: ` starts the text of a footnote.
+    let definition = line.strip_prefix('[').filter(|rest| !rest.starts_with('^'));
+    let definition = definition.and_then(|rest| rest.split_once("]: "));
     out.extend(definition.and_then(|(_, target)| target.split_whitespace().next()));
     out
 }
@@ -55,5 +57,6 @@ mod tests {
         assert_eq!(code_spans(line).collect::<Vec<_>>(), ["a/b", "c", "[x](y)"]);
         assert_eq!(links(line), ["d.md#e", "g.png"]);
         assert_eq!(links("[name]: path/to.md"), ["path/to.md"]);
+        assert_eq!(links("[^name]: Text, and [a link](c.md)."), ["c.md"]);
     }
 }

@@ -14,8 +14,8 @@ use ::poses::{Event, Job, Options, Photographs, Program, run};
 pub(crate) struct Poses {
     /// Folder of photographs: .jpg, .jpeg or .png
     photos: PathBuf,
-    /// Data set folder to write; one of the same photographs continues, or is made again, starting
-    /// at the first step that has other options
+    /// Data set folder to write; continues an existing folder of the same photographs from the
+    /// first step whose options changed
     #[arg(short, long)]
     output: PathBuf,
     #[command(flatten)]

@@ -27,7 +27,7 @@ const BLUR: f32 = 4.0;
 ///
 /// A ray enters the bounding sphere from outside the solid, and the solid ends at the sphere. So
 /// where f is negative, the sphere is a surface. Without it, rays would see through a solid that
-/// they begin in: a fit of photographs from one side filled the space before the object.
+/// they begin in: a fit of photographs from one side filled the space in front of the object.
 const OUTSIDE: f32 = f32::MAX;
 
 /// Weight of every coarse interval in choosing the fine points, beside its opacity.

@@ -10,7 +10,7 @@ use crate::calibrate::{Freedom, Matching, Trial};
 pub enum RefineCameras {
     /// The cameras stay as given
     None,
-    /// Poses, and focal lengths by places of points, if that explains the photographs better
+    /// Poses, and focal lengths by keypoint matches, if that explains the photographs better
     #[default]
     Auto,
     /// The rotation and the position of each view
@@ -38,7 +38,7 @@ impl RefineCameras {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum CameraDecision {
-    /// By places of points, before the fit.
+    /// By keypoint matches, before the fit.
     Matching(Matching),
     /// By a trial.
     Trial(Trial),

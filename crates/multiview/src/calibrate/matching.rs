@@ -1,4 +1,4 @@
-//! The decision between given cameras and those that places of points adjust.
+//! The decision between given cameras and cameras that are adjusted to keypoint matches.
 
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ pub fn off_views(given: &Residuals, adjusted: &Residuals) -> Vec<bool> {
     views.map(|(a, b)| is_off(*a, adjusted) && falls(*a, *b)).collect()
 }
 
-/// The result of an adjustment: whether cameras explain the places of points better after it.
+/// The result of an adjustment: whether cameras explain the keypoint matches better after it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Matching {
     /// The number of places.
@@ -43,7 +43,7 @@ pub struct Matching {
     pub given_off: usize,
     /// The same with the adjusted ones.
     pub adjusted_off: usize,
-    /// The number of views with too few places, which keep their poses.
+    /// The number of views with too few matches, which keep their poses.
     pub held: usize,
     /// The median correction of a view, in pixels.
     pub pixels: f64,
@@ -93,7 +93,7 @@ impl Matching {
         let Matching { given_off, adjusted_off, held, .. } = self;
         let verdict = if *is_kept { "adjusted" } else { "not adjusted" };
         let mut text = format!(
-            "cameras: {verdict} before the fit; {places} places of points are {given_pixels:.2} \
+            "cameras: {verdict} before the fit; {places} keypoint matches are {given_pixels:.2} \
              pixels off in the median, {adjusted_pixels:.2} after an adjustment that moves a view \
              by {pixels:.2} pixels"
         );
@@ -105,7 +105,7 @@ impl Matching {
             );
         }
         if *held > 0 {
-            text += &format!("; views with too few places, which keep their poses: {held}");
+            text += &format!("; views with too few matches, which keep their poses: {held}");
         }
         text
     }

@@ -1,11 +1,11 @@
-//! Carving: surfaces that the photographs contradict go back.
+//! Carving: the fit removes surface that the photographs contradict.
 //!
 //! Kutulakos and Seitz, "A Theory of Shape by Space Carving", International Journal of Computer
 //! Vision 38, 2000: matter whose colour is not the same in all photographs that see it is no part
 //! of the object. The rest is the largest shape that explains the photographs.
 
-/// A surface goes back where its pixel's loss is above this multiple of the mean. From twice it on,
-/// the push does not grow.
+/// The fit removes surface behind pixels whose loss is above this multiple of the mean. Above twice
+/// this loss, the push does not grow.
 const ERROR: f32 = 4.0;
 
 /// The pushes of the surfaces of pixels, 0 to 1, from the loss of each pixel and the number of

@@ -33,7 +33,7 @@ impl Guide<'_> {
     }
 }
 
-/// The part of a ray before the surface, in bounding radii, that is not asked to be free: the
+/// The part of a ray in front of the surface, in bounding radii, that is not asked to be free: the
 /// errors of distances.
 const MARGIN: f32 = 0.03;
 
@@ -167,7 +167,7 @@ mod tests {
         assert!(
             guide(&ball, &BALL, &[ray(0.0, 4.0)], stream()).iter().all(|(_, a)| a.abs() < 1e-3)
         );
-        // A surface before the known distance goes back, one behind it comes.
+        // A surface in front of the known distance moves back, a surface behind it moves forward.
         let sum = |distance: f32| -> f32 {
             guide(&ball, &BALL, &[ray(0.0, distance)], stream()).iter().map(|(_, a)| a).sum()
         };

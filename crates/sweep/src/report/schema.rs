@@ -63,7 +63,7 @@ impl Default for Convergence {
 }
 
 /// The gradient test on the first and the last iterate of a cell. It compares the derivative image
-/// of the silhouette (radiance 1 before a background of 0) with the contour integral. The
+/// of the silhouette (radiance 1 in front of a background of 0) with the contour integral. The
 /// derivative is along a random direction of the weights.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]

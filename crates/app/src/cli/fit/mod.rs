@@ -141,7 +141,7 @@ pub(super) fn fit(
         run: run.to_owned(),
         iterations: session.fit.clock.iteration,
         seconds: session.fit.clock.seconds,
-        loss: last.map(|m| m.loss),
+        loss: last.map(|m| m.step.loss),
         psnr: session.held_out_psnr(),
         verdict: None,
     };
@@ -219,8 +219,8 @@ fn iterate(
     progress::find_depths(&mut session.fit, &stop, global);
     let bar = progress::start(global);
     let report = &mut |session: &Session, metrics: &Metrics| -> anyhow::Result<()> {
-        done.set(metrics.iteration);
-        if let Some(trial) = &metrics.trial {
+        done.set(metrics.step.iteration);
+        if let Some(trial) = &metrics.step.trial {
             global.say(&trial.text());
         }
         progress::show(&bar, metrics);

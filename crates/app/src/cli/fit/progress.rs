@@ -37,11 +37,11 @@ pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &G
 pub(super) fn show(progress: &Progress, metrics: &Metrics) {
     progress.show(metrics.progress, &|| {
         let psnr = metrics.psnr.map_or_else(
-            || format!("train {:.1} dB", metrics.train_psnr),
+            || format!("train {:.1} dB", metrics.step.train_psnr),
             |p| format!("preview {p:.1} dB"),
         );
         let speed = metrics.rays_per_second / 1e3;
-        let (iteration, loss) = (metrics.iteration, metrics.loss);
+        let (iteration, loss) = (metrics.step.iteration, metrics.step.loss);
         format!("{iteration} iterations  loss {loss:.4}  {psnr}  {speed:.0} k rays/s")
     });
 }
