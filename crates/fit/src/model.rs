@@ -75,8 +75,8 @@ impl Model {
             skip: Vec::new(),
             activation: Activation::Softplus { beta: options.beta },
         };
-        let mut field =
-            Network::geometric(architecture, transform, options.initial_radius, options.seed);
+        let stream = Stream::of_seed(options.seed);
+        let mut field = Network::geometric(architecture, transform, options.initial_radius, stream);
         let levels = field.architecture().grid.levels.clone();
         for (level, side) in levels.iter().enumerate().filter(|(_, side)| is_fine(**side)) {
             field.set_free_nodes(level, &vec![false; side.pow(3)]);
@@ -88,7 +88,7 @@ impl Model {
             hidden,
             Activation::Relu,
             transform,
-            Stream::of_seed(options.seed).named(INITIAL_RADIANCE).bits(),
+            stream.named(INITIAL_RADIANCE),
         );
         Model { field, head, background: ModelBackground::initial(file) }
     }

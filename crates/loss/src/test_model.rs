@@ -35,8 +35,15 @@ impl Model {
         let octaves = Encoding::Frequency { bands: 6 };
         let hidden = vec![64; 3];
         Model {
-            field: Network::geometric(architecture, transform, radius, 0),
-            head: RadianceHead::new(octaves, &[4, 8], hidden, Activation::Relu, transform, 1),
+            field: Network::geometric(architecture, transform, radius, Stream::of_seed(0)),
+            head: RadianceHead::new(
+                octaves,
+                &[4, 8],
+                hidden,
+                Activation::Relu,
+                transform,
+                Stream::of_seed(1),
+            ),
             background: Volume::new(Extent::Volume, BOUNDS, Stream::of_seed(2)),
         }
     }

@@ -3,6 +3,7 @@
 use crate::grids::HashGrid;
 use field::{Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
+use random::Stream;
 
 use crate::architecture::{Activation, Encoding, Transform};
 use crate::encode::{Encoder, lane};
@@ -46,17 +47,17 @@ impl<R: Lane> RadianceHead<R> {
     ///
     /// `details` has the number of cells along the side of each grid; none for a head of octaves.
     ///
-    /// The same `seed` gives the same head.
+    /// The same `stream` gives the same head.
     pub fn new(
         encoding: Encoding,
         details: &[usize],
         hidden: Vec<usize>,
         activation: Activation,
         transform: Transform,
-        seed: u64,
+        stream: Stream,
     ) -> Self {
         let mut head = Self::zero(encoding, details, &hidden, activation, transform);
-        let mut random = Random::new(seed);
+        let mut random = Random::new(stream);
         crate::init::variance_preserving(&mut head.mlp, &mut random);
         head.tables.fill_with(|| R::of(FIRST_FEATURES * (2.0 * random.uniform() - 1.0)));
         head.mlp.repack();

@@ -1,6 +1,7 @@
 //! Initial parameters.
 
 use glam::DVec3;
+use random::Stream;
 
 use crate::architecture::{Activation, Architecture, Transform};
 use crate::mlp::{LayerShape, Mlp};
@@ -13,8 +14,8 @@ use lanes::{LANES, Lane};
 pub(crate) struct Random(u64);
 
 impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        Random(seed)
+    pub(crate) fn new(stream: Stream) -> Self {
+        Random(stream.bits())
     }
 
     fn bits(&mut self) -> u64 {
@@ -72,14 +73,14 @@ impl<R: Lane> Network<R> {
     /// infinite width. Here the last layer is the least-squares fit of |x| − `radius` over the unit
     /// ball, which is closer at any width.
     ///
-    /// The same `seed` gives the same network.
+    /// The same `stream` gives the same network.
     pub fn geometric(
         architecture: Architecture,
         transform: Transform,
         radius: f64,
-        seed: u64,
+        stream: Stream,
     ) -> Self {
-        let mut random = Random::new(seed);
+        let mut random = Random::new(stream);
         let mut network = Network::<f64>::zero(architecture.clone(), Transform::default(), 1.0);
         variance_preserving(&mut network.mlp, &mut random);
         let waves = architecture.encoding.features();

@@ -5,6 +5,7 @@ use approx::assert_relative_eq;
 use field::{Dual, Field, Scalar, Shader, SurfaceAdjoint, SurfaceBatch};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+use random::Stream;
 use sdf_nn::{
     Activation, Architecture, Degree, Encoding, Network, RadianceHead, SplineSize, Transform,
 };
@@ -128,7 +129,7 @@ const TRANSFORM: Transform = Transform { center: DVec3::new(0.2, -0.1, 0.3), rad
 
 /// A network with random parameters, also in the last layer and the biases.
 fn network(a: &Architecture, seed: u64) -> Network<f64> {
-    let mut network = Network::<f64>::geometric(a.clone(), TRANSFORM, 0.5, seed);
+    let mut network = Network::<f64>::geometric(a.clone(), TRANSFORM, 0.5, Stream::of_seed(seed));
     let random: Vec<f64> = network
         .parameters()
         .iter()
@@ -339,8 +340,8 @@ proptest! {
             Activation::Sine { omega: 30.0 },
             Activation::Relu,
         ] {
-            let network =
-                Network::<f32>::geometric(small(activation), Transform::default(), 0.5, 3);
+            let (small, stream) = (small(activation), Stream::of_seed(3));
+            let network = Network::<f32>::geometric(small, Transform::default(), 0.5, stream);
             let mut x = Vec3::new(0.1, 0.2, 0.3);
             x[i] = coordinate;
             let (mut f, mut g, mut h) = ([0.0], [Vec3::ZERO], [Vec3::ZERO]);
@@ -363,8 +364,12 @@ fn geometric_initialisation_is_close_to_a_sphere() {
             skip: vec![],
             activation: Activation::Softplus { beta },
         };
-        let network =
-            Network::<f64>::geometric(a, Transform { center: DVec3::ONE, radius: 2.0 }, 0.5, 11);
+        let network = Network::<f64>::geometric(
+            a,
+            Transform { center: DVec3::ONE, radius: 2.0 },
+            0.5,
+            Stream::of_seed(11),
+        );
         let x: Vec<DVec3> =
             points(200).into_iter().filter(|p| p.length() < 1.0 && p.length() > 0.2).collect();
         let world: Vec<DVec3> = x.iter().map(|p| *p * 2.0 + DVec3::ONE).collect();
@@ -395,7 +400,7 @@ fn single_precision_agrees_with_double_precision() {
         activation: Activation::Softplus { beta: 100.0 },
     };
     let double = network(&a, 5);
-    let mut single = Network::<f32>::geometric(a, TRANSFORM, 0.5, 5);
+    let mut single = Network::<f32>::geometric(a, TRANSFORM, 0.5, Stream::of_seed(5));
     single.set_parameters(&double.parameters().iter().map(|p| *p as f32).collect::<Vec<_>>());
     let x = points(50);
     let y: Vec<Vec3> = x.iter().map(|p| p.as_vec3()).collect();
@@ -437,7 +442,14 @@ fn assert_close(adjoint: f64, f: impl Fn(f64) -> f64) {
 fn head(activation: Activation) -> RadianceHead<f64> {
     let (encoding, details) = (Encoding::Frequency { bands: 3 }, [3, 7, 50]);
     let hidden = vec![13, 9];
-    let mut head = RadianceHead::<f64>::new(encoding, &details, hidden, activation, TRANSFORM, 3);
+    let mut head = RadianceHead::<f64>::new(
+        encoding,
+        &details,
+        hidden,
+        activation,
+        TRANSFORM,
+        Stream::of_seed(3),
+    );
     let random: Vec<f64> =
         head.parameters().iter().enumerate().map(|(i, p)| p + 0.2 * (i as f64).sin()).collect();
     head.set_parameters(&random);

@@ -2,6 +2,7 @@
 
 use field::Field;
 use glam::Vec3;
+use random::Stream;
 use sdf_nn::{
     Activation, Architecture, Degree, Encoding, Instructions, Network, SplineSize, Transform,
 };
@@ -27,7 +28,8 @@ fn wavy(encoding: Encoding, hidden: &[usize], skip: Vec<usize>) -> Network<f32> 
     let grid = SplineSize { features: 2, degree: Degree::Quadratic, levels: vec![6] };
     let (hidden, activation) = (hidden.to_vec(), Activation::Softplus { beta: 100.0 });
     let architecture = Architecture { encoding, grid, hidden, skip, activation };
-    let mut network = Network::geometric(architecture, Transform::default(), 0.5, 3);
+    let mut network =
+        Network::geometric(architecture, Transform::default(), 0.5, Stream::of_seed(3));
     let waves = network.parameters().iter().enumerate();
     let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
     network.set_parameters(&parameters);

@@ -307,7 +307,7 @@ fn bumpy(random: &mut Random, radius: f64, bump: f64, factor: f64) -> Network<f6
         skip: vec![],
         activation: Activation::Softplus { beta: 5.0 },
     };
-    let ball = Network::geometric(architecture, Transform::default(), radius, 7);
+    let ball = Network::geometric(architecture, Transform::default(), radius, Stream::of_seed(7));
     loop {
         let mut parameters = ball.parameters().to_vec();
         parameters.iter_mut().for_each(|p| *p += random.between(-bump, bump));

@@ -6,6 +6,7 @@ use std::path::Path;
 use estimate::gradient::{Direction, Sampling, differentiate};
 use estimate::{EstimatorOptions, Registry, SampleCounts};
 use field::SLOPE_POINTS;
+use random::Stream;
 use render::{Scene, render};
 use scene::SceneFile;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
@@ -83,7 +84,8 @@ fn a_distant_scene_has_the_image_and_the_derivatives_of_a_near_one() {
     };
     for (name, center) in [("near", [0.0; 3]), ("far", PLACE)] {
         let transform = Transform { center: center.into(), radius: 1.0 };
-        let network = Network::<f32>::geometric(architecture.clone(), transform, 0.6, 3);
+        let network =
+            Network::<f32>::geometric(architecture.clone(), transform, 0.6, Stream::of_seed(3));
         let file = folder.path().join(format!("{name}.safetensors"));
         std::fs::write(file, network.to_safetensors().unwrap()).unwrap();
     }

@@ -1,5 +1,6 @@
 //! Model files and other safetensors files.
 
+use app::random::Stream;
 use glam::DVec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -116,7 +117,7 @@ const UNIT: Transform = Transform { center: DVec3::ZERO, radius: 1.0 };
 pub(crate) fn fields() -> BoxedStrategy<Tensors> {
     (architectures(), 0..4u64)
         .prop_map(|(architecture, seed)| {
-            let network = Network::<f32>::geometric(architecture, UNIT, 0.5, seed);
+            let network = Network::<f32>::geometric(architecture, UNIT, 0.5, Stream::of_seed(seed));
             Tensors::of(&network.to_safetensors().unwrap_or_default())
         })
         .boxed()
@@ -126,7 +127,14 @@ pub(crate) fn fields() -> BoxedStrategy<Tensors> {
 pub(crate) fn heads() -> BoxedStrategy<Tensors> {
     architectures()
         .prop_map(|Architecture { encoding, hidden, activation, .. }| {
-            let head = RadianceHead::<f32>::new(encoding, &[2, 3], hidden, activation, UNIT, 1);
+            let head = RadianceHead::<f32>::new(
+                encoding,
+                &[2, 3],
+                hidden,
+                activation,
+                UNIT,
+                Stream::of_seed(1),
+            );
             Tensors::of(&head.to_safetensors().unwrap_or_default())
         })
         .boxed()

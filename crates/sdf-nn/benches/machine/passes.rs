@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use field::Field;
 use glam::Vec3;
+use random::Stream;
 use sdf_nn::{Activation, Architecture, Encoding, Network, Transform};
 use serde::Serialize;
 
@@ -123,5 +124,5 @@ fn network(width: usize, layers: usize) -> Network<f32> {
         skip: vec![],
         activation: Activation::Softplus { beta: 100.0 },
     };
-    Network::geometric(architecture, Transform::default(), 0.5, 1)
+    Network::geometric(architecture, Transform::default(), 0.5, Stream::of_seed(1))
 }
