@@ -204,10 +204,8 @@ pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut 
     for first in (0..rows.len()).step_by(N) {
         for lane in (0..LANES).step_by(N) {
             let mut square = [V::splat(0.0); N];
-            for r in 0..N {
-                if let Some(row) = rows.get(first + r) {
-                    square[r] = V::load(&row.0[lane..]);
-                }
+            for (square, row) in square.iter_mut().zip(&rows[first..]) {
+                *square = V::load(&row.0[lane..]);
             }
             V::transpose(&mut square);
             for (l, column) in square.into_iter().enumerate() {
