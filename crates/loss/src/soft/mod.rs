@@ -210,7 +210,9 @@ impl<'a> Compared<'a> {
         if let Some(depths) = depths {
             add_guide(&drawn, samples, &depths, &mut out);
         }
-        Uncarved { drawn, pixels, opaque: shaded.opaque_points().collect(), out }
+        let carving = drawn.objective.carving;
+        let opaque = carving.map(|_| shaded.opaque_points().collect()).unwrap_or_default();
+        Uncarved { drawn, pixels, opaque, out }
     }
 }
 
@@ -219,7 +221,7 @@ impl<'a> Compared<'a> {
 pub(crate) struct Uncarved<'a> {
     drawn: Drawn<'a>,
     pixels: Vec<PixelLoss>,
-    /// The points that can be carved, each with the number of its pixel.
+    /// The points that can be carved, each with the number of its pixel; none without carving.
     opaque: Vec<(usize, Vec3)>,
     out: Reversed,
 }
@@ -256,7 +258,7 @@ impl Shaded<'_> {
         near.collect()
     }
 
-    /// The points that can be carved, each with the number of its pixel.
+    /// The points that can be carved, each with the number of its pixel; none without carving.
     fn opaque_points(&self) -> impl Iterator<Item = (usize, Vec3)> {
         let opaque = self.intervals().filter(|(_, weight, _)| *weight > OPAQUE);
         opaque.map(|(pixel, _, x)| (pixel, x))
