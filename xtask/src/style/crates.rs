@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Context, ensure};
 use serde_json::Value;
 
+use super::markdown::section;
+
 /// The packages among `refused` that a package reaches by normal dependencies and by its own
 /// development dependencies, with its usual features.
 ///
@@ -103,15 +105,14 @@ fn manifests() -> anyhow::Result<BTreeMap<String, Value>> {
 
 /// The first block of code below the heading "Crates" of a page is a picture of the layers: each
 /// line is a row, with its name and then its crates. The findings are the dependencies that go from
-/// a crate to a crate of a higher row, and the crates in `crates` that the picture lacks, has twice,
-/// or does not know.
+/// a crate to a crate of a higher row, and the crates in `crates` that the picture lacks, has
+/// twice, or does not know.
 pub(crate) fn layers(
     page: &str,
     members: &BTreeSet<String>,
     dependencies: &BTreeMap<String, BTreeSet<String>>,
 ) -> Vec<String> {
-    let section = page.split("\n## ").find_map(|section| section.strip_prefix("Crates\n"));
-    let Some(picture) = section.and_then(|section| section.split("```").nth(1)) else {
+    let Some(picture) = section(page, "Crates").and_then(|text| text.split("```").nth(1)) else {
         return vec!["no picture of the layers in the section \"## Crates\"".to_owned()];
     };
     let mut findings = Vec::new();
@@ -146,8 +147,7 @@ pub(crate) fn layers(
 /// The differences between the members and the tables below the heading "Crates" of a page. A row
 /// stands for the crate, or the crates, whose folders are named in backticks in its first cell.
 pub(crate) fn table(page: &str, members: &BTreeSet<String>) -> Vec<String> {
-    let section = page.split("\n## ").find_map(|section| section.strip_prefix("Crates\n"));
-    let Some(section) = section else {
+    let Some(section) = section(page, "Crates") else {
         return vec!["no section \"## Crates\"".to_owned()];
     };
     let name = |folder: &str| last(folder).to_owned();

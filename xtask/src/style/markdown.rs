@@ -41,6 +41,11 @@ pub(crate) fn links(line: &str) -> Vec<&str> {
     out
 }
 
+/// The section of a page below a heading of level 2.
+pub(crate) fn section<'a>(page: &'a str, heading: &str) -> Option<&'a str> {
+    page.split("\n## ").find_map(|section| section.strip_prefix(heading)?.strip_prefix('\n'))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

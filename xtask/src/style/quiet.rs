@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::markdown::section;
 use super::modules::modules;
 use super::names::Names;
 
@@ -54,8 +55,8 @@ fn is_refused(path: &[String]) -> bool {
 /// The crates that a page promises to be so, below its heading "Invariants": the names in backticks
 /// in front of the words "no input or output", in the same item of a list.
 pub(crate) fn promised(page: &str) -> BTreeSet<String> {
-    let section = page.split("\n## ").find_map(|section| section.strip_prefix("Invariants\n"));
-    let Some((before, _)) = section.and_then(|text| text.split_once("no input or output")) else {
+    let promise = |text| str::split_once(text, "no input or output");
+    let Some((before, _)) = section(page, "Invariants").and_then(promise) else {
         return BTreeSet::new();
     };
     let item = before.rsplit("\n- ").next().unwrap_or_default();
