@@ -20,8 +20,8 @@ use crate::run_file::RunFile;
 use crate::run_folder::RunFolder;
 use crate::survey::restore_survey;
 
-/// A fit with its run folder. It writes the results, checkpoints, metrics and previews. The folder and
-/// its subfolders must exist; [`RunFile::save`] writes `fit.toml`.
+/// A fit with its run folder. It writes the results, checkpoints, metrics and previews. The folder
+/// and its subfolders must exist; [`RunFile::save`] writes `fit.toml`.
 #[derive(Debug)]
 pub struct Session {
     /// The fit.

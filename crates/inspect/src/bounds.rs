@@ -85,7 +85,8 @@ pub struct Surroundings {
     /// A uniform background of each training view.
     pub backgrounds: Vec<BackgroundEstimate>,
     /// The share of the background, 0 to 1, that photographs show alike along equal directions: 1
-    /// if all of it is far away. Only parts with a pattern count. 0 in front of uniform backgrounds.
+    /// if all of it is far away. Only parts with a pattern count. 0 in front of uniform
+    /// backgrounds.
     pub distant: f32,
 }
 

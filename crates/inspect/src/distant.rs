@@ -204,8 +204,8 @@ mod tests {
         Camera::look_at(SIDE, SIDE, focal, middle, eye, DVec3::ZERO, DVec3::Z).unwrap()
     }
 
-    /// The share in front of a background that has the grey value `shown`, by the number of the view,
-    /// the eye and the direction of the ray. There are 12 views, `step` radians apart.
+    /// The share in front of a background that has the grey value `shown`, by the number of the
+    /// view, the eye and the direction of the ray. There are 12 views, `step` radians apart.
     fn share_of(step: f64, shown: &dyn Fn(usize, DVec3, DVec3) -> f64) -> f32 {
         let view = |number: usize| {
             let camera = camera(step * number as f64);

@@ -1,7 +1,7 @@
 //! The metrics that a running fit writes: `metrics.jsonl`, one JSON object for each iteration.
 //!
-//! A sweep runs programs, and is built without a renderer. So it names the files of a run itself, and
-//! does not depend on `fit` for its `RunFolder`.
+//! A sweep runs programs, and is built without a renderer. So it names the files of a run itself,
+//! and does not depend on `fit` for its `RunFolder`.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
