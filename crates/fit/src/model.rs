@@ -78,7 +78,8 @@ impl Model {
         let stream = Stream::of_seed(options.seed);
         let mut field = Network::geometric(architecture, transform, options.initial_radius, stream);
         let levels = field.architecture().grid.levels.clone();
-        for (level, side) in levels.iter().enumerate().filter(|(_, side)| is_fine(**side)) {
+        // The largest first: the others then gather few coefficients.
+        for (level, side) in levels.iter().enumerate().rev().filter(|(_, side)| is_fine(**side)) {
             field.set_free_nodes(level, &vec![false; side.pow(3)]);
         }
         let hidden = vec![HEAD_WIDTH; HEAD_LAYERS];
@@ -177,10 +178,9 @@ impl Model {
     /// # Errors
     /// If a file cannot be written. A file that was there before then stays complete.
     pub(crate) fn save(&self, run: &RunFolder, origin: DVec3) -> Result<(), FitError> {
-        let field = self.field.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.model(), |out| out.write_all(&field))?;
-        let head = self.head.clone().about(-origin).to_safetensors()?;
-        atomic_write(&run.radiance(), |out| out.write_all(&head))?;
+        let (field, head) = (self.field.file_about(-origin)?, self.head.file_about(-origin)?);
+        atomic_write(&run.model(), |out| field.write(out))?;
+        atomic_write(&run.radiance(), |out| head.write(out))?;
         self.background.save(run, origin)
     }
 

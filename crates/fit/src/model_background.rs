@@ -90,8 +90,8 @@ impl ModelBackground {
     /// model is relative to `origin`.
     pub(crate) fn save(&self, run: &RunFolder, origin: DVec3) -> Result<(), FitError> {
         let ModelBackground::Trained(volume) = self else { return Ok(()) };
-        let bytes = volume.clone().about(-origin).to_safetensors()?;
-        Ok(atomic_write(&run.background(), |out| out.write_all(&bytes))?)
+        let file = volume.file_about(-origin)?;
+        Ok(atomic_write(&run.background(), |out| file.write(out))?)
     }
 
     /// Reads the background of a run folder, for points relative to the run's origin.

@@ -5,6 +5,8 @@
 //! random pixels lead around an optimum; the mean of the positions is nearer to it than the last
 //! one.
 
+use std::borrow::Cow;
+
 use loss::schedule::is_averaged;
 use optim::{Adam, OptimError};
 use rayon::prelude::*;
@@ -141,13 +143,13 @@ impl Optimiser {
     }
 
     /// The state, for a checkpoint.
-    pub(crate) fn state(&self) -> OptimiserState {
+    pub(crate) fn state(&self) -> OptimiserState<'_> {
         let (first, second, steps) = self.adam.state();
         OptimiserState {
-            parameters: self.parameters.clone(),
-            average: self.average.clone(),
-            first: first.to_vec(),
-            second: second.to_vec(),
+            parameters: self.parameters.as_slice().into(),
+            average: self.average.as_ref().map(Cow::Borrowed),
+            first: first.into(),
+            second: second.into(),
             steps,
             usual_norm: self.usual_norm,
         }
@@ -157,12 +159,12 @@ impl Optimiser {
     pub(crate) fn restore(
         &mut self,
         model: &mut Model,
-        state: OptimiserState,
+        state: OptimiserState<'_>,
     ) -> Result<(), OptimError> {
         self.adam.restore(&state.first, &state.second, state.steps)?;
         model.set_parameters(&state.parameters);
-        self.parameters = state.parameters;
-        self.average = state.average;
+        self.parameters = state.parameters.into_owned();
+        self.average = state.average.map(Cow::into_owned);
         self.usual_norm = state.usual_norm;
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! A fit with its run folder: to the end of the budget, with metrics, previews and checkpoints.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -146,7 +147,7 @@ impl Session {
             held_out_psnr: self.held_out_psnr,
             corrections: photographs.corrections.map(|own| Optimised::new(own.state())),
             exposures: photographs.gains.as_ref().map(|gains| Optimised::new(gains.state())),
-            survey: fit.survey.clone(),
+            survey: fit.survey.as_ref().map(Cow::Borrowed),
         };
         state.save(&folder.checkpoint())?;
         if let Some(cameras) = photographs.cameras(fit.file.origin()) {
@@ -159,13 +160,13 @@ impl Session {
     }
 
     /// Restores the state of a checkpoint.
-    fn restore(&mut self, state: State) -> Result<(), FitError> {
+    fn restore(&mut self, state: State<'_>) -> Result<(), FitError> {
         let checkpoint = self.folder.checkpoint();
         let fit = &mut self.fit;
         fit.clock = state.clock;
         self.held_out_psnr = state.held_out_psnr;
         // It tells the number of parameters.
-        restore_survey(fit, state.survey, &checkpoint)?;
+        restore_survey(fit, state.survey.map(Cow::into_owned), &checkpoint)?;
         fit.optimiser.restore(&mut fit.model, state.optimiser)?;
         let photographs = &mut fit.photographs;
         photographs.restore_exposures(state.exposures.as_ref(), &checkpoint)?;
@@ -176,7 +177,7 @@ impl Session {
 }
 
 /// Reads the checkpoint of a run.
-fn load_state(folder: &RunFolder, file: &RunFile) -> Result<State, InputError> {
+fn load_state(folder: &RunFolder, file: &RunFile) -> Result<State<'static>, InputError> {
     let count = |free_nodes| Model::parameter_count(file, free_nodes);
     let state = State::load(&folder.checkpoint(), count)?;
     // The budget may be another one than that of the run: it is from the command line then.

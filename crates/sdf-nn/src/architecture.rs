@@ -85,6 +85,14 @@ pub struct Transform {
     pub radius: f64,
 }
 
+impl Transform {
+    /// The same map for points relative to `origin`, a point in world units.
+    #[must_use]
+    pub fn about(self, origin: DVec3) -> Self {
+        Transform { center: self.center - origin, ..self }
+    }
+}
+
 impl Default for Transform {
     /// The unit ball about the origin.
     fn default() -> Self {

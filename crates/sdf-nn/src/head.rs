@@ -83,7 +83,7 @@ impl<R: Lane> RadianceHead<R> {
     /// The same head for points relative to `origin`, a point in world units.
     #[must_use]
     pub fn about(mut self, origin: DVec3) -> Self {
-        self.transform.center -= origin;
+        self.transform = self.transform.about(origin);
         self.encoder = Encoder::new(self.encoding, &self.transform);
         self
     }

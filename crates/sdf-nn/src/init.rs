@@ -3,10 +3,11 @@
 use glam::DVec3;
 use random::Stream;
 
-use crate::architecture::{Activation, Architecture, Transform};
+use crate::architecture::{Activation, Architecture, Encoding, Transform};
+use crate::encode::Encoder;
 use crate::mlp::{LayerShape, Mlp};
 use crate::network::Network;
-use lanes::{LANES, Lane};
+use lanes::{LANES, Lane, Portable};
 
 /// The random number generator SplitMix64: a seed gives the same numbers on every machine.
 ///
@@ -81,16 +82,16 @@ impl<R: Lane> Network<R> {
         stream: Stream,
     ) -> Self {
         let mut random = Random::new(stream);
-        let mut network = Network::<f64>::zero(architecture.clone(), Transform::default(), 1.0);
-        variance_preserving(&mut network.mlp, &mut random);
-        let waves = architecture.encoding.features();
-        ignore_waves::<R>(&mut network.mlp, waves);
-        network.fit_last_layer(radius, &mut random);
         let mut out = Network::<R>::zero(architecture, transform, 1.0);
-        let weights = network.mlp.parameters.iter().map(|p| R::of(*p));
-        out.mlp.parameters = weights.collect();
-        out.mlp.repack();
-        out.gather_parameters();
+        let Architecture { encoding, hidden, skip, activation, .. } = &out.architecture;
+        let features = out.architecture.features();
+        let mut mlp = Mlp::<f64>::new(features, hidden, 1, skip, *activation, true);
+        variance_preserving(&mut mlp, &mut random);
+        ignore_waves::<R>(&mut mlp, encoding.features());
+        fit_last_layer(&mut mlp, *encoding, radius, &mut random);
+        let weights: Vec<R> = mlp.parameters.iter().map(|p| R::of(*p)).collect();
+        // The coefficients of the grid are zero.
+        out.set_weights(&weights);
         out
     }
 }
@@ -121,46 +122,49 @@ const FIT_POINTS: usize = 2048;
 /// features near zero.
 const RIDGE: f64 = 1e-4;
 
-impl Network<f64> {
-    /// Sets the last layer to the least-squares fit of |x| − `radius` over the unit ball.
-    fn fit_last_layer(&mut self, radius: f64, random: &mut Random) {
-        let Some(last) = self.mlp.layers.last().copied() else { return };
-        let n = last.inputs + 1;
-        let (mut matrix, right) = self.normal_equations(last, radius, random);
-        let ridge = RIDGE * (0..n).map(|i| matrix[i * n + i]).sum::<f64>() / n as f64;
-        (0..n).for_each(|i| matrix[i * n + i] += ridge);
-        let solution = solve(&mut matrix, right);
-        self.mlp.parameters[last.start..][..solution.len()].copy_from_slice(&solution);
-        self.mlp.repack();
-    }
+/// Sets the last layer to the least-squares fit of |x| − `radius` over the unit ball.
+fn fit_last_layer(mlp: &mut Mlp<f64>, encoding: Encoding, radius: f64, random: &mut Random) {
+    let Some(last) = mlp.layers.last().copied() else { return };
+    let n = last.inputs + 1;
+    mlp.repack();
+    let (mut matrix, right) = normal_equations(mlp, last, encoding, radius, random);
+    let ridge = RIDGE * (0..n).map(|i| matrix[i * n + i]).sum::<f64>() / n as f64;
+    (0..n).for_each(|i| matrix[i * n + i] += ridge);
+    let solution = solve(&mut matrix, right);
+    mlp.parameters[last.start..][..solution.len()].copy_from_slice(&solution);
+}
 
-    /// The matrix and right-hand side of the fit's normal equations: weights first, then the bias.
-    fn normal_equations(
-        &mut self,
-        last: LayerShape,
-        radius: f64,
-        random: &mut Random,
-    ) -> (Vec<f64>, Vec<f64>) {
-        let n = last.inputs + 1;
-        let (mut matrix, mut right) = (vec![0.0; n * n], vec![0.0; n]);
-        self.mlp.repack();
-        let mut scratch = self.mlp.scratch(false, false, false);
-        for block in points_in_ball(FIT_POINTS, random).chunks(LANES) {
-            self.forward_block(block, &mut scratch);
-            for (lane, x) in block.iter().enumerate() {
-                let mut row = self.mlp.last_input(&scratch, lane);
-                row.push(1.0);
-                let target = x.length() - radius;
-                for i in 0..n {
-                    right[i] += row[i] * target;
-                    for j in 0..n {
-                        matrix[i * n + j] += row[i] * row[j];
-                    }
+/// The matrix and right-hand side of the fit's normal equations: weights first, then the bias.
+///
+/// The features of a grid are zero: no table of its coefficients is needed. Portable instructions
+/// make the weights the same on every machine.
+fn normal_equations(
+    mlp: &Mlp<f64>,
+    last: LayerShape,
+    encoding: Encoding,
+    radius: f64,
+    random: &mut Random,
+) -> (Vec<f64>, Vec<f64>) {
+    let n = last.inputs + 1;
+    let (mut matrix, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+    let encoder = Encoder::<f64>::new(encoding, &Transform::default());
+    let mut scratch = mlp.scratch(false, false, false);
+    for block in points_in_ball(FIT_POINTS, random).chunks(LANES) {
+        encoder.encode::<Portable, LANES>(block, &mut scratch.features[0]);
+        mlp.forward::<Portable, LANES, false, false>(&mut scratch);
+        for (lane, x) in block.iter().enumerate() {
+            let mut row = mlp.last_input(&scratch, lane);
+            row.push(1.0);
+            let target = x.length() - radius;
+            for i in 0..n {
+                right[i] += row[i] * target;
+                for j in 0..n {
+                    matrix[i * n + j] += row[i] * row[j];
                 }
             }
         }
-        (matrix, right)
     }
+    (matrix, right)
 }
 
 /// Points with uniform density in the unit ball.

@@ -19,6 +19,7 @@ mod network_passes;
 mod passes;
 mod shader;
 mod spline_block;
+pub mod tensor_file;
 
 pub use crate::grids::{Degree, SplineSize};
 pub use lanes::{Instructions, Lane};

@@ -1,19 +1,20 @@
 //! Model files: safetensors files with the tensors `layers.{i}.weight` and `layers.{i}.bias`, and
 //! the architecture in the metadata.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use crate::grids::{
     Degree, FEATURES, HashGrid, MOST_CELLS, MOST_COEFFICIENTS, MOST_FEATURES, MOST_LEVELS,
     SplineSize,
 };
 use glam::DVec3;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors};
 
 use crate::architecture::{Activation, Architecture, Encoding, Transform};
 use crate::head::{DIRECTIONS, RadianceHead};
 use crate::mlp::Mlp;
 use crate::network::Network;
+use crate::tensor_file::{Tensor, TensorFile, bytes, dtype_of, numbers};
 use lanes::Lane;
 
 /// An error of reading or writing a model file.
@@ -309,61 +310,38 @@ impl<'a> Model<'a> {
     }
 }
 
-/// The bytes of a file with a perceptron's tensors, in the perceptron's precision.
+/// A file with a perceptron's tensors, in the perceptron's precision.
 ///
 /// `tables` are further tensors, of one vector of features for each entry.
-fn to_bytes<R: Lane>(
+fn file_of<'a, R: Lane>(
     mlp: &Mlp<R>,
-    tables: &[(String, Vec<usize>, &[R])],
+    tables: Vec<(String, Vec<usize>, &'a [R])>,
     metadata: Metadata,
-) -> Result<Vec<u8>> {
-    let single = size_of::<R>() == size_of::<f32>();
-    let dtype = if single { Dtype::F32 } else { Dtype::F64 };
-    let encode = |numbers: &mut dyn Iterator<Item = R>| -> Vec<u8> {
+) -> Result<TensorFile<'a>> {
+    let dtype = dtype_of::<R>();
+    let encode = |numbers: &mut dyn Iterator<Item = R>| {
         let numbers = numbers.map(R::to_double);
-        if single {
+        let encoded: Vec<u8> = if dtype == Dtype::F32 {
             numbers.flat_map(|v| (v as f32).to_le_bytes()).collect()
         } else {
             numbers.flat_map(f64::to_le_bytes).collect()
-        }
+        };
+        bytes(encoded)
     };
-    let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
+    let mut tensors = Vec::new();
     for (l, layer) in mlp.layers.iter().enumerate() {
         let (n, window) = (layer.inputs, |c: usize| mlp.window_factor(l, c));
         let mut weights =
             (0..layer.outputs * n).map(|i| mlp.parameters[layer.start + i] * window(i % n));
-        let shape = vec![layer.outputs, n];
-        tensors.push((format!("layers.{l}.weight"), shape, encode(&mut weights)));
+        let (name, shape) = (format!("layers.{l}.weight"), vec![layer.outputs, n]);
+        tensors.push(Tensor { name, dtype, shape, elements: encode(&mut weights) });
         let bias = &mlp.parameters[layer.bias()..layer.bias() + layer.outputs];
-        let bias = encode(&mut bias.iter().copied());
-        tensors.push((format!("layers.{l}.bias"), vec![layer.outputs], bias));
+        let (name, shape) = (format!("layers.{l}.bias"), vec![layer.outputs]);
+        tensors.push(Tensor { name, dtype, shape, elements: encode(&mut bias.iter().copied()) });
     }
-    for (name, shape, table) in tables {
-        let data = encode(&mut table.iter().copied());
-        tensors.push((name.clone(), shape.clone(), data));
-    }
-    let container = |e: safetensors::SafeTensorError| ModelError::Container(e.to_string());
-    let views: std::result::Result<Vec<_>, _> = tensors
-        .iter()
-        .map(|(name, shape, data)| Ok((name, TensorView::new(dtype, shape.clone(), data)?)))
-        .collect();
-    let bytes =
-        safetensors::serialize(views.map_err(container)?, Some(metadata.0)).map_err(container)?;
-    sorted(&bytes).map_err(|e| ModelError::Container(e.to_string()))
-}
-
-/// The same file with the entries of its header sorted by name.
-///
-/// The `safetensors` crate writes them in the order of a hash map with a random seed. Sorted, equal
-/// models give equal files.
-fn sorted(bytes: &[u8]) -> serde_json::Result<Vec<u8>> {
-    const ALIGNMENT: usize = 8;
-    let (length, rest) = bytes.split_at(size_of::<u64>());
-    let length = u64::from_le_bytes(length.try_into().unwrap_or_default()) as usize;
-    let header: BTreeMap<String, serde_json::Value> = serde_json::from_slice(&rest[..length])?;
-    let mut text = serde_json::to_vec(&header)?;
-    text.resize(text.len().next_multiple_of(ALIGNMENT), b' ');
-    Ok([&(text.len() as u64).to_le_bytes()[..], &text, &rest[length..]].concat())
+    let of_table = |(name, shape, table)| Tensor { name, dtype, shape, elements: numbers(table) };
+    tensors.extend(tables.into_iter().map(of_table));
+    TensorFile::new(tensors, metadata.0).map_err(|e| ModelError::Container(e.to_string()))
 }
 
 impl<R: Lane> Network<R> {
@@ -405,8 +383,17 @@ impl<R: Lane> Network<R> {
     /// # Errors
     /// If the safetensors header cannot be made.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+        Ok(self.file_about(DVec3::ZERO)?.to_bytes())
+    }
+
+    /// The model file of the same network for points relative to `origin`, a point in world units.
+    ///
+    /// # Errors
+    /// If the safetensors header cannot be made.
+    pub fn file_about(&self, origin: DVec3) -> Result<TensorFile<'_>> {
         let a = &self.architecture;
-        let mut metadata = Metadata::from_parts(a.encoding, a.activation, &self.transform, &a.skip);
+        let transform = self.transform.about(origin);
+        let mut metadata = Metadata::from_parts(a.encoding, a.activation, &transform, &a.skip);
         metadata.0.insert("scale".to_owned(), self.scale.to_string());
         let size = &a.grid;
         if size.feature_count() > 0 {
@@ -417,9 +404,8 @@ impl<R: Lane> Network<R> {
             let shape = vec![*side, *side, *side, size.features];
             (format!("grid.{l}"), shape, &self.table[range])
         };
-        let tables: Vec<_> =
-            size.levels.iter().zip(size.ranges()).enumerate().map(of_level).collect();
-        to_bytes(&self.mlp, &tables, metadata)
+        let tables = size.levels.iter().zip(size.ranges()).enumerate().map(of_level).collect();
+        file_of(&self.mlp, tables, metadata)
     }
 }
 
@@ -468,8 +454,17 @@ impl<R: Lane> RadianceHead<R> {
     /// # Errors
     /// If the safetensors header cannot be made.
     pub fn to_safetensors(&self) -> Result<Vec<u8>> {
+        Ok(self.file_about(DVec3::ZERO)?.to_bytes())
+    }
+
+    /// The file of the same head for points relative to `origin`, a point in world units.
+    ///
+    /// # Errors
+    /// If the safetensors header cannot be made.
+    pub fn file_about(&self, origin: DVec3) -> Result<TensorFile<'_>> {
+        let transform = self.transform.about(origin);
         let mut metadata =
-            Metadata::from_parts(self.encoding, self.mlp.activation, &self.transform, &[]);
+            Metadata::from_parts(self.encoding, self.mlp.activation, &transform, &[]);
         metadata.0.insert("inputs".to_owned(), HEAD_INPUTS.to_owned());
         metadata.0.insert("output".to_owned(), HEAD_OUTPUT.to_owned());
         let mut tables = Vec::new();
@@ -482,6 +477,6 @@ impl<R: Lane> RadianceHead<R> {
             };
             tables.extend(self.details.ranges().enumerate().map(of_level));
         }
-        to_bytes(&self.mlp, &tables, metadata)
+        file_of(&self.mlp, tables, metadata)
     }
 }

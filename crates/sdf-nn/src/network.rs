@@ -8,7 +8,7 @@ use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
 use crate::mlp::{Mlp, Scratch};
 use crate::spline_block::{self, Jets};
-use lanes::{Instructions, Isa, LANES, Lane, Portable, Row};
+use lanes::{Instructions, Isa, LANES, Lane, Row};
 
 /// A multilayer perceptron as a signed distance: f(x) = r · net((x − c)/r)/scale, in world units.
 ///
@@ -60,7 +60,7 @@ impl<R: Lane> Network<R> {
     /// The same network for points relative to `origin`, a point in world units.
     #[must_use]
     pub fn about(mut self, origin: DVec3) -> Self {
-        self.transform.center -= origin;
+        self.transform = self.transform.about(origin);
         self.encoder = Encoder::new(self.architecture.encoding, &self.transform);
         self
     }
@@ -84,11 +84,17 @@ impl<R: Lane> Network<R> {
     /// # Panics
     /// If `parameters` has another length than [`parameters`](Self::parameters).
     pub fn set_parameters(&mut self, parameters: &[R]) {
-        self.parameters.copy_from_slice(parameters);
         let (weights, free) = parameters.split_at(self.mlp.parameters.len());
+        self.set_weights(weights);
+        self.parameters[weights.len()..].copy_from_slice(free);
+        self.splines.expand(free, &mut self.table);
+    }
+
+    /// Sets the weights of the perceptron, and no coefficient of the grid.
+    pub(crate) fn set_weights(&mut self, weights: &[R]) {
+        self.parameters[..weights.len()].copy_from_slice(weights);
         self.mlp.parameters.copy_from_slice(weights);
         self.mlp.repack();
-        self.splines.expand(free, &mut self.table);
     }
 
     /// Sets the weight, in [0, 1], of every octave of the encoding, for training from coarse to
@@ -115,16 +121,17 @@ impl<R: Lane> Network<R> {
     /// If the number of flags is wrong.
     pub fn set_free_nodes(&mut self, level: usize, is_free: &[bool]) {
         self.splines.set_free_nodes(level, is_free);
-        let free = self.splines.gather(&self.table);
-        self.table.fill(R::zero());
-        self.splines.expand(&free, &mut self.table);
-        self.parameters.truncate(self.mlp.parameters.len());
-        self.parameters.extend(free);
+        self.splines.clear_others(level, &mut self.table);
+        self.gather_parameters();
     }
 
     /// Sets the parameters from the weights of the perceptron and the table.
     pub(crate) fn gather_parameters(&mut self) {
-        self.parameters = [&self.mlp.parameters[..], &self.splines.gather(&self.table)].concat();
+        let weights = &self.mlp.parameters;
+        let mut parameters = Vec::with_capacity(weights.len() + self.splines.free_count());
+        parameters.extend_from_slice(weights);
+        self.splines.gather_into(&self.table, &mut parameters);
+        self.parameters = parameters;
     }
 
     /// The splines of the grid.
@@ -146,14 +153,6 @@ impl<R: Lane> Network<R> {
     /// World units of f per unit of the perceptron's output.
     pub(crate) fn output_factor(&self) -> R {
         R::of(self.transform.radius / self.scale)
-    }
-
-    /// Forward sweep of one block with portable instructions, so that initial weights do not depend
-    /// on the machine's vector instructions.
-    pub(crate) fn forward_block(&self, x: &[R::Vec3], s: &mut Scratch<R>) {
-        self.encoder.encode::<Portable, LANES>(x, &mut s.features[0]);
-        Portable::call(self.grid_values(x.len(), &mut s.features[0]));
-        self.mlp.forward::<Portable, LANES, false, false>(s);
     }
 
     /// The part of a pass that writes the features of the grid after those of the encoding, in the

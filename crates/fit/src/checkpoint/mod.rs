@@ -1,11 +1,12 @@
 //! The state of a fit between two iterations, in one safetensors file.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
-
 use files::{InputError, atomic_write};
+use safetensors::{Dtype, SafeTensors};
+use sdf_nn::tensor_file::{Tensor, TensorFile, bytes, numbers};
 
 use crate::camera_corrections::Corrections;
 use crate::clock::Clock;
@@ -13,12 +14,15 @@ use crate::error::FitError;
 
 /// The state of a fit between two iterations. Random numbers are functions of the seed and the
 /// iteration, so there is no random generator in it.
+///
+/// A state that is saved borrows the vectors of the fit: copies would take as much memory as the
+/// fit itself.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct State<'a> {
     /// The clock of the fit.
     pub clock: Clock,
     /// The parameters and their optimiser.
-    pub optimiser: OptimiserState,
+    pub optimiser: OptimiserState<'a>,
     /// The PSNR of the last preview of a held-out view, in dB; `None` before the first.
     pub held_out_psnr: Option<f64>,
     /// The corrections of the cameras: the parameters of their calibration.
@@ -26,21 +30,21 @@ pub struct State {
     /// The exposures of the photographs, if they are fitted.
     pub exposures: Option<Optimised>,
     /// The last survey of the surface, if there was one.
-    pub survey: Option<Survey>,
+    pub survey: Option<Cow<'a, Survey>>,
 }
 
 /// The state of the optimiser of a fit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OptimiserState {
+pub struct OptimiserState<'a> {
     /// The parameters of the field, then those of the radiance head, then the trained ones of the
     /// background.
-    pub parameters: Vec<f32>,
+    pub parameters: Cow<'a, [f32]>,
     /// The mean of the parameters over the last part of the budget, if it has begun.
-    pub average: Option<Average>,
+    pub average: Option<Cow<'a, Average>>,
     /// Adam's first moments, one per parameter.
-    pub first: Vec<f32>,
+    pub first: Cow<'a, [f32]>,
     /// Adam's second moments, one per parameter.
-    pub second: Vec<f32>,
+    pub second: Cow<'a, [f32]>,
     /// The number of Adam's steps.
     pub steps: u64,
     /// The running mean of the gradient's norm; 0 before the first step.
@@ -120,27 +124,47 @@ const MOST_STEPS: u64 = 1 << 53;
 /// The metadata entry of [`State::held_out_psnr`].
 const HELD_OUT_PSNR: &str = "held_out_psnr";
 
-impl State {
+impl State<'_> {
     /// Writes the state to `path`. The file is replaced as a whole: an interrupted write leaves the
     /// old file.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), FitError> {
+        let file = TensorFile::new(self.tensors(), self.metadata())?;
+        Ok(atomic_write(path, |out| file.write(out))?)
+    }
+
+    /// The tensors of the file.
+    fn tensors(&self) -> Vec<Tensor<'_>> {
+        let OptimiserState { parameters, average, first, second, .. } = &self.optimiser;
+        let average = average.as_ref().map(|average| (AVERAGE, &average.parameters[..]));
+        let vectors = [("parameters", &parameters[..]), ("first", first), ("second", second)];
+        let mut tensors = Vec::new();
+        for (name, own) in vectors.into_iter().chain(average) {
+            tensors.push(Tensor::vector(name, Dtype::F32, own.len(), numbers(own)));
+        }
+        for (name, Optimised { numbers: own, .. }) in self.optimised() {
+            tensors.push(Tensor::vector(name, Dtype::F64, own.len(), numbers(own)));
+        }
+        if let Some(survey) = &self.survey {
+            for (name, flags) in [(IS_FAR, &survey.is_far), (IS_FREE, &survey.is_free)] {
+                let elements = bytes(bytemuck::cast_slice::<bool, u8>(flags));
+                tensors.push(Tensor::vector(name, Dtype::BOOL, flags.len(), elements));
+            }
+        }
+        tensors
+    }
+
+    /// The parameters in double precision, with the names of their tensors.
+    fn optimised(&self) -> impl Iterator<Item = (&'static str, &Optimised)> {
+        let both = [(CAMERAS, self.corrections.get()), (EXPOSURES, self.exposures.as_ref())];
+        both.into_iter().filter_map(|(name, own)| Some((name, own?)))
+    }
+
+    /// The metadata of the file.
+    fn metadata(&self) -> HashMap<String, String> {
         let State { clock, optimiser, .. } = self;
-        let mut tensors = vec![
-            ("parameters", &optimiser.parameters),
-            ("first", &optimiser.first),
-            ("second", &optimiser.second),
-        ];
-        tensors.extend(optimiser.average.as_ref().map(|average| (AVERAGE, &average.parameters)));
-        let mut views: Vec<_> = tensors
-            .iter()
-            .map(|(name, data)| {
-                TensorView::new(Dtype::F32, vec![data.len()], bytemuck::cast_slice(data))
-                    .map(|view| (*name, view))
-            })
-            .collect::<Result<_, _>>()?;
         let mut metadata = HashMap::from([
             ("iteration".to_owned(), clock.iteration.to_string()),
             ("seconds".to_owned(), clock.seconds.to_string()),
@@ -148,8 +172,8 @@ impl State {
             ("usual_norm".to_owned(), optimiser.usual_norm.to_string()),
             ("steps".to_owned(), optimiser.steps.to_string()),
         ]);
-        if let Some(Average { steps, .. }) = optimiser.average {
-            metadata.insert(steps_of(AVERAGE), steps.to_string());
+        if let Some(average) = &optimiser.average {
+            metadata.insert(steps_of(AVERAGE), average.steps.to_string());
         }
         if let Some(psnr) = self.held_out_psnr {
             metadata.insert(HELD_OUT_PSNR.to_owned(), psnr.to_string());
@@ -160,23 +184,13 @@ impl State {
             Corrections::Refined(_) => "refined",
             Corrections::Adjusted(_) => "adjusted",
         };
-        let cameras = self.corrections.get();
         metadata.insert(CAMERAS.to_owned(), word.to_owned());
-        for (name, optimised) in [(CAMERAS, cameras), (EXPOSURES, self.exposures.as_ref())] {
-            let Some(Optimised { numbers, steps }) = optimised else { continue };
-            let (shape, data) = (vec![numbers.len()], bytemuck::cast_slice(numbers));
-            views.push((name, TensorView::new(Dtype::F64, shape, data)?));
-            metadata.insert(steps_of(name), steps.to_string());
+        let steps = self.optimised().map(|(name, own)| (steps_of(name), own.steps.to_string()));
+        metadata.extend(steps);
+        if let Some(survey) = &self.survey {
+            metadata.insert(SURVEY.to_owned(), survey.number.to_string());
         }
-        if let Some(Survey { number, is_far, is_free }) = &self.survey {
-            for (name, flags) in [(IS_FAR, is_far), (IS_FREE, is_free)] {
-                let (shape, data) = (vec![flags.len()], bytemuck::cast_slice(flags));
-                views.push((name, TensorView::new(Dtype::BOOL, shape, data)?));
-            }
-            metadata.insert(SURVEY.to_owned(), number.to_string());
-        }
-        let bytes = safetensors::serialize(views, Some(metadata))?;
-        Ok(atomic_write(path, |out| out.write_all(&bytes))?)
+        metadata
     }
 
     /// Reads a state. `count` gives the number of parameters for a number of free nodes of
@@ -185,7 +199,7 @@ impl State {
     /// # Errors
     /// If the file cannot be read, is cut short, has another number of parameters, or has a number
     /// that is not finite or out of range.
-    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> Result<State, InputError> {
+    pub fn load(path: &Path, count: impl Fn(usize) -> usize) -> Result<State<'static>, InputError> {
         let error = |field: &str, found: String, expected: &str| {
             InputError::new(path, field, found, expected)
         };
@@ -218,6 +232,7 @@ impl State {
                 None => Ok(numbers),
             }
         };
+        let owned = |name, least, expected| vector(name, least, expected).map(Cow::Owned);
         let average = || -> Result<Average, InputError> {
             let parameters = vector(AVERAGE, f32::MIN, "finite numbers")?;
             Ok(Average { parameters, steps: count_of(&steps_of(AVERAGE))? })
@@ -226,10 +241,10 @@ impl State {
             clock: read_clock(path, &metadata)?,
             optimiser: OptimiserState {
                 usual_norm: read_number(path, "usual_norm", &metadata)? as f32,
-                parameters: vector("parameters", f32::MIN, "finite numbers")?,
-                average: has(AVERAGE).then(average).transpose()?,
-                first: vector("first", f32::MIN, "finite numbers")?,
-                second: vector("second", 0.0, "finite numbers, 0 or more")?,
+                parameters: owned("parameters", f32::MIN, "finite numbers")?,
+                average: has(AVERAGE).then(average).transpose()?.map(Cow::Owned),
+                first: owned("first", f32::MIN, "finite numbers")?,
+                second: owned("second", 0.0, "finite numbers, 0 or more")?,
                 steps: count_of("steps")?,
             },
             held_out_psnr: read_held_out_psnr(path, &metadata)?,
@@ -237,7 +252,7 @@ impl State {
             exposures: has(EXPOSURES)
                 .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
                 .transpose()?,
-            survey,
+            survey: survey.map(Cow::Owned),
         })
     }
 }

@@ -3,11 +3,12 @@
 
 use field::{Real, Sphere};
 use glam::DVec3;
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, SafeTensors};
 
 use crate::background::decoder::LENGTH;
 use crate::background::grid::table_length;
 use crate::background::volume::{Extent, Volume};
+use crate::tensor_file::{Tensor, TensorFile, bytes, single};
 
 /// An error of reading or writing a background file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -44,7 +45,7 @@ fn container(error: safetensors::SafeTensorError) -> FileError {
 }
 
 /// The little-endian bytes of a tensor of this type and length.
-fn bytes<'a>(
+fn bytes_of<'a>(
     tensors: &SafeTensors<'a>,
     name: &'static str,
     dtype: Dtype,
@@ -67,21 +68,26 @@ impl<R: Real> Volume<R> {
     /// # Errors
     /// If the file format cannot hold them.
     pub fn to_safetensors(&self) -> Result<Vec<u8>, FileError> {
-        let [x, y, z] = self.sphere.center.to_array();
+        Ok(self.file_about(DVec3::ZERO)?.to_bytes())
+    }
+
+    /// The background file of the same volume for points relative to `origin`, a point in world
+    /// units.
+    ///
+    /// # Errors
+    /// If the file format cannot hold it.
+    pub fn file_about(&self, origin: DVec3) -> Result<TensorFile<'_>, FileError> {
+        let [x, y, z] = (self.sphere.center - origin).to_array();
         let sphere: Vec<u8> =
             [x, y, z, self.sphere.radius].into_iter().flat_map(f64::to_le_bytes).collect();
-        let numbers: Vec<u8> =
-            self.parameters.iter().flat_map(|p| (p.to_double() as f32).to_le_bytes()).collect();
-        let (tables, decoder) = numbers.split_at(table_length() * size_of::<f32>());
-        let view = |dtype, length, data| TensorView::new(dtype, vec![length], data);
-        let views = [
-            ("sphere", view(Dtype::F64, 4, &sphere[..]).map_err(container)?),
-            ("tables", view(Dtype::F32, table_length(), tables).map_err(container)?),
-            ("decoder", view(Dtype::F32, LENGTH, decoder).map_err(container)?),
+        let (tables, decoder) = self.parameters.split_at(table_length());
+        let tensors = vec![
+            Tensor::vector("sphere", Dtype::F64, 4, bytes(sphere)),
+            Tensor::vector("tables", Dtype::F32, table_length(), single(tables)),
+            Tensor::vector("decoder", Dtype::F32, LENGTH, single(decoder)),
         ];
-        // One entry: the order of several would be that of a hash map.
         let metadata = [(EXTENT.to_owned(), self.extent.to_string())].into();
-        safetensors::serialize(views, Some(metadata)).map_err(container)
+        TensorFile::new(tensors, metadata).map_err(container)
     }
 
     /// Reads a volume from the bytes of a background file.
@@ -97,7 +103,7 @@ impl<R: Real> Volume<R> {
             other => return Err(FileError::Extent { found: other.unwrap_or_default().to_owned() }),
         };
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
-        let own = self::bytes(&tensors, "sphere", Dtype::F64, 4)?;
+        let own = bytes_of(&tensors, "sphere", Dtype::F64, 4)?;
         let own: Vec<f64> = own.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
         let sphere = Sphere { center: DVec3::new(own[0], own[1], own[2]), radius: own[3] };
         if !(sphere.center.is_finite() && sphere.radius > 0.0 && sphere.radius.is_finite()) {
@@ -106,7 +112,7 @@ impl<R: Real> Volume<R> {
         }
         let mut parameters = Vec::new();
         for (name, length) in [("tables", table_length()), ("decoder", LENGTH)] {
-            let own = self::bytes(&tensors, name, Dtype::F32, length)?;
+            let own = bytes_of(&tensors, name, Dtype::F32, length)?;
             for (i, number) in own.chunks_exact(4).enumerate() {
                 let number: f32 = bytemuck::pod_read_unaligned(number);
                 if number.is_nan() || number.abs() > MAX_MAGNITUDE {

@@ -220,13 +220,33 @@ impl Splines {
 
     /// The free coefficients of a table of all coefficients.
     pub fn gather<R: Real>(&self, table: &[R]) -> Vec<R> {
-        let features = self.size.features;
         let mut free = Vec::with_capacity(self.free_count());
+        self.gather_into(table, &mut free);
+        free
+    }
+
+    /// Adds the free coefficients of a table of all coefficients to `free`.
+    pub(crate) fn gather_into<R: Real>(&self, table: &[R], free: &mut Vec<R>) {
+        let features = self.size.features;
         for Level { start, support, .. } in &self.levels {
             let of_node = |node| &table[start + node * features..][..features];
             support.nodes().for_each(|node| free.extend_from_slice(of_node(node)));
         }
-        free
+    }
+
+    /// Sets the coefficients of nodes of a level that are not free to zero, in a table of all
+    /// coefficients. Zeros are not written: at the start of a fit, the system has no pages for them
+    /// yet.
+    pub(crate) fn clear_others<R: Real>(&self, level: usize, table: &mut [R]) {
+        let (features, Level { side, start, support, .. }) =
+            (self.size.features, &self.levels[level]);
+        let nodes = table[*start..][..side.pow(3) * features].chunks_exact_mut(features);
+        for (node, coefficients) in nodes.enumerate() {
+            let is_zero = coefficients.iter().all(|c| *c == R::zero());
+            if !is_zero && support.slot(node).is_none() {
+                coefficients.fill(R::zero());
+            }
+        }
     }
 
     /// A table of all coefficients, all zero, for [`encode`](Self::encode).
