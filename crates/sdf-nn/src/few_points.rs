@@ -4,6 +4,7 @@ use lanes::{FEW_POINTS, HALF, Isa, LANES, Lane, Row};
 
 use crate::mlp::{FewScratch, MAX_SWEEP_POINTS};
 use crate::network::Network;
+use crate::pool::Taken;
 use crate::spline_block::{self, Jets};
 
 /// The number of points of a chunk of at most `LANES` points that are computed as one block; the
@@ -13,7 +14,8 @@ pub(crate) fn block_points(count: usize) -> usize {
     if count < LANES && rest <= FEW_POINTS { count - rest } else { count }
 }
 
-/// The working memory of passes over at most [`FEW_POINTS`] points.
+/// The working memory of passes over at most [`FEW_POINTS`] points. A later call uses it again.
+#[derive(Default)]
 pub(crate) struct FewPoints<R> {
     features: Vec<Row<R>>,
     adjoint: Vec<Row<R>>,
@@ -22,7 +24,11 @@ pub(crate) struct FewPoints<R> {
 
 impl<R: Lane> FewPoints<R> {
     /// Working memory, for gradients too if `store`.
-    pub(crate) fn new(network: &Network<R>, store: bool) -> Self {
+    pub(crate) fn of(network: &Network<R>, store: bool) -> Taken<'_, Self> {
+        network.few_points[usize::from(store)].take(|| Self::new(network, store))
+    }
+
+    fn new(network: &Network<R>, store: bool) -> Self {
         let count = network.mlp.features;
         let adjoint = vec![Row::zero(); if store { count } else { 0 }];
         let scratch = network.mlp.few_scratch(store);

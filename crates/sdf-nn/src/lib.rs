@@ -17,6 +17,7 @@ mod network;
 mod network_field;
 mod network_passes;
 mod passes;
+mod pool;
 mod shader;
 mod spline_block;
 pub mod tensor_file;

@@ -6,7 +6,9 @@ use glam::DVec3;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
+use crate::few_points::FewPoints;
 use crate::mlp::{Mlp, Scratch};
+use crate::pool::Pool;
 use crate::spline_block::{self, Jets};
 use lanes::{Instructions, Isa, LANES, Lane, Row};
 
@@ -27,6 +29,8 @@ pub struct Network<R: Real> {
     pub(crate) table: Vec<R>,
     pub(crate) splines: Splines,
     pub(crate) encoder: Encoder<R>,
+    /// Working memory of passes over few points: of values, and of gradients.
+    pub(crate) few_points: [Pool<FewPoints<R>>; 2],
 }
 
 impl<R: Lane> Network<R> {
@@ -44,7 +48,18 @@ impl<R: Lane> Network<R> {
         let splines = Splines::new(architecture.grid.clone());
         let parameters = vec![R::zero(); mlp.parameters.len() + splines.free_count()];
         let table = splines.table();
-        Network { architecture, transform, scale, mlp, parameters, table, splines, encoder }
+        let few_points = Default::default();
+        Network {
+            architecture,
+            transform,
+            scale,
+            mlp,
+            parameters,
+            table,
+            splines,
+            encoder,
+            few_points,
+        }
     }
 
     /// The encoding, layers and activation.

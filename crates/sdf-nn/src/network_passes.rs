@@ -24,7 +24,7 @@ impl<R: Lane> Pass for Value<'_, R> {
             let count = block_points(x.len());
             let ((x, few_x), (f, few_f)) = (x.split_at(count), f.split_at_mut(count));
             if !few_x.is_empty() {
-                let few = few.get_or_insert_with(|| FewPoints::new(network, false));
+                let few = few.get_or_insert_with(|| FewPoints::of(network, false));
                 few.values::<I>(network, few_x, few_f);
             }
             if x.is_empty() {
@@ -64,7 +64,7 @@ impl<R: Lane> Pass for ValueGradient<'_, R> {
             let ((f, few_f), (gradient, few_gradient)) =
                 (f.split_at_mut(count), gradient.split_at_mut(count));
             if !few_x.is_empty() {
-                let few = few.get_or_insert_with(|| FewPoints::new(network, true));
+                let few = few.get_or_insert_with(|| FewPoints::of(network, true));
                 few.gradients::<I>(network, few_x, &mut jets, few_f, few_gradient);
             }
             if x.is_empty() {

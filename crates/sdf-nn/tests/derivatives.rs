@@ -503,3 +503,43 @@ fn a_file_of_a_head_keeps_its_parameters_and_is_no_network() {
         assert!(Network::<f64>::from_safetensors(&head.to_safetensors().unwrap()).is_err());
     }
 }
+
+/// All passes over `n` points: their numbers one after the other.
+fn all_passes(network: &Network<f64>, x: &[DVec3]) -> Vec<f64> {
+    let n = x.len();
+    let (mut f, mut g, mut h) = (vec![0.0; n], vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]);
+    let mut theta = vec![0.0; network.parameters().len()];
+    let (alpha, p) = (vec![0.7; n], points(n));
+    let mut all = Vec::new();
+    network.value(x, &mut f);
+    all.extend(&f);
+    network.value_gradient(x, &mut f, &mut g);
+    all.extend(f.iter().copied().chain(g.iter().flat_map(|g| g.to_array())));
+    network.hessian_vector(x, &p, &mut g, &mut h);
+    all.extend(g.into_iter().chain(h).flat_map(|g| g.to_array()));
+    network.parameter_vjp(x, &alpha, &p, &mut theta);
+    all.extend(theta);
+    all
+}
+
+/// Calls use the working memory of earlier ones again.
+#[test]
+fn calls_after_others_have_the_bits_of_first_calls() {
+    let architecture = Architecture {
+        encoding: Encoding::Frequency { bands: 2 },
+        grid: SplineSize { levels: vec![5, 8], features: 2, degree: Degree::Cubic },
+        hidden: vec![19, 23, 17],
+        skip: vec![2],
+        activation: Activation::Softplus { beta: 20.0 },
+    };
+    let used = network(&architecture, 3);
+    for n in [40, 1, 32, 7, 16, 21] {
+        all_passes(&used, &vec![DVec3::NAN; n]);
+        let found = all_passes(&used, &points(n));
+        // A clone has no memory of calls.
+        let expected = all_passes(&used.clone(), &points(n));
+        let bits = |all: &[f64]| all.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
+        assert_eq!(bits(&found), bits(&expected), "{n} points");
+        assert!(found.iter().all(|v| v.is_finite()));
+    }
+}

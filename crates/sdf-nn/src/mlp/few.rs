@@ -8,6 +8,7 @@ use lanes::{Isa, LANES, Lane, Row, multiply_few};
 /// The working memory of the sweeps for at most [`MAX_SWEEP_POINTS`] points at once.
 ///
 /// The numbers of a point lie side by side in rows, and its rows follow those of the point before.
+#[derive(Default)]
 pub(crate) struct FewScratch<R> {
     /// The input of every layer.
     input: Vec<Vec<Row<R>>>,

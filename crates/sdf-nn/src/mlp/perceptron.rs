@@ -1,6 +1,8 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
+use super::scratch::Scratch;
 use crate::architecture::Activation;
+use crate::pool::Pool;
 use lanes::{Instructions, Lane, Row, TILE, pack, pack_columns};
 
 /// The sizes of a layer z = W input + b, and its place in the flat parameter vector.
@@ -55,6 +57,8 @@ pub(crate) struct Mlp<R> {
     has_few: bool,
     /// Up to date with `parameters` only after [`Mlp::repack`].
     pub(super) packed: Vec<Packed<R>>,
+    /// Working memory, by the flags of the sweeps.
+    pub(super) scratches: [Pool<Scratch<R>>; 8],
 }
 
 impl<R: Lane> Mlp<R> {
@@ -80,7 +84,18 @@ impl<R: Lane> Mlp<R> {
         let packed = layers.iter().map(|_| Packed::default()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
         let instructions = Instructions::widest();
-        Mlp { features, layers, activation, instructions, parameters, window, has_few, packed }
+        let scratches = std::array::from_fn(|_| Pool::default());
+        Mlp {
+            features,
+            layers,
+            activation,
+            instructions,
+            parameters,
+            window,
+            has_few,
+            packed,
+            scratches,
+        }
     }
 
     /// The most inputs or outputs of a layer.

@@ -3,12 +3,17 @@
 use field::Real;
 
 use super::perceptron::{LayerShape, Mlp};
+use crate::pool::Taken;
 use lanes::{LANES, Lane, Row, TILE, padded};
 
 /// The working memory of one call: one block of points in all layers.
 ///
+/// A later call uses it again. It finds what the last block left, as a block finds what the block
+/// before it left.
+///
 /// In every pair, element 0 belongs to the values and element 1 to their tangents. In comments
 /// these are the two *sides* of a sweep.
+#[derive(Default)]
 pub(crate) struct Scratch<R> {
     /// The input features.
     pub(crate) features: [Vec<Row<R>>; 2],
@@ -54,7 +59,31 @@ fn rows_if<R: Real>(needed: bool, n: usize) -> Vec<Row<R>> {
 
 impl<R: Lane> Mlp<R> {
     /// Working memory for sweeps with the flags `STORE`, `TANGENT` and `WEIGHTS` of these values.
-    pub(crate) fn scratch(&self, store: bool, tangent: bool, weights: bool) -> Scratch<R> {
+    /// The features and the gradients of the weights are zero.
+    pub(crate) fn scratch(
+        &self,
+        store: bool,
+        tangent: bool,
+        weights: bool,
+    ) -> Taken<'_, Scratch<R>> {
+        let kind = [store, tangent, weights].map(usize::from);
+        let pool = &self.scratches[kind[0] + 2 * kind[1] + 4 * kind[2]];
+        let mut is_new = false;
+        let mut scratch = pool.take(|| {
+            is_new = true;
+            self.new_scratch(store, tangent, weights)
+        });
+        if !is_new {
+            // Lanes without a point keep features of a grid. Those of an earlier call may be NaNs.
+            scratch.features.iter_mut().for_each(|rows| rows.fill(Row::zero()));
+            let s = &mut *scratch;
+            let sums = s.weight_gradient.iter_mut().chain(&mut s.bias_gradient);
+            sums.for_each(|sums| sums.fill(R::zero()));
+        }
+        scratch
+    }
+
+    fn new_scratch(&self, store: bool, tangent: bool, weights: bool) -> Scratch<R> {
         let widest = self.widest();
         let outputs = self.layers.last().map_or(0, |l| l.outputs);
         let layers = self.layers.iter().map(|layer| LayerScratch {
