@@ -1,8 +1,8 @@
 //! Passes over a few points, which would leave most lanes of a block empty.
 
-use lanes::{FEW_POINTS, HALF, Isa, LANES, Lane, Row};
+use lanes::{FEW_POINTS, HALF, Isa, LANES, Lane};
 
-use crate::mlp::{FewScratch, MAX_SWEEP_POINTS};
+use crate::mlp::{FewMemory, MAX_SWEEP_POINTS};
 use crate::network::Network;
 use crate::pool::Taken;
 use crate::spline_block::{self, Jets};
@@ -14,32 +14,20 @@ pub(crate) fn block_points(count: usize) -> usize {
     if count < LANES && rest <= FEW_POINTS { count - rest } else { count }
 }
 
-/// The working memory of passes over at most [`FEW_POINTS`] points. A later call uses it again.
-#[derive(Default)]
-pub(crate) struct FewPoints<R> {
-    features: Vec<Row<R>>,
-    adjoint: Vec<Row<R>>,
-    scratch: FewScratch<R>,
-}
+/// The passes over at most [`FEW_POINTS`] points, with their working memory.
+pub(crate) struct FewPoints<'a, R: Lane>(Taken<'a, FewMemory<R>>);
 
-impl<R: Lane> FewPoints<R> {
-    /// Working memory, for gradients too if `store`.
-    pub(crate) fn of(network: &Network<R>, store: bool) -> Taken<'_, Self> {
-        network.few_points[usize::from(store)].take(|| Self::new(network, store))
-    }
-
-    fn new(network: &Network<R>, store: bool) -> Self {
-        let count = network.mlp.features;
-        let adjoint = vec![Row::zero(); if store { count } else { 0 }];
-        let scratch = network.mlp.few_scratch(store);
-        FewPoints { features: vec![Row::zero(); count], adjoint, scratch }
+impl<'a, R: Lane> FewPoints<'a, R> {
+    /// Passes of a network, for gradients too if `store`.
+    pub(crate) fn of(network: &'a Network<R>, store: bool) -> Self {
+        FewPoints(network.mlp.few_memory(store))
     }
 
     /// Values of the network.
     #[inline(always)]
     pub(crate) fn values<I: Isa>(&mut self, network: &Network<R>, x: &[R::Vec3], f: &mut [R]) {
-        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.features);
-        I::call(network.grid_values(x.len(), &mut self.features));
+        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.0.features);
+        I::call(network.grid_values(x.len(), &mut self.0.features));
         self.sweeps::<I, false>(network, f);
     }
 
@@ -53,11 +41,11 @@ impl<R: Lane> FewPoints<R> {
         f: &mut [R],
         gradient: &mut [R::Vec3],
     ) {
-        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.features);
-        let values = network.grid_values(x.len(), &mut self.features);
+        network.encoder.encode::<I, FEW_POINTS>(x, &mut self.0.features);
+        let values = network.grid_values(x.len(), &mut self.0.features);
         I::call(spline_block::Slopes { values, jets: &mut *jets });
         self.sweeps::<I, true>(network, f);
-        network.write_gradients::<I>(&self.features, &self.adjoint, jets, gradient);
+        network.write_gradients::<I>(&self.0.features, &self.0.adjoint, jets, gradient);
     }
 
     /// Writes the values of all points, and with `STORE` the adjoints of their features.
@@ -84,10 +72,10 @@ impl<R: Lane> FewPoints<R> {
         first: usize,
         f: &mut [R],
     ) -> usize {
-        let (mlp, s) = (&network.mlp, &mut self.scratch);
-        mlp.forward_few::<I, P, STORE>(&self.features, first, s, &mut f[first..first + P]);
+        let (mlp, FewMemory { features, adjoint, scratch }) = (&network.mlp, &mut *self.0);
+        mlp.forward_few::<I, P, STORE>(features, first, scratch, &mut f[first..first + P]);
         if STORE {
-            mlp.backward_few::<I, P>(s, first, &mut self.adjoint);
+            mlp.backward_few::<I, P>(scratch, first, adjoint);
         }
         P
     }

@@ -6,9 +6,7 @@ use glam::DVec3;
 
 use crate::architecture::{Architecture, Transform};
 use crate::encode::{Encoder, lane};
-use crate::few_points::FewPoints;
 use crate::mlp::{Mlp, Scratch};
-use crate::pool::Pool;
 use crate::spline_block::{self, Jets};
 use lanes::{Instructions, Isa, LANES, Lane, Row};
 
@@ -29,8 +27,6 @@ pub struct Network<R: Real> {
     pub(crate) table: Vec<R>,
     pub(crate) splines: Splines,
     pub(crate) encoder: Encoder<R>,
-    /// Working memory of passes over few points: of values, and of gradients.
-    pub(crate) few_points: [Pool<FewPoints<R>>; 2],
 }
 
 impl<R: Lane> Network<R> {
@@ -48,18 +44,7 @@ impl<R: Lane> Network<R> {
         let splines = Splines::new(architecture.grid.clone());
         let parameters = vec![R::zero(); mlp.parameters.len() + splines.free_count()];
         let table = splines.table();
-        let few_points = Default::default();
-        Network {
-            architecture,
-            transform,
-            scale,
-            mlp,
-            parameters,
-            table,
-            splines,
-            encoder,
-            few_points,
-        }
+        Network { architecture, transform, scale, mlp, parameters, table, splines, encoder }
     }
 
     /// The encoding, layers and activation.

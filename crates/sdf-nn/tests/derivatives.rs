@@ -522,22 +522,34 @@ fn all_passes(network: &Network<f64>, x: &[DVec3]) -> Vec<f64> {
     all
 }
 
-/// Calls use the working memory of earlier ones again.
+/// Calls use the working memory of earlier ones again, also of those that met a NaN.
 #[test]
 fn calls_after_others_have_the_bits_of_first_calls() {
+    let side = 12;
     let architecture = Architecture {
         encoding: Encoding::Frequency { bands: 2 },
-        grid: SplineSize { levels: vec![5, 8], features: 2, degree: Degree::Cubic },
+        grid: SplineSize { levels: vec![side], features: 1, degree: Degree::Quadratic },
         hidden: vec![19, 23, 17],
         skip: vec![2],
         activation: Activation::Softplus { beta: 20.0 },
     };
-    let used = network(&architecture, 3);
+    let mut used = network(&architecture, 3);
+    let (mut parameters, first) = (used.parameters().to_vec(), used.weight_count());
+    for node in 0..side.pow(3) {
+        let [x, y, z] = [node / side / side, node / side % side, node % side];
+        if x.max(y).max(z) < side / 2 - 1 {
+            parameters[first + node] = f64::NAN;
+        }
+    }
+    used.set_parameters(&parameters);
+    let near = |x: DVec3| TRANSFORM.center + (x - TRANSFORM.center).abs() * 0.5;
     for n in [40, 1, 32, 7, 16, 21] {
-        all_passes(&used, &vec![DVec3::NAN; n]);
-        let found = all_passes(&used, &points(n));
+        let corner = TRANSFORM.center - DVec3::splat(0.5 * TRANSFORM.radius);
+        assert!(all_passes(&used, &[corner; 64])[0].is_nan());
+        let x: Vec<DVec3> = points(n).into_iter().map(near).collect();
+        let found = all_passes(&used, &x);
         // A clone has no memory of calls.
-        let expected = all_passes(&used.clone(), &points(n));
+        let expected = all_passes(&used.clone(), &x);
         let bits = |all: &[f64]| all.iter().map(|v| v.to_bits()).collect::<Vec<u64>>();
         assert_eq!(bits(&found), bits(&expected), "{n} points");
         assert!(found.iter().all(|v| v.is_finite()));

@@ -3,33 +3,8 @@
 
 use super::activate::Activate;
 use super::perceptron::Mlp;
+use super::scratch::{FewScratch, groups};
 use lanes::{Isa, LANES, Lane, Row, multiply_few};
-
-/// The working memory of the sweeps for at most [`MAX_SWEEP_POINTS`] points at once.
-///
-/// The numbers of a point lie side by side in rows, and its rows follow those of the point before.
-#[derive(Default)]
-pub(crate) struct FewScratch<R> {
-    /// The input of every layer.
-    input: Vec<Vec<Row<R>>>,
-    /// σ′(z) of every hidden layer.
-    slope: Vec<Vec<Row<R>>>,
-    /// The adjoints of one layer's z.
-    z_adjoint: Vec<Row<R>>,
-    /// Results of matrix products, group after group: z in the forward sweep, the adjoints of a
-    /// layer's input in the backward sweep.
-    product: Vec<Row<R>>,
-    /// A start of zero for every group.
-    zero: Vec<Row<R>>,
-}
-
-/// The most points of a sweep. 8 would need 16 sums, all registers of AVX2.
-pub(crate) const MAX_SWEEP_POINTS: usize = 4;
-
-/// The number of rows that hold `n` numbers.
-fn groups(n: usize) -> usize {
-    n.div_ceil(LANES)
-}
 
 /// The rows of each of `P` points.
 #[inline(always)]
@@ -38,20 +13,6 @@ fn of_points<R, const P: usize>(rows: &[Row<R>], groups: usize) -> [&[Row<R>]; P
 }
 
 impl<R: Lane> Mlp<R> {
-    /// Working memory for the sweeps of a few points, with or without the backward sweep.
-    pub(crate) fn few_scratch(&self, store: bool) -> FewScratch<R> {
-        let rows = |n: usize| vec![Row::zero(); MAX_SWEEP_POINTS * groups(n)];
-        let rows_if = |n: usize| if store { rows(n) } else { Vec::new() };
-        let (widest, hidden) = (self.widest(), self.layers.len() - 1);
-        FewScratch {
-            input: self.layers.iter().map(|l| rows(l.inputs)).collect(),
-            slope: self.layers[..hidden].iter().map(|l| rows_if(l.outputs)).collect(),
-            z_adjoint: rows_if(widest),
-            product: rows(widest),
-            zero: vec![Row::zero(); groups(widest)],
-        }
-    }
-
     /// Forward sweep of `P` points, whose features are in the lanes from `first` on. Writes the
     /// first output of each to `output`. With `STORE` it keeps the slopes for
     /// [`backward_few`](Self::backward_few).

@@ -1,7 +1,7 @@
 //! A multilayer perceptron on blocks of points: its layers, its parameters and their packing.
 //!
 //! - [`perceptron`]: layers, parameters and packed weights.
-//! - [`scratch`]: the working memory of the sweeps.
+//! - [`scratch`]: the working memory of the sweeps; [`memory`] hands it to calls.
 //! - [`forward`] and [`backward`]: the two sweeps through all layers.
 //! - [`few`]: both sweeps for a few points.
 //! - [`activate`]: the nonlinearity σ(z) and its derivatives.
@@ -10,9 +10,9 @@ mod activate;
 mod backward;
 mod few;
 mod forward;
+mod memory;
 mod perceptron;
 mod scratch;
 
-pub(crate) use few::{FewScratch, MAX_SWEEP_POINTS};
 pub(crate) use perceptron::{LayerShape, Mlp};
-pub(crate) use scratch::Scratch;
+pub(crate) use scratch::{FewMemory, MAX_SWEEP_POINTS, Scratch};

@@ -1,6 +1,6 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
-use super::scratch::Scratch;
+use super::scratch::{FewMemory, Scratch};
 use crate::architecture::Activation;
 use crate::pool::Pool;
 use lanes::{Instructions, Lane, Row, TILE, pack, pack_columns};
@@ -59,6 +59,8 @@ pub(crate) struct Mlp<R> {
     pub(super) packed: Vec<Packed<R>>,
     /// Working memory, by the flags of the sweeps.
     pub(super) scratches: [Pool<Scratch<R>>; 8],
+    /// Working memory for a few points: of values, and of gradients.
+    pub(super) few_memories: [Pool<FewMemory<R>>; 2],
 }
 
 impl<R: Lane> Mlp<R> {
@@ -84,7 +86,6 @@ impl<R: Lane> Mlp<R> {
         let packed = layers.iter().map(|_| Packed::default()).collect();
         let (parameters, window) = (vec![R::zero(); start], vec![R::one(); features]);
         let instructions = Instructions::widest();
-        let scratches = std::array::from_fn(|_| Pool::default());
         Mlp {
             features,
             layers,
@@ -94,7 +95,8 @@ impl<R: Lane> Mlp<R> {
             window,
             has_few,
             packed,
-            scratches,
+            scratches: Default::default(),
+            few_memories: Default::default(),
         }
     }
 
