@@ -121,6 +121,12 @@ pub trait Estimator<R: Real>: Send + Sync {
         false
     }
 
+    /// The largest clearance of a closest approach that the estimator takes notice of, in pixels;
+    /// `None` if it notices all. Rays may leave out others: see [`Scene::lattice`].
+    fn reach(&self) -> Option<f64> {
+        None
+    }
+
     /// Whether other seeds give other samples. Without that, there are no independent replicates,
     /// and no standard error.
     fn depends_on_seed(&self) -> bool {

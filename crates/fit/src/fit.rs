@@ -12,6 +12,7 @@ use render::{Camera, InvalidField, Sample, Scene};
 
 use crate::checkpoint::Survey;
 use crate::clock::Clock;
+use crate::lattice::FieldLattice;
 use crate::model::{HEAD_BANDS, Model};
 use crate::optimiser::Optimiser;
 use crate::photographs::Photographs;
@@ -37,6 +38,8 @@ pub struct Fit {
     pub(crate) optimiser: Optimiser,
     /// The last survey of the surface.
     pub(crate) survey: Option<Survey>,
+    /// The last lattice of the field.
+    pub(crate) lattice: Option<FieldLattice>,
     pub(crate) estimator: Box<dyn Estimator<f32>>,
 }
 
@@ -85,6 +88,7 @@ impl Fit {
             model,
             clock: Clock::default(),
             survey: None,
+            lattice: None,
             estimator,
         };
         fit.set_windows();

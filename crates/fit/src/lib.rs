@@ -15,6 +15,7 @@ mod downscale;
 mod error;
 mod exposures;
 mod fit;
+mod lattice;
 mod metrics;
 mod metrics_file;
 mod model;

@@ -12,6 +12,7 @@ use render::{InvalidField, Scene};
 
 use crate::cameras::corrected;
 use crate::fit::Fit;
+use crate::lattice::FieldLattice;
 
 const BACKGROUND_COLOR: Name = Name::new("colour behind the object of a view", 26);
 
@@ -40,7 +41,9 @@ pub(crate) fn differentiate(
     let level = &photographs.levels[drawn.level];
     let counted = Counted::new(&model.field);
     let cameras = corrected(calibration, &level.cameras);
-    let scene = fit.scene(&cameras);
+    let lattice = fit.lattice.as_ref().and_then(FieldLattice::get);
+    let reach = fit.estimator.reach().unwrap_or(f64::INFINITY);
+    let scene = fit.scene(&cameras).with_lattice(lattice, reach);
 
     // The background: a colour for each view, or the model's own with random points on its rays.
     let gains = photographs.factors();

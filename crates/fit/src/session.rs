@@ -12,6 +12,7 @@ use loss::{Observer, Workspace};
 use crate::checkpoint::{Optimised, State};
 use crate::error::FitError;
 use crate::fit::Fit;
+use crate::lattice::restore_lattice;
 use crate::metrics::Metrics;
 use crate::metrics_file::MetricsFile;
 use crate::model::Model;
@@ -148,6 +149,7 @@ impl Session {
             corrections: photographs.corrections.map(|own| Optimised::new(own.state())),
             exposures: photographs.gains.as_ref().map(|gains| Optimised::new(gains.state())),
             survey: fit.survey.as_ref().map(Cow::Borrowed),
+            lattice: fit.lattice.as_ref().map(|own| Cow::Borrowed(&own.state)),
         };
         state.save(&folder.checkpoint())?;
         if let Some(cameras) = photographs.cameras(fit.file.origin()) {
@@ -172,6 +174,7 @@ impl Session {
         photographs.restore_exposures(state.exposures.as_ref(), &checkpoint)?;
         photographs.restore_corrections(&state.corrections, &fit.file, &checkpoint)?;
         fit.set_windows();
+        restore_lattice(fit, state.lattice.map(Cow::into_owned), &checkpoint)?;
         Ok(())
     }
 }

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::camera_trial::start_refinement;
 use crate::error::FitError;
 use crate::fit::Fit;
+use crate::lattice::refresh_lattice;
 use crate::metrics::StepMetrics;
 use crate::objective::{DrawnPixels, differentiate};
 use crate::optimiser::StepTime;
@@ -44,6 +45,7 @@ impl Fit {
     pub fn step(&mut self, work: &mut Workspace) -> Result<StepMetrics, FitError> {
         let trial = start_refinement(self)?;
         survey_surface(self)?;
+        refresh_lattice(self);
 
         let drawn = draw(self);
 

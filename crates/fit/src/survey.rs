@@ -134,4 +134,6 @@ fn set_survey(fit: &mut Fit, survey: Survey) {
         fit.photographs.levels[0].group(&survey.is_far, 1 << level);
     }
     fit.survey = Some(survey);
+    // Coefficients of nodes that are not free any more are zero from now on.
+    fit.lattice = None;
 }

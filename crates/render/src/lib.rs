@@ -4,6 +4,7 @@ mod camera;
 mod direction;
 mod image;
 mod invalid;
+mod lattice;
 mod preview;
 mod primary;
 mod sample;

@@ -245,6 +245,7 @@ impl<R: Real> Scene<'_, R> {
             }
             let scale = self.tracing_scale(sample.camera, nearest);
             ray.scale = scale.max(radius * R::of(LEAST_SCALE));
+            ray.reach = R::of(self.reach * camera.pixel_angle());
             if scale < radius {
                 // The part of the solid that the film shows widens along the ray.
                 ray.spread = self.film_angle(sample.camera);
@@ -279,6 +280,7 @@ impl<R: Real> Scene<'_, R> {
         let mut rows: Vec<Option<TracedRay<R>>> = self.rays(samples).collect();
         trace::intersect_rows(
             self.field,
+            self.lattice,
             &mut rows,
             |row| row.as_mut().map(|row| (&row.ray, &mut row.found)),
             &self.tracing.options,
@@ -308,6 +310,7 @@ impl<R: Real> Scene<'_, R> {
             samples.iter().zip(self.rays(samples)).map(row).collect();
         trace::intersect_rows(
             self.field,
+            self.lattice,
             &mut rays,
             |row| Some((&row.ray, &mut row.found)),
             &self.tracing.options,

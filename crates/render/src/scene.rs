@@ -22,6 +22,11 @@ pub struct Scene<'a, R: Real> {
     pub background: &'a dyn Background<R>,
     /// The tracer's options and the ball of rays.
     pub tracing: Tracing<R>,
+    /// Values of the field, with which rays skip empty space.
+    pub lattice: Option<&'a trace::Lattice<R>>,
+    /// The largest clearance of a closest approach that matters, in pixels: with a lattice, rays
+    /// leave out others.
+    pub reach: f64,
 }
 
 impl<R: Real> fmt::Debug for Scene<'_, R> {
@@ -59,7 +64,16 @@ impl<'a, R: Real> Scene<'a, R> {
         background: &'a dyn Background<R>,
     ) -> Self {
         let tracing = Tracing { options: trace::Options::default(), ball: in_precision(bounds) };
-        Scene { field, shader, cameras, bounds: *bounds, background, tracing }
+        Scene {
+            field,
+            shader,
+            cameras,
+            bounds: *bounds,
+            background,
+            tracing,
+            lattice: None,
+            reach: f64::INFINITY,
+        }
     }
 
     /// The ray of a film sample, as the argument of the background.
@@ -88,6 +102,12 @@ impl<'a, R: Real> Scene<'a, R> {
     /// The scene with other options of the tracer.
     pub fn with_options(self, options: trace::Options<R>) -> Self {
         Scene { tracing: Tracing { options, ..self.tracing }, ..self }
+    }
+
+    /// The scene whose rays skip the space that this lattice of its field shows to be empty. Closest
+    /// approaches with a larger clearance than `reach`, in pixels, do not matter.
+    pub fn with_lattice(self, lattice: Option<&'a trace::Lattice<R>>, reach: f64) -> Self {
+        Scene { lattice, reach, ..self }
     }
 
     /// The scene for hits alone: rays start and end near the ball of `Field::bounds`, which holds

@@ -3,6 +3,7 @@
 use field::{Field, Real};
 
 use crate::intersection::Intersection;
+use crate::lattice::Lattice;
 use crate::march::{RayState, Tracer};
 use crate::options::Options;
 use crate::ray::Ray;
@@ -29,17 +30,20 @@ pub fn intersect<R: Real>(
 ) {
     let mut rows: Vec<(&Ray<R>, Intersection<R>)> =
         rays.iter().map(|ray| (ray, Intersection::unfinished())).collect();
-    intersect_rows(field, &mut rows, |row| Some((row.0, &mut row.1)), options);
+    intersect_rows(field, None, &mut rows, |row| Some((row.0, &mut row.1)), options);
     out.clear();
     out.extend(rows.into_iter().map(|(_, found)| found));
 }
 
 /// Like [`intersect`], for rays inside of rows of the caller, with each result in its row.
 ///
+/// With a `lattice` of the field, rays skip the parts that it shows to be empty.
+///
 /// `parts` gives the ray of a row and the place of its result, [`Intersection::unfinished`] at the
 /// start; `None` for a row without a ray.
 pub fn intersect_rows<R: Real, T>(
     field: &(impl Field<R> + ?Sized),
+    lattice: Option<&Lattice<R>>,
     rows: &mut [T],
     parts: impl for<'a> Fn(&'a mut T) -> Option<(&'a Ray<R>, &'a mut Intersection<R>)>,
     options: &Options<R>,
@@ -49,8 +53,10 @@ pub fn intersect_rows<R: Real, T>(
         let number = next;
         let row = rows.get_mut(number)?;
         next += 1;
-        if let Some((ray, _)) = parts(row) {
-            break Some(((number, RayState::new(ray.near, options)), ray.at(ray.near)));
+        let Some((ray, found)) = parts(row) else { continue };
+        let mut state = RayState::new(ray.near, options);
+        if Tracer::new(ray, options, lattice, ray.near, found).skip(&mut state, ray.near) {
+            break Some(((number, state), ray.at(state.t)));
         }
     };
     // The rays on the way, by the numbers of their rows, and the points of their next evaluations.
@@ -64,8 +70,7 @@ pub fn intersect_rows<R: Real, T>(
         for (i, f) in f.iter().enumerate().rev() {
             let (number, state) = &mut on_the_way[i];
             let Some((ray, found)) = parts(&mut rows[*number]) else { continue };
-            let min_step = options.min_step * ray.scale.max(ray.spread * state.t);
-            if (Tracer { ray, options, min_step, found }).take_value(state, *f) {
+            if Tracer::new(ray, options, lattice, state.t, found).take_value(state, *f) {
                 x[i] = ray.at(state.t);
             } else if let Some(started) = start(rows) {
                 (on_the_way[i], x[i]) = started;

@@ -4,6 +4,7 @@ mod derivative;
 mod dip;
 mod intersect;
 mod intersection;
+mod lattice;
 mod march;
 mod options;
 mod point;
@@ -16,6 +17,7 @@ pub use derivative::{HitAdjoint, entry_derivative, exit_derivative, hit_film_der
 pub use field;
 pub use intersect::{intersect, intersect_rows};
 pub use intersection::{Intersection, Outcome};
+pub use lattice::Lattice;
 pub use options::Options;
 pub use ray::Ray;
 pub use silhouette::{RayFamily, Start, Tangency, tangencies};

@@ -7,6 +7,7 @@ use field::Real;
 
 use crate::dip::{DipSearch, DipStep, line_bound, vertex};
 use crate::intersection::{Intersection, Outcome};
+use crate::lattice::{Lattice, Skip};
 use crate::options::Options;
 use crate::point::Point;
 use crate::ray::Ray;
@@ -33,13 +34,23 @@ pub(crate) struct RayState<R> {
     recent: [Option<Point<R>>; 2],
     /// L: the steepest |Δf/Δt| met so far, at least 1/ρ with the relaxation ρ ≤ 1 of the options.
     steepest: R,
+    /// The part of the ray before `t` that is skipped, with its begin.
+    skipped: Option<(R, Skip<R>)>,
+    /// Whether the lattice was right so far.
+    trusts: bool,
 }
 
 impl<R: Real> RayState<R> {
     /// A ray that is evaluated first at distance `near`.
     pub(crate) fn new(near: R, options: &Options<R>) -> Self {
-        let steepest = R::one() / options.relaxation;
-        RayState { t: near, phase: Phase::March, recent: [None; 2], steepest }
+        RayState {
+            t: near,
+            phase: Phase::March,
+            recent: [None; 2],
+            steepest: R::one() / options.relaxation,
+            skipped: None,
+            trusts: true,
+        }
     }
 }
 
@@ -101,12 +112,45 @@ const MOST_LIMITS: f64 = 64.0;
 pub(crate) struct Tracer<'a, R: Real> {
     pub(crate) ray: &'a Ray<R>,
     pub(crate) options: &'a Options<R>,
+    /// Values of f that show where the ray needs no evaluation.
+    pub(crate) lattice: Option<&'a Lattice<R>>,
     /// The shortest step, in world units.
     pub(crate) min_step: R,
     pub(crate) found: &'a mut Intersection<R>,
 }
 
-impl<R: Real> Tracer<'_, R> {
+impl<'a, R: Real> Tracer<'a, R> {
+    /// A ray at the distance `t`.
+    pub(crate) fn new(
+        ray: &'a Ray<R>,
+        options: &'a Options<R>,
+        lattice: Option<&'a Lattice<R>>,
+        t: R,
+        found: &'a mut Intersection<R>,
+    ) -> Self {
+        let min_step = options.min_step * ray.scale.max(ray.spread * t);
+        Tracer { ray, options, lattice, min_step, found }
+    }
+
+    /// Skips the part of the ray from the distance `from` on that the lattice shows to be empty, if
+    /// it reaches further than the state's t. Returns whether the ray goes on.
+    pub(crate) fn skip(&mut self, s: &mut RayState<R>, from: R) -> bool {
+        let Some(lattice) = self.lattice.filter(|_| s.trusts) else { return true };
+        let skip = lattice.skip(self.ray, from, s.steepest).filter(|skip| skip.t > s.t);
+        let Some(skip) = skip else { return true };
+        if skip.closest.f.is_finite() {
+            self.note_approach(skip.closest, s.steepest);
+        }
+        (s.t, s.recent, s.skipped) = (skip.t, [None; 2], Some((from, skip)));
+        skip.t < self.ray.far || self.end_beside(s)
+    }
+
+    /// Goes back to the begin `from` of a skipped part: the lattice was wrong there.
+    fn go_back(&mut self, s: &mut RayState<R>, from: R) -> bool {
+        (s.t, s.skipped, s.trusts) = (from, None, false);
+        true
+    }
+
     /// Takes the value of f at the state's t, and sets the next t. Returns whether the ray goes on.
     pub(crate) fn take_value(&mut self, s: &mut RayState<R>, f: R) -> bool {
         let here = Point { t: s.t, f };
@@ -166,6 +210,9 @@ impl<R: Real> Tracer<'_, R> {
     /// Decides on a point of the march: go on, take the step back, or look for a root or a dip.
     fn march(&mut self, s: &mut RayState<R>, here: Point<R>) -> bool {
         let [Some(last), before] = s.recent else {
+            if let Some((from, _)) = s.skipped.filter(|(_, skip)| here.f < skip.bound) {
+                return self.go_back(s, from);
+            }
             if here.f <= R::zero() {
                 return self.end(Outcome::Inside, here);
             }
@@ -252,15 +299,18 @@ impl<R: Real> Tracer<'_, R> {
         s.recent = [Some(here), last];
         s.phase = Phase::March;
         self.note_lowest(here);
+        let rises = last.is_some_and(|last| here.f > last.f);
         let radius = here.f / s.steepest;
+        // After a skipped part, the slope of the lattice stands for the point before.
+        let by_slope =
+            |(_, skip): (R, Skip<R>)| Point { t: here.t - radius, f: here.f - skip.slope * radius };
+        let last = last.or(s.skipped.take().map(by_slope));
         let step = match last {
             None => radius.min(self.first_step()),
             Some(last) => touching_step(s.steepest, radius, last, here),
         };
         if here.t >= self.ray.far || (last.is_some() && radius >= self.ray.far - here.t) {
-            let closest = Point { t: self.found.t, f: self.found.f };
-            self.note_approach(closest, s.steepest);
-            return false;
+            return self.end_beside(s);
         }
         let mut step = step.max(self.min_step);
         if let Some(to_root) = last.and_then(|last| expected_root(before, last, here)) {
@@ -273,7 +323,16 @@ impl<R: Real> Tracer<'_, R> {
         // Two floating-point spacings: a shorter step could round to none.
         step = step.max(here.t * R::epsilon() * R::of(2.0));
         s.t = (here.t + step).min(self.ray.far);
-        true
+        !rises || self.skip(s, here.t)
+    }
+
+    /// Ends a ray whose remaining interval is empty.
+    fn end_beside(&mut self, s: &RayState<R>) -> bool {
+        let closest = Point { t: self.found.t, f: self.found.f };
+        if closest.f.is_finite() {
+            self.note_approach(closest, s.steepest);
+        }
+        false
     }
 
     /// The longest first step, in world units.

@@ -18,13 +18,26 @@ pub struct Ray<R: Real> {
     /// The growth of that unit along the ray, for the shortest step: it is `spread` · t where that
     /// is more than `scale`. 0 unless the caller sets another.
     pub spread: R,
+    /// Closest approaches with at least this clearance do not matter: [`intersect_rows`] can leave
+    /// them out where a lattice shows them. Infinite unless the caller sets another.
+    ///
+    /// [`intersect_rows`]: crate::intersect_rows
+    pub reach: R,
 }
 
 impl<R: Real> Ray<R> {
     /// The part of a ray inside the ball `bounds`, or `None` if the ray misses the ball.
     pub fn enter(origin: R::Vec3, direction: R::Vec3, bounds: &Sphere<R>) -> Option<Self> {
         let (near, far) = bounds.clip(origin, direction)?;
-        Some(Ray { origin, direction, near, far, scale: bounds.radius, spread: R::zero() })
+        Some(Ray {
+            origin,
+            direction,
+            near,
+            far,
+            scale: bounds.radius,
+            spread: R::zero(),
+            reach: R::infinity(),
+        })
     }
 
     /// The point at distance `t`.

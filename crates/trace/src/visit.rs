@@ -162,7 +162,15 @@ mod tests {
     use glam::DVec3;
 
     fn ray(origin: DVec3) -> Ray<f64> {
-        Ray { origin, direction: -DVec3::Z, near: 1.0, far: 6.0, scale: 1.0, spread: 0.0 }
+        Ray {
+            origin,
+            direction: -DVec3::Z,
+            near: 1.0,
+            far: 6.0,
+            scale: 1.0,
+            spread: 0.0,
+            reach: f64::INFINITY,
+        }
     }
 
     /// The half space z ≤ 0, seen from z = 5: with ρ = 1 the second point is the root, where the

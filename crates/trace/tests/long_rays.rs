@@ -14,7 +14,7 @@ fn rays_above_a_floor_reach_it_far_away() {
         let down = -1.0 / distance;
         let direction = DVec3::new((1.0 - down * down).sqrt(), down, 0.0);
         let (origin, near, far) = (DVec3::Y, 0.0, 4000.0);
-        Ray { origin, direction, near, far, scale: 1.0, spread: 0.0 }
+        Ray { origin, direction, near, far, scale: 1.0, spread: 0.0, reach: f64::INFINITY }
     });
     let mut found = Vec::new();
     intersect(&floor, &rays, &Options::default(), &mut found);
@@ -30,7 +30,7 @@ fn a_spread_saves_steps() {
     let floor = Shape::<f64>::new(Kind::Plane, &[0.0, 1.0, 0.0, 0.0]);
     let level = |spread: f64| {
         let (origin, direction, near, far) = (DVec3::Y, DVec3::X, 0.0, 4000.0);
-        let ray = Ray { origin, direction, near, far, scale: 1.0, spread };
+        let ray = Ray { origin, direction, near, far, scale: 1.0, spread, reach: f64::INFINITY };
         let mut found = Vec::new();
         intersect(&floor, &[ray], &Options::default(), &mut found);
         assert_eq!(found[0].outcome, Outcome::Miss);

@@ -13,8 +13,15 @@ fn main() {
     for gap in [0.3, 0.1, 0.03, 0.01, 1e-3] {
         let sine: f64 = (1.0 + gap) / 4.0; // It passes the ball at this distance.
         let direction = DVec3::new(sine, 0.0, -(1.0 - sine * sine).sqrt());
-        let ray =
-            trace::Ray { origin: eye, direction, near: 2.0, far: 6.0, scale: 1.0, spread: 0.0 };
+        let ray = trace::Ray {
+            origin: eye,
+            direction,
+            near: 2.0,
+            far: 6.0,
+            scale: 1.0,
+            spread: 0.0,
+            reach: f64::INFINITY,
+        };
         // With 22 steps, as in renders, the last ray ends before its closest point.
         let visits = trace::visit(&ball, &[ray], 200, 1.0);
         let trace::Visited { t, f, gradient, step, clamped, valid } = visits.ray(0);

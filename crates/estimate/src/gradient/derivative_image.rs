@@ -8,7 +8,7 @@ use random::{Name, Stream, gaussian};
 use rayon::prelude::*;
 use render::{InvalidField, Pixel, Scene};
 
-use crate::gradient::replicates::{Image, Mean, Sampling, tiles};
+use crate::gradient::replicates::{Image, Mean, Sampling, lattice, tiles, with_lattice};
 use crate::record::{Adjoints, Area, Pass, PixelAdjoint, Record};
 use crate::{Estimator, SilhouetteMask, Terms};
 
@@ -61,6 +61,8 @@ pub fn differentiate<R: Real>(
     let camera = &scene.cameras[0];
     let tiles = tiles(camera, parts[0].counts, estimator.memory_factor());
     let terms = wanted_terms(scene, directions);
+    let lattice = lattice(scene, estimator, sampling.counts);
+    let scene = &with_lattice(scene, lattice.as_ref());
     let done = AtomicUsize::new(0);
     let weights: Vec<f64> = parts.iter().map(|part| f64::from(part.counts.spp)).collect();
     // The derivatives of each tile, by direction.

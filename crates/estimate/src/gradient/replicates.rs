@@ -1,10 +1,12 @@
 //! Independent replicates of an image, for standard errors, and tiles of pixels that are sampled
 //! together.
 
+use field::Real;
 use random::{Name, Stream};
-use render::{Camera, Pixel};
+use render::{Camera, Pixel, Scene};
+use trace::Lattice;
 
-use crate::{Batch, SampleCounts, Terms};
+use crate::{Batch, Estimator, SampleCounts, Terms};
 
 const REPLICATE: Name = Name::new("replicates of an image", 1);
 
@@ -54,6 +56,27 @@ impl Sampling {
         };
         (0..replicates).map(part).collect()
     }
+}
+
+/// A lattice of the scene's field for samples of the first camera, if it saves time and if the
+/// estimator ignores far closest approaches.
+pub(crate) fn lattice<R: Real>(
+    scene: &Scene<'_, R>,
+    estimator: &dyn Estimator<R>,
+    SampleCounts { spp, .. }: SampleCounts,
+) -> Option<(Lattice<R>, f64)> {
+    let reach = estimator.reach()?;
+    let camera = &scene.cameras[0];
+    let pixels = u64::from(camera.width) * u64::from(camera.height);
+    Some((scene.lattice_for(pixels * u64::from(spp))?, reach))
+}
+
+/// The scene with a lattice and its reach, if there is one.
+pub(crate) fn with_lattice<'a, R: Real>(
+    scene: &Scene<'a, R>,
+    lattice: Option<&'a (Lattice<R>, f64)>,
+) -> Scene<'a, R> {
+    lattice.map_or(*scene, |(lattice, reach)| scene.with_lattice(Some(lattice), *reach))
 }
 
 /// An independent part of the samples.

@@ -6,7 +6,7 @@ use random::Name;
 use render::{InvalidField, Scene, render};
 
 use crate::gaussian_samples;
-use crate::gradient::replicates::{Image, Replicate, Sampling, tiles};
+use crate::gradient::replicates::{Image, Replicate, Sampling, lattice, tiles, with_lattice};
 use crate::record::{Adjoints, Pass, ordered_sum};
 use crate::{Estimator, Filter, SilhouetteMask, Terms};
 
@@ -48,6 +48,8 @@ pub fn target_gradient<R: Real>(
 ) -> Result<TargetGradient<R>, InvalidField> {
     let image = image(scene, estimator, sampling, &|p| progress(0.2 * p))?;
     let (loss, adjoint) = loss_adjoint::<R>(&image, target);
+    let lattice = lattice(scene, estimator, sampling.counts);
+    let scene = &with_lattice(scene, lattice.as_ref());
     let parts = sampling.replicates(estimator.depends_on_seed());
     let camera = &scene.cameras[0];
     let of = |p: &render::Pixel| adjoint[p.y as usize * camera.width as usize + p.x as usize];

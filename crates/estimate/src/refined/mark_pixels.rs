@@ -21,7 +21,7 @@ const CORNER_REACH: f64 = 0.75;
 /// If a ray clears all surfaces by more than this, in pixels, no silhouette crosses its pixel.
 /// √2 is enough if f is a distance; the rest is a margin for other fields. At 1.6 and 6.4 the
 /// errors and the evaluations of the suite, whose networks have slopes near 1, are the same.
-const FAR: f64 = 3.2;
+pub(super) const FAR: f64 = 3.2;
 
 /// Adds the samples `range` of all unmarked pixels to the record, and marks the pixels that a
 /// silhouette may cross according to these samples. Returns the pixels that remain unmarked, except

@@ -86,6 +86,10 @@ impl Estimator<f32> for Refined {
         true
     }
 
+    fn reach(&self) -> Option<f64> {
+        Some(mark_pixels::FAR)
+    }
+
     fn unmodelled(&self, scene: &Scene<'_, f32>) -> Vec<Discontinuity> {
         unmodelled(scene)
     }
@@ -107,6 +111,10 @@ impl Estimator<f64> for Refined {
 
     fn is_by_pixel(&self) -> bool {
         true
+    }
+
+    fn reach(&self) -> Option<f64> {
+        Some(mark_pixels::FAR)
     }
 
     fn unmodelled(&self, scene: &Scene<'_, f64>) -> Vec<Discontinuity> {

@@ -31,6 +31,8 @@ pub struct State<'a> {
     pub exposures: Option<Optimised>,
     /// The last survey of the surface, if there was one.
     pub survey: Option<Cow<'a, Survey>>,
+    /// The last values of the field on a lattice, if there are some.
+    pub lattice: Option<Cow<'a, LatticeState>>,
 }
 
 /// The state of the optimiser of a fit.
@@ -73,6 +75,16 @@ pub struct Survey {
     pub is_free: Vec<bool>,
 }
 
+/// The values of the field on a lattice at some time of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatticeState {
+    /// f at the nodes, in world units, in the order of [`trace::Lattice::places`].
+    pub values: Vec<f32>,
+    /// The largest change of f near the surface since the values before, in world units; `None` for
+    /// the first values.
+    pub change: Option<f32>,
+}
+
 /// Parameters in double precision with their optimiser.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Optimised {
@@ -113,6 +125,12 @@ const IS_FAR: &str = "is_far";
 /// The name of the tensor of [`Survey::is_free`].
 const IS_FREE: &str = "is_free";
 
+/// The name of the tensor of [`LatticeState::values`].
+const LATTICE: &str = "lattice";
+
+/// The metadata entry of [`LatticeState::change`].
+const CHANGE: &str = "lattice_change";
+
 /// The metadata entry of the number of steps of a tensor of [`Optimised`] or [`Average`].
 fn steps_of(name: &str) -> String {
     format!("{name}_steps")
@@ -141,7 +159,8 @@ impl State<'_> {
         let average = average.as_ref().map(|average| (AVERAGE, &average.parameters[..]));
         let vectors = [("parameters", &parameters[..]), ("first", first), ("second", second)];
         let mut tensors = Vec::new();
-        for (name, own) in vectors.into_iter().chain(average) {
+        let lattice = self.lattice.as_ref().map(|lattice| (LATTICE, &lattice.values[..]));
+        for (name, own) in vectors.into_iter().chain(average).chain(lattice) {
             tensors.push(Tensor::vector(name, Dtype::F32, own.len(), numbers(own)));
         }
         for (name, Optimised { numbers: own, .. }) in self.optimised() {
@@ -189,6 +208,9 @@ impl State<'_> {
         metadata.extend(steps);
         if let Some(survey) = &self.survey {
             metadata.insert(SURVEY.to_owned(), survey.number.to_string());
+        }
+        if let Some(change) = self.lattice.as_ref().and_then(|lattice| lattice.change) {
+            metadata.insert(CHANGE.to_owned(), change.to_string());
         }
         metadata
     }
@@ -253,6 +275,10 @@ impl State<'_> {
                 .then(|| read_optimised(path, EXPOSURES, &metadata, &tensors))
                 .transpose()?,
             survey: survey.map(Cow::Owned),
+            lattice: has(LATTICE)
+                .then(|| read_lattice(path, &metadata, &tensors))
+                .transpose()?
+                .map(Cow::Owned),
         })
     }
 }
@@ -358,6 +384,27 @@ fn read_survey(
     };
     let number = read_count(path, SURVEY, metadata)?;
     Ok(Survey { number, is_far: flags(IS_FAR)?, is_free: flags(IS_FREE)? })
+}
+
+/// The lattice of a checkpoint.
+fn read_lattice(
+    path: &Path,
+    metadata: &HashMap<String, String>,
+    tensors: &SafeTensors<'_>,
+) -> Result<LatticeState, InputError> {
+    let error = |found: &str, expected| InputError::new(path, LATTICE, found, expected);
+    let view = tensors.tensor(LATTICE).map_err(|e| error(&e.to_string(), "a tensor"))?;
+    if view.dtype() != Dtype::F32 || view.shape().len() != 1 {
+        let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+        return Err(error(&found, "F32 of shape [n]"));
+    }
+    let values: Vec<f32> = bytemuck::allocation::pod_collect_to_vec(view.data());
+    if let Some(i) = values.iter().position(|f| !f.is_finite()) {
+        return Err(error(&format!("{} at element {i}", values[i]), "finite numbers"));
+    }
+    let read = || read_number(path, CHANGE, metadata).map(|change| change as f32);
+    let change = metadata.contains_key(CHANGE).then(read).transpose()?;
+    Ok(LatticeState { values, change })
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ fn a_saved_state_loads_with_the_same_bits_and_a_cut_file_is_an_error() {
             is_far: vec![true, false, true],
             is_free: vec![false, true],
         })),
+        lattice: Some(Cow::Owned(LatticeState { values: vec![0.25, -1.0], change: Some(0.125) })),
     };
     state.save(&path).unwrap();
     assert_eq!(State::load(&path, |free| 2 + free).unwrap(), state);
@@ -54,6 +55,7 @@ fn a_negative_mean_square_gradient_is_refused() {
         corrections: Corrections::Undecided,
         exposures: None,
         survey: None,
+        lattice: None,
     };
     state.save(&path).unwrap();
     let error = State::load(&path, |_| 2).unwrap_err();
@@ -79,6 +81,7 @@ fn numbers_out_of_range_are_refused_by_name() {
         corrections: Corrections::Given,
         exposures: None,
         survey: None,
+        lattice: None,
     };
     state.save(&path).unwrap();
     let whole = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
@@ -121,6 +124,7 @@ fn equal_states_give_equal_files() {
             corrections: Corrections::Given,
             exposures: None,
             survey: None,
+            lattice: None,
         };
         state.save(&path).unwrap();
         assert_eq!(State::load(&path, |_| 3000).unwrap(), state);

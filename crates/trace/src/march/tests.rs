@@ -32,7 +32,15 @@ impl<F: Fn(f64) -> f64 + Send + Sync> Field<f64> for Along<F> {
 }
 
 fn ray(near: f64, far: f64, scale: f64) -> Ray<f64> {
-    Ray { origin: DVec3::ZERO, direction: DVec3::X, near, far, scale, spread: 0.0 }
+    Ray {
+        origin: DVec3::ZERO,
+        direction: DVec3::X,
+        near,
+        far,
+        scale,
+        spread: 0.0,
+        reach: f64::INFINITY,
+    }
 }
 
 fn trace(near: f64, far: f64, f: impl Fn(f64) -> f64 + Send + Sync) -> Intersection<f64> {
@@ -56,7 +64,8 @@ fn with_tracer<T>(
 ) -> (T, Intersection<f64>) {
     let (ray, options, mut found) =
         (ray(near, far, scale), Options::default(), Intersection::unfinished());
-    let mut tracer = Tracer { ray: &ray, options: &options, min_step: 0.01, found: &mut found };
+    let mut tracer =
+        Tracer { ray: &ray, options: &options, lattice: None, min_step: 0.01, found: &mut found };
     let result = act(&mut tracer, &mut RayState::new(near, &options));
     (result, found)
 }
