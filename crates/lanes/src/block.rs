@@ -15,6 +15,9 @@ pub const HALF: usize = LANES / 2;
 /// 8 points, both products take about as many multiply–adds of registers as half of that.
 pub const FEW_POINTS: usize = 8;
 
+/// Points whose rows of a table are added up together: the numbers of an AVX2 register.
+pub const GROUP: usize = 8;
+
 /// Rows of a matrix that are packed together.
 pub const TILE: usize = 8;
 

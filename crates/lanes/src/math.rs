@@ -7,10 +7,13 @@
 
 use field::Real;
 
-use crate::{Isa, Row, TILE, fma, portable};
+use crate::{Group, Isa, Plain, Row, Sums, TILE, TableRows, fma, portable};
 
 /// A precision of the kernels, `f32` or `f64`, with its elementary functions.
 pub trait Lane: Real {
+    /// Numbers of a group of points.
+    type Group<I: Isa>: Group<Self>;
+
     /// exp(−x) for x ≥ 0.
     ///
     /// Single precision: within 3.1 ulp up to x = 20, constant (2e-9) above. Double precision:
@@ -61,6 +64,17 @@ pub trait Lane: Real {
     fn transpose<I: Isa>(rows: &[Row<Self>], out: &mut [Self]) {
         portable::transpose(rows, out);
     }
+    /// The sums of rows of a table with weights, for a group of points.
+    ///
+    /// They have the weights of the `ORDER` and lower ones: none, x, y for 1, and also xx, xy, yy
+    /// for 2. Those of a point without rows are zero.
+    #[inline(always)]
+    fn sum_rows<I: Isa, const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, Self, T>,
+        sums: &mut Sums<Self>,
+    ) {
+        portable::sum_rows::<Self, I, T, ORDER>(rows, sums);
+    }
 }
 
 /// 1.5 · 2²³: adding it rounds a small number to an integer, which the low bits of the sum hold.
@@ -73,6 +87,8 @@ fn madd<I: Isa>(a: f32, b: f32, c: f32) -> f32 {
 }
 
 impl Lane for f32 {
+    type Group<I: Isa> = I::Group;
+
     #[inline(always)]
     fn multiply<I: Isa, const N: usize>(
         packed: &[[f32; TILE]],
@@ -104,6 +120,13 @@ impl Lane for f32 {
     #[inline(always)]
     fn transpose<I: Isa>(rows: &[Row<f32>], out: &mut [f32]) {
         I::transpose(rows, out);
+    }
+    #[inline(always)]
+    fn sum_rows<I: Isa, const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        I::sum_rows::<T, ORDER>(rows, sums);
     }
     #[inline(always)]
     fn exp_negative<I: Isa>(x: f32) -> f32 {
@@ -162,6 +185,8 @@ impl Lane for f32 {
 }
 
 impl Lane for f64 {
+    type Group<I: Isa> = Plain<f64, I>;
+
     #[inline(always)]
     fn exp_negative<I: Isa>(x: f64) -> f64 {
         let x = if x < 40.0 { -x } else { -40.0 };

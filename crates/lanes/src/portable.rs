@@ -2,8 +2,10 @@
 
 use field::Real;
 
-use super::block::{LANES, Row, TILE, padded};
+use super::block::{GROUP, LANES, Row, TILE, padded};
+use super::group::Plain;
 use super::isa::{Isa, Pass, fma};
+use super::table::{ORDERS, Sums, TableRows, derivatives};
 
 /// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +13,8 @@ pub struct Portable;
 
 impl Isa for Portable {
     const FMA: bool = cfg!(target_arch = "aarch64");
+
+    type Group = Plain<f32, Self>;
 
     #[inline(never)]
     fn call<P: Pass>(part: P) {
@@ -43,6 +47,13 @@ impl Isa for Portable {
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose(rows, out);
+    }
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<f32, Self, T, ORDER>(rows, sums);
     }
 }
 
@@ -115,6 +126,37 @@ pub(super) fn transpose<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     for (r, row) in rows.iter().enumerate() {
         for l in 0..LANES {
             out[l * stride + r] = row.0[l];
+        }
+    }
+}
+
+/// [`Lane::sum_rows`](crate::Lane::sum_rows) without explicit vectors.
+#[inline(always)]
+pub(super) fn sum_rows<R: Real, I: Isa, const T: usize, const ORDER: usize>(
+    rows: &TableRows<'_, R, T>,
+    sums: &mut Sums<R>,
+) {
+    let [x, y] = rows.weights;
+    let sums = &mut sums[..derivatives(ORDER)];
+    sums.as_flattened_mut().as_flattened_mut().fill(R::zero());
+    for point in (0..GROUP).filter(|point| rows.met >> point & 1 == 1) {
+        let table = rows.of_point(point);
+        for i in 0..T {
+            let mut along = [[R::zero(); GROUP]; 3];
+            for j in 0..T {
+                let row = &table[i * rows.steps[0] + j * rows.steps[1]..][..GROUP];
+                for order in 0..=ORDER {
+                    for k in 0..GROUP {
+                        along[order][k] = fma::<R, I>(y[order][j][point], row[k], along[order][k]);
+                    }
+                }
+            }
+            for (sums, [of_x, of_y]) in sums.iter_mut().zip(ORDERS) {
+                for k in 0..GROUP {
+                    let sum = &mut sums[k][point];
+                    *sum = fma::<R, I>(x[of_x][i][point], along[of_y][k], *sum);
+                }
+            }
         }
     }
 }

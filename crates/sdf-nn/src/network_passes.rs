@@ -142,14 +142,14 @@ impl<R: Lane> Pass for ParameterVjp<'_, R> {
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
             network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
-            spline_block::add_coefficients(
-                &network.splines,
-                network.first_of_grid(),
-                x.len(),
-                &s.features,
-                &s.adjoint,
-                &mut self.table,
-            );
+            I::call(spline_block::Coefficients {
+                splines: &network.splines,
+                first: network.first_of_grid(),
+                count: x.len(),
+                features: &s.features,
+                adjoint: &s.adjoint,
+                sums: &mut self.table,
+            });
         }
         network.mlp.collect_gradient(&s, self.weights);
     }

@@ -23,13 +23,18 @@ fn all_passes(network: &Network<f32>, x: &[Vec3]) -> Vec<f32> {
     all
 }
 
-/// A network with splines whose parameters are all unlike each other.
+/// A network with splines whose parameters are all unlike each other. Some nodes of the second
+/// level are free.
 fn wavy(encoding: Encoding, hidden: &[usize], skip: Vec<usize>) -> Network<f32> {
-    let grid = SplineSize { features: 2, degree: Degree::Quadratic, levels: vec![6] };
+    let (features, degree) =
+        if skip.is_empty() { (2, Degree::Quadratic) } else { (3, Degree::Cubic) };
+    let grid = SplineSize { features, degree, levels: vec![6, 12] };
     let (hidden, activation) = (hidden.to_vec(), Activation::Softplus { beta: 100.0 });
     let architecture = Architecture { encoding, grid, hidden, skip, activation };
     let mut network =
         Network::geometric(architecture, Transform::default(), 0.5, Stream::of_seed(3));
+    let is_free: Vec<bool> = (0..12 * 12 * 12).map(|i| i % 12 < 7 && i % 5 < 3).collect();
+    network.set_free_nodes(1, &is_free);
     let waves = network.parameters().iter().enumerate();
     let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
     network.set_parameters(&parameters);

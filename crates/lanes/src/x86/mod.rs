@@ -3,14 +3,17 @@
 //! A pass reaches these kernels only through [`with_avx512`] and [`with_avx2`], which are compiled
 //! for the instructions. Their callers detect the instructions first.
 
+mod group;
 mod kernels;
 mod vector;
 
 use std::arch::x86_64::{__m256, __m512};
 
-use self::kernels::{multiply, multiply_few, outer, transpose};
+use self::group::Eight;
+use self::kernels::{multiply, multiply_few, outer, sum_rows, transpose};
 use super::block::{HALF, Row, TILE};
 use super::isa::{Isa, Pass};
+use super::table::{Sums, TableRows};
 
 /// Whether this machine has the instructions of [`with_avx512`].
 pub(super) fn has_avx512() -> bool {
@@ -57,6 +60,8 @@ pub(super) struct Avx2;
 impl Isa for Avx512 {
     const FMA: bool = true;
 
+    type Group = Eight;
+
     #[inline(always)]
     fn call<P: Pass>(part: P) {
         // SAFETY: only `with_avx512` uses this type, so its caller detected the instructions.
@@ -96,10 +101,20 @@ impl Isa for Avx512 {
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m512, 16>(rows, out);
     }
+    // A row has eight entries.
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<__m256, T, ORDER>(rows, sums);
+    }
 }
 
 impl Isa for Avx2 {
     const FMA: bool = true;
+
+    type Group = Eight;
 
     #[inline(always)]
     fn call<P: Pass>(part: P) {
@@ -134,5 +149,12 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m256, 8>(rows, out);
+    }
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<__m256, T, ORDER>(rows, sums);
     }
 }

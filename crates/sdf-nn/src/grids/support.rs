@@ -25,7 +25,7 @@ struct Sparse {
 }
 
 /// The slot of a node that is not free.
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 impl Support {
     /// All nodes of a level with `side` nodes along a side.
@@ -86,13 +86,23 @@ impl Support {
     }
 
     /// The number of a node among the free ones.
-    #[inline(always)]
     pub(crate) fn slot(&self, node: usize) -> Option<usize> {
         match &self.sparse {
             None => Some(node),
             Some(sparse) if sparse.slots[node] == NONE => None,
             Some(sparse) => Some(sparse.slots[node] as usize),
         }
+    }
+
+    /// The numbers of consecutive nodes among the free ones, or [`NONE`].
+    #[inline(always)]
+    pub(crate) fn slots<const T: usize>(&self, first: usize) -> [u32; T] {
+        let mut slots = [NONE; T];
+        match &self.sparse {
+            None => (0..T).for_each(|z| slots[z] = (first + z) as u32),
+            Some(sparse) => slots.copy_from_slice(&sparse.slots[first..first + T]),
+        }
+        slots
     }
 
     /// The free nodes in a range, and the number of the first of them among the free ones.
