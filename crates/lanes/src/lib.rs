@@ -15,16 +15,18 @@ mod instructions;
 mod isa;
 mod math;
 mod parts;
+mod plain;
 mod portable;
 mod table;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use block::{FEW_POINTS, GROUP, HALF, LANES, Row, TILE, pack, pack_columns, padded};
-pub use group::{Group, Plain};
+pub use group::Group;
 pub use instructions::{Instructions, dispatch};
 pub use isa::{Isa, Pass, fma};
 pub use math::Lane;
 pub use parts::{multiply, multiply_few, outer};
+pub use plain::Plain;
 pub use portable::Portable;
 pub use table::{Sums, TableRows};

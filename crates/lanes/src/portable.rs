@@ -3,8 +3,8 @@
 use field::Real;
 
 use super::block::{GROUP, LANES, Row, TILE, padded};
-use super::group::Plain;
 use super::isa::{Isa, Pass, fma};
+use super::plain::Plain;
 use super::table::{ORDERS, Sums, TableRows, derivatives};
 
 /// Instructions that every machine has.

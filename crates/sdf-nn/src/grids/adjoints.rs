@@ -25,12 +25,11 @@ impl<R: Lane> Bars<'_, R> {
     /// Those of a feature.
     #[inline(always)]
     fn of_feature<V: Group<R>>(&self, f: usize) -> [V; 2] {
-        let lanes = |row: &Row<R>| {
-            let mut lanes = [R::zero(); GROUP];
-            lanes.copy_from_slice(&row.0[self.lane..self.lane + GROUP]);
-            V::load(&lanes)
-        };
-        [lanes(&self.sides[0][f]), lanes(&self.sides[1][f])]
+        let (mut value, mut along) = ([R::zero(); GROUP], [R::zero(); GROUP]);
+        let lanes = self.lane..self.lane + GROUP;
+        value.copy_from_slice(&self.sides[0][f].0[lanes.clone()]);
+        along.copy_from_slice(&self.sides[1][f].0[lanes]);
+        [V::load(&value), V::load(&along)]
     }
 
     /// The points with adjoints that are not all zero, as bits.
@@ -67,8 +66,11 @@ impl Rows {
         sums: &mut TableSum<'_, R>,
     ) {
         let [x, y, z] = axes;
-        let [x, y, z] = [x, y, z].map(|axis| axis.weights::<R, T, 1>());
-        let [px, py, pz] = [0, 1, 2].map(|a| R::Group::<I>::load(&p[a]));
+        // No `map`: see `of` in `taps`.
+        let [x, y] = [x.weights::<R, T, 1>(), y.weights::<R, T, 1>()];
+        let z = z.weights::<R, T, 1>();
+        let [px, py, pz] =
+            [R::Group::<I>::load(&p[0]), R::Group::<I>::load(&p[1]), R::Group::<I>::load(&p[2])];
         // A coefficient has wx wy wz of the value and ∇(wx wy wz)·p of the slope along p.
         let (mut both, mut moved) = ([[[R::zero(); GROUP]; T]; T], [[[R::zero(); GROUP]; T]; T]);
         for i in 0..T {
@@ -87,8 +89,8 @@ impl Rows {
                 let steep = R::Group::<I>::load(&entries.steep[point]);
                 for i in 0..T {
                     for j in 0..T {
-                        let [both, moved] =
-                            [both[i][j][point], moved[i][j][point]].map(R::Group::<I>::splat);
+                        let both = R::Group::<I>::splat(both[i][j][point]);
+                        let moved = R::Group::<I>::splat(moved[i][j][point]);
                         let mut row = [R::zero(); GROUP];
                         R::Group::<I>::fma(both, flat, moved * steep).store(&mut row);
                         let node = nodes[point] + (i * self.side + j) * self.side;

@@ -107,8 +107,7 @@ impl<V> Places<V> {
         V: Group<R>,
     {
         let cells = side + 1 - taps;
-        let of = |value: f64| V::splat(R::of(value));
-        let scale = of(0.5 * cells as f64);
+        let scale: V = of(0.5 * cells as f64);
         let place = (V::load(coordinates) + of(1.0)) * scale;
         let inside = place.clamp(of(cells as f64));
         let (mut first, whole) = inside.truncate();
@@ -140,11 +139,17 @@ impl<V> Places<V> {
     }
 }
 
+/// A number for all points. A closure is not always inlined, and is then not compiled for the
+/// vector instructions.
+#[inline(always)]
+fn of<R: Real, V: Group<R>>(value: f64) -> V {
+    V::splat(R::of(value))
+}
+
 /// The weights of quadratic splines, by order of the derivative.
 #[inline(always)]
 fn quadratic<R: Real, V: Group<R>>(t: V) -> [[V; 4]; 3] {
-    let of = |value: f64| V::splat(R::of(value));
-    let (half, one, zero) = (of(0.5), of(1.0), of(0.0));
+    let (half, one, zero): (V, V, V) = (of(0.5), of(1.0), of(0.0));
     let u = one - t;
     [
         [half * u * u, V::fma(t, u, half), half * t * t, zero],
@@ -156,15 +161,19 @@ fn quadratic<R: Real, V: Group<R>>(t: V) -> [[V; 4]; 3] {
 /// The weights of cubic splines, by order of the derivative.
 #[inline(always)]
 fn cubic<R: Real, V: Group<R>>(t: V) -> [[V; 4]; 3] {
-    let of = |value: f64| V::splat(R::of(value));
-    let (half, one, sixth) = (of(0.5), of(1.0), of(1.0 / 6.0));
+    let (half, one, sixth): (V, V, V) = (of(0.5), of(1.0), of(1.0 / 6.0));
+    let (two, three, minus): (V, V, V) = (of(2.0), of(3.0), of(-0.5));
+    let (two_thirds, steep): (V, V) = (of(2.0 / 3.0), of(1.5));
     let u = one - t;
-    let middle = |t: V| of(2.0 / 3.0) - t * t * (one - half * t);
-    let slope = |t: V| t * (of(1.5) * t - of(2.0));
     [
-        [sixth * u * u * u, middle(t), middle(u), sixth * t * t * t],
-        [of(-0.5) * u * u, slope(t), of(0.0) - slope(u), half * t * t],
-        [u, of(3.0) * t - of(2.0), of(3.0) * u - of(2.0), t],
+        [
+            sixth * u * u * u,
+            two_thirds - t * t * (one - half * t),
+            two_thirds - u * u * (one - half * u),
+            sixth * t * t * t,
+        ],
+        [minus * u * u, t * (steep * t - two), u * (two - steep * u), half * t * t],
+        [u, three * t - two, three * u - two, t],
     ]
 }
 
