@@ -2,6 +2,8 @@
 
 use field::Real;
 
+use super::group::Group;
+
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
 pub const LANES: usize = 32;
 
@@ -15,9 +17,6 @@ pub const HALF: usize = LANES / 2;
 /// 8 points, both products take about as many multiply–adds of registers as half of that.
 pub const FEW_POINTS: usize = 8;
 
-/// Points whose rows of a table are added up together: the numbers of an AVX2 register.
-pub const GROUP: usize = 8;
-
 /// Rows of a matrix that are packed together.
 pub const TILE: usize = 8;
 
@@ -30,6 +29,18 @@ impl<R: Real> Row<R> {
     /// A row of zeros.
     pub fn zero() -> Self {
         Row([R::zero(); LANES])
+    }
+
+    /// The numbers of group `g`.
+    #[inline(always)]
+    pub fn group<V: Group<R>>(&self, g: usize) -> V {
+        V::load(&self.0.as_chunks().0[g])
+    }
+
+    /// Sets the numbers of group `g`.
+    #[inline(always)]
+    pub fn set_group<V: Group<R>>(&mut self, g: usize, values: V) {
+        values.store(&mut self.0.as_chunks_mut().0[g]);
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::ops::{Add, Mul, Sub};
 
-use super::block::GROUP;
+/// Points whose rows of a table are added up together: the numbers of an AVX2 register.
+pub const GROUP: usize = 8;
 
 /// A number of each of [`GROUP`] points. Results have the same bits as those of single numbers.
 pub trait Group<R>: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {

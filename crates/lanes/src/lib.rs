@@ -21,8 +21,8 @@ mod table;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{FEW_POINTS, GROUP, HALF, LANES, Row, TILE, pack, pack_columns, padded};
-pub use group::Group;
+pub use block::{FEW_POINTS, HALF, LANES, Row, TILE, pack, pack_columns, padded};
+pub use group::{GROUP, Group};
 pub use instructions::{Instructions, dispatch};
 pub use isa::{Isa, Pass, fma};
 pub use math::Lane;

@@ -2,7 +2,8 @@
 
 use field::Real;
 
-use super::block::{GROUP, LANES, Row, TILE, padded};
+use super::block::{LANES, Row, TILE, padded};
+use super::group::GROUP;
 use super::isa::{Isa, Pass, fma};
 use super::plain::Plain;
 use super::table::{ORDERS, Sums, TableRows, derivatives};

@@ -1,6 +1,6 @@
 //! Rows of a table that points add up with weights.
 
-use super::block::GROUP;
+use super::group::GROUP;
 
 /// The rows of a table that a group of points adds up: T × T for each point.
 ///

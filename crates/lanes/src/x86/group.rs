@@ -3,8 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
 
-use crate::block::GROUP;
-use crate::group::Group;
+use crate::group::{GROUP, Group};
 
 /// Eight numbers.
 ///

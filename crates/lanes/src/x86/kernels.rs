@@ -5,7 +5,8 @@
 //! vector instructions.
 
 use super::vector::Vector;
-use crate::block::{GROUP, LANES, Row, TILE, padded};
+use crate::block::{LANES, Row, TILE, padded};
+use crate::group::GROUP;
 use crate::table::{ALL, ORDERS, Sums, TableRows, derivatives};
 
 /// [`multiply`](crate::multiply) with `ROWS` × `REGS` sums in registers.

@@ -25,11 +25,8 @@ impl<R: Lane> Bars<'_, R> {
     /// Those of a feature.
     #[inline(always)]
     fn of_feature<V: Group<R>>(&self, f: usize) -> [V; 2] {
-        let (mut value, mut along) = ([R::zero(); GROUP], [R::zero(); GROUP]);
-        let lanes = self.lane..self.lane + GROUP;
-        value.copy_from_slice(&self.sides[0][f].0[lanes.clone()]);
-        along.copy_from_slice(&self.sides[1][f].0[lanes]);
-        [V::load(&value), V::load(&along)]
+        let g = self.lane / GROUP;
+        [self.sides[0][f].group(g), self.sides[1][f].group(g)]
     }
 
     /// The points with adjoints that are not all zero, as bits.

@@ -31,9 +31,8 @@ pub(crate) struct Features<'a, R> {
 /// Adds a b to the lanes of a row from `lane` on.
 #[inline(always)]
 fn add_product<R: Lane, V: Group<R>>(row: &mut Row<R>, lane: usize, a: V, b: V) {
-    if let Some(out) = row.0[lane..].first_chunk_mut::<GROUP>() {
-        V::fma(a, b, V::load(out)).store(out);
-    }
+    let g = lane / GROUP;
+    row.set_group(g, V::fma(a, b, row.group(g)));
 }
 
 impl<R: Lane> Features<'_, R> {
