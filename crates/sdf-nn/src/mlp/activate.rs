@@ -60,10 +60,9 @@ fn softplus<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: b
     for i in 0..N {
         let z = z.0[i];
         let e = R::exp_negative::<I>(beta * z.abs());
-        let positive_part = if z > R::zero() { z } else { R::zero() };
-        let softplus = fma::<R, I>(R::ln_one_plus::<I>(e), inverse, positive_part);
-        // `exp_negative` of a NaN is a number. Adding 0 z brings the NaN back.
-        value.0[i] = softplus + z * R::zero();
+        // `exp_negative` of a NaN is a number. This is the NaN.
+        let positive_part = if z < R::zero() { R::zero() } else { z };
+        value.0[i] = fma::<R, I>(R::ln_one_plus::<I>(e), inverse, positive_part);
         if STORE {
             let high = one / (one + e);
             let low = e * high;
