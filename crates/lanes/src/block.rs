@@ -44,6 +44,10 @@ impl<R: Real> Row<R> {
     }
 }
 
+/// The rows for the results of [`Lane::softplus`](crate::Lane::softplus): value, slope and
+/// curvature.
+pub type Softplus<'a, R> = [&'a mut Row<R>; 3];
+
 /// Packs a matrix for [`multiply`](crate::multiply): tile by tile of `TILE` rows, column
 /// by column in a tile. Rows after the last are zero.
 pub fn pack<R: Real>(

@@ -2,7 +2,7 @@
 
 use field::Real;
 
-use super::block::{Row, TILE};
+use super::block::{Row, Softplus, TILE};
 use super::group::Group;
 use super::table::{Sums, TableRows};
 
@@ -40,6 +40,13 @@ pub trait Isa: Copy {
 
     /// The transposition of [`Lane::transpose`](crate::Lane::transpose).
     fn transpose(rows: &[Row<f32>], out: &mut [f32]);
+
+    /// The rows of [`Lane::softplus`](crate::Lane::softplus).
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    );
 
     /// The sums of [`Lane::sum_rows`](crate::Lane::sum_rows).
     fn sum_rows<const T: usize, const ORDER: usize>(

@@ -5,13 +5,15 @@
 
 mod group;
 mod kernels;
+mod softplus;
 mod vector;
 
 use std::arch::x86_64::{__m256, __m512};
 
 use self::group::Eight;
 use self::kernels::{multiply, multiply_few, outer, sum_rows, transpose};
-use super::block::{HALF, Row, TILE};
+use self::softplus::softplus;
+use super::block::{HALF, Row, Softplus, TILE};
 use super::isa::{Isa, Pass};
 use super::table::{Sums, TableRows};
 
@@ -101,6 +103,14 @@ impl Isa for Avx512 {
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m512, 16>(rows, out);
     }
+    #[inline(always)]
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    ) {
+        softplus::<__m512, N, STORE, TANGENT>(beta, z, out);
+    }
     // A row has eight entries.
     #[inline(always)]
     fn sum_rows<const T: usize, const ORDER: usize>(
@@ -149,6 +159,14 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m256, 8>(rows, out);
+    }
+    #[inline(always)]
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    ) {
+        softplus::<__m256, N, STORE, TANGENT>(beta, z, out);
     }
     #[inline(always)]
     fn sum_rows<const T: usize, const ORDER: usize>(
