@@ -28,14 +28,16 @@ pub(super) fn has_avx512() -> bool {
 
 /// Whether this machine has the instructions of [`with_avx2`].
 pub(super) fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("popcnt")
 }
 
 /// Runs a pass with AVX-512.
 ///
 /// # Safety
-/// The machine must have AVX2, FMA and AVX-512 F, DQ, BW and VL.
-#[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512bw,avx512vl")]
+/// The machine must have AVX2, FMA, POPCNT and AVX-512 F, DQ, BW and VL.
+#[target_feature(enable = "avx2,fma,popcnt,avx512f,avx512dq,avx512bw,avx512vl")]
 #[inline(never)]
 pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
     pass.run::<Avx512>();
@@ -44,8 +46,8 @@ pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
 /// Runs a pass with AVX2.
 ///
 /// # Safety
-/// The machine must have AVX2 and FMA.
-#[target_feature(enable = "avx2,fma")]
+/// The machine must have AVX2, FMA and POPCNT.
+#[target_feature(enable = "avx2,fma,popcnt")]
 #[inline(never)]
 pub(super) unsafe fn with_avx2<P: Pass>(pass: P) {
     pass.run::<Avx2>();

@@ -3,7 +3,7 @@
 use field::TableSum;
 use lanes::{GROUP, Group, Isa, Lane, Row};
 
-use crate::grids::support::{NONE, Support};
+use crate::grids::support::{Run, Support};
 use crate::grids::taps::{Places, Rows};
 
 /// The adjoints of features of a block of points.
@@ -86,12 +86,16 @@ impl Rows {
                 let steep = R::Group::<I>::load(&entries.steep[point]);
                 for i in 0..T {
                     for j in 0..T {
+                        let node = nodes[point] + (i * self.side + j) * self.side;
+                        let run = support.run::<T>(node);
+                        if run.is_free == 0 {
+                            continue;
+                        }
                         let both = R::Group::<I>::splat(both[i][j][point]);
                         let moved = R::Group::<I>::splat(moved[i][j][point]);
                         let mut row = [R::zero(); GROUP];
                         R::Group::<I>::fma(both, flat, moved * steep).store(&mut row);
-                        let node = nodes[point] + (i * self.side + j) * self.side;
-                        self.add_row::<R, T>(start, support.slots(node), &row, sums);
+                        self.add_row::<R, T>(start, run, &row, sums);
                     }
                 }
             }
@@ -132,28 +136,31 @@ impl Rows {
     fn add_row<R: Lane, const T: usize>(
         &self,
         start: usize,
-        slots: [u32; T],
+        Run { is_free, slot }: Run,
         row: &[R; GROUP],
         sums: &mut TableSum<'_, R>,
     ) {
         let count = self.features;
-        let place = |slot: u32| self.start + slot as usize * count;
+        let at = self.start + slot * count;
         if count == 2 {
             let (pairs, _) = row.as_chunks::<2>();
-            // The slots of nodes that are all free follow each other.
-            if slots[0] != NONE && slots[T - 1] == slots[0] + (T as u32 - 1) {
-                sums.add_pairs::<T>(place(slots[0]), pairs);
+            // The coefficients of nodes that are all free follow each other.
+            if is_free == (1 << T) - 1 {
+                sums.add_pairs::<T>(at, pairs);
                 return;
             }
-            for (slot, pair) in slots.into_iter().zip(pairs).filter(|(slot, _)| *slot != NONE) {
-                sums.add_pair(place(slot), *pair);
+            let mut at = at;
+            for z in (0..T).filter(|z| is_free >> z & 1 == 1) {
+                sums.add_pair(at, pairs[z]);
+                at += 2;
             }
             return;
         }
         for (e, value) in (start..T * count).zip(row) {
-            let slot = slots[e / count];
-            if slot != NONE {
-                sums.add_at(place(slot) + e % count, *value);
+            let (z, f) = (e / count, e % count);
+            if is_free >> z & 1 == 1 {
+                let before = (is_free & ((1 << z) - 1)).count_ones() as usize;
+                sums.add_at(at + before * count + f, *value);
             }
         }
     }

@@ -266,7 +266,7 @@ impl Splines {
         let nodes = table[*start..][..side.pow(3) * features].chunks_exact_mut(features);
         for (node, coefficients) in nodes.enumerate() {
             let is_zero = coefficients.iter().all(|c| *c == R::zero());
-            if !is_zero && support.slot(node).is_none() {
+            if !is_zero && !support.is_free(node) {
                 coefficients.fill(R::zero());
             }
         }
