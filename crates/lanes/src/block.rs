@@ -10,7 +10,8 @@ pub const LANES: usize = 32;
 /// Points of half a block. A block with at most this many points takes half the time, and less
 /// where it takes the sweeps for a few points; a parameter VJP always computes whole blocks.
 ///
-/// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
+/// Sweeps have the number of lanes to compute as a parameter `N`: `LANES`, `HALF` or
+/// [`GROUP`](crate::GROUP).
 pub const HALF: usize = LANES / 2;
 
 /// Points that take less time with [`multiply_few`](crate::multiply_few) than as half a block. At

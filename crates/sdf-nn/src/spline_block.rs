@@ -3,7 +3,7 @@
 use crate::grids::{Bars, Features, Points, Splines};
 use field::TableSum;
 
-use lanes::{GROUP, Isa, LANES, Lane, Pass, Row, fma};
+use lanes::{GROUP, Group, Isa, LANES, Lane, Pass, Row};
 
 /// The derivatives of the features of a grid by the position in the unit ball, for a block.
 pub(crate) struct Jets<R> {
@@ -49,10 +49,13 @@ fn add_products<R: Lane, I: Isa>(
     factor: R,
     out: &mut [Row<R>; 3],
 ) {
+    let factor = R::Group::<I>::splat(factor);
     for (vector, adjoint) in vectors.iter().zip(adjoint) {
         for (out, component) in out.iter_mut().zip(vector) {
-            for l in 0..LANES {
-                out.0[l] = fma::<R, I>(component.0[l], adjoint.0[l] * factor, out.0[l]);
+            for g in 0..LANES / GROUP {
+                let adjoint: R::Group<I> = adjoint.group(g);
+                let sum = Group::fma(component.group(g), adjoint * factor, out.group(g));
+                out.set_group(g, sum);
             }
         }
     }
@@ -149,10 +152,10 @@ impl<R: Lane, const BEND: bool> Pass for Tangents<'_, R, BEND> {
         }
         for (tangent, slope) in tangent.iter_mut().zip(slope) {
             let [x, y, z] = slope;
-            for l in 0..LANES {
-                let flat = x.0[l] * motions[0].0[l];
-                let along = fma::<R, I>(y.0[l], motions[1].0[l], flat);
-                tangent.0[l] = fma::<R, I>(z.0[l], motions[2].0[l], along);
+            for g in 0..LANES / GROUP {
+                let flat = x.group::<R::Group<I>>(g) * motions[0].group(g);
+                let along = Group::fma(y.group(g), motions[1].group(g), flat);
+                tangent.set_group(g, R::Group::<I>::fma(z.group(g), motions[2].group(g), along));
             }
         }
     }

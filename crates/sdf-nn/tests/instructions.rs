@@ -52,6 +52,8 @@ fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
         let (network, x) = (wavy(Encoding::Frequency { bands: 4 }, &[40; 2], skip), points(70));
         let (mut f, mut g) = (vec![0.0; 70], vec![Vec3::ZERO; 70]);
         network.value_gradient(&x, &mut f, &mut g);
+        let (mut ignored, mut h) = (g.clone(), g.clone());
+        network.hessian_vector(&x, &x, &mut ignored, &mut h);
         for count in 1..=70 {
             let (mut some_f, mut values) = (vec![0.0; count], vec![0.0; count]);
             let mut some_g = vec![Vec3::ZERO; count];
@@ -59,6 +61,9 @@ fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
             network.value_gradient(&x[..count], &mut some_f, &mut some_g);
             assert_eq!((&values[..], &some_f[..]), (&f[..count], &f[..count]), "{count}");
             assert_eq!(some_g, g[..count], "{count} points");
+            let mut some_h = some_g.clone();
+            network.hessian_vector(&x[..count], &x[..count], &mut some_g, &mut some_h);
+            assert_eq!(some_h, h[..count], "{count} points");
         }
     }
 }

@@ -14,6 +14,7 @@ use self::group::Eight;
 use self::kernels::{multiply, multiply_few, outer, sum_rows, transpose};
 use self::softplus::softplus;
 use super::block::{HALF, Row, Softplus, TILE};
+use super::group::GROUP;
 use super::isa::{Isa, Pass};
 use super::table::{Sums, TableRows};
 
@@ -82,7 +83,9 @@ impl Isa for Avx512 {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        if N <= HALF {
+        if N <= GROUP {
+            multiply::<__m256, N, 8, 1>(packed, start, rows, input, output);
+        } else if N <= HALF {
             multiply::<__m512, N, 8, 1>(packed, start, rows, input, output);
         } else {
             multiply::<__m512, N, 8, 2>(packed, start, rows, input, output);
@@ -111,7 +114,11 @@ impl Isa for Avx512 {
         z: &Row<f32>,
         out: Softplus<'_, f32>,
     ) {
-        softplus::<__m512, N, STORE, TANGENT>(beta, z, out);
+        if N <= GROUP {
+            softplus::<__m256, N, STORE, TANGENT>(beta, z, out);
+        } else {
+            softplus::<__m512, N, STORE, TANGENT>(beta, z, out);
+        }
     }
     // A row has eight entries.
     #[inline(always)]
@@ -143,7 +150,11 @@ impl Isa for Avx2 {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
+        if N <= GROUP {
+            multiply::<__m256, N, 8, 1>(packed, start, rows, input, output);
+        } else {
+            multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
+        }
     }
     #[inline(always)]
     fn multiply_few<const P: usize>(
