@@ -94,11 +94,8 @@ impl<R: Real> Additions<R> {
             return;
         }
         debug_assert!(index.is_multiple_of(2), "the place of a pair is {index}");
-        let mut all = [(0, [R::zero(); 2]); N];
-        for n in 0..N {
-            all[n] = ((index + 2 * n) as u32, pairs[n]);
-        }
-        self.bins[bin].extend_from_slice(&all);
+        // An iterator of known length writes to the bin without a copy on the way.
+        self.bins[bin].extend((0..N).map(|n| ((index + 2 * n) as u32, pairs[n])));
     }
 
     /// The places of a bin.
