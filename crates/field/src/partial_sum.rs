@@ -32,6 +32,19 @@ impl<R: Real> TableSum<'_, R> {
         }
     }
 
+    /// Adds the first `N` pairs of numbers to the elements from the index, an even number, on.
+    #[inline(always)]
+    pub fn add_pairs<const N: usize>(&mut self, index: usize, pairs: &[[R; 2]]) {
+        let pairs = &pairs[..N];
+        match self {
+            TableSum::Vector(vector) => {
+                let vector = &mut vector[index..index + 2 * N];
+                vector.iter_mut().zip(pairs.as_flattened()).for_each(|(sum, v)| *sum += *v);
+            }
+            TableSum::Additions(additions) => additions.add_pairs::<N>(index, pairs),
+        }
+    }
+
     /// Adds a number to the element at the index.
     #[inline(always)]
     pub fn add_at(&mut self, index: usize, value: R) {
@@ -70,6 +83,19 @@ impl<R: Real> Additions<R> {
     fn add_pair(&mut self, index: usize, values: [R; 2]) {
         debug_assert!(index.is_multiple_of(2), "the place of a pair is {index}");
         self.bins[index >> BIN].push((index as u32, values));
+    }
+
+    #[inline(always)]
+    fn add_pairs<const N: usize>(&mut self, index: usize, pairs: &[[R; 2]]) {
+        let bin = index >> BIN;
+        if (index + 2 * N - 2) >> BIN != bin {
+            let places = (index..).step_by(2);
+            places.zip(pairs).for_each(|(index, pair)| self.add_pair(index, *pair));
+            return;
+        }
+        debug_assert!(index.is_multiple_of(2), "the place of a pair is {index}");
+        // An iterator of known length writes to the bin without a copy on the way.
+        self.bins[bin].extend((0..N).map(|n| ((index + 2 * n) as u32, pairs[n])));
     }
 
     /// The places of a bin.
@@ -154,6 +180,12 @@ mod tests {
             let at = (i * 7919) % place.len();
             TableSum::Additions(&mut sum.table).add_at(at, i as f64);
             expected[place.start + at] += i as f64;
+            if at / 2 * 2 + 6 <= place.len() {
+                let pairs = [1, 2, 3].map(|n| [f64::from(n), 0.5 * i as f64]);
+                TableSum::Additions(&mut sum.table).add_pairs::<3>(at & !1, &pairs);
+                let to = &mut expected[place.start + (at & !1)..];
+                to.iter_mut().zip(pairs.as_flattened()).for_each(|(sum, v)| *sum += *v);
+            }
             if (at | 1) < place.len() {
                 sum.table.add_pair(at & !1, [2.0, -3.0]);
                 expected[place.start + (at & !1)] += 2.0;

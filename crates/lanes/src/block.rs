@@ -2,13 +2,16 @@
 
 use field::Real;
 
+use super::group::Group;
+
 /// Points of a block, side by side in a row: two AVX-512 registers of 16 numbers.
 pub const LANES: usize = 32;
 
 /// Points of half a block. A block with at most this many points takes half the time, and less
 /// where it takes the sweeps for a few points; a parameter VJP always computes whole blocks.
 ///
-/// Sweeps have the number of lanes to compute as a parameter `N`: `LANES` or `HALF`.
+/// Sweeps have the number of lanes to compute as a parameter `N`: `LANES`, `HALF` or
+/// [`GROUP`](crate::GROUP).
 pub const HALF: usize = LANES / 2;
 
 /// Points that take less time with [`multiply_few`](crate::multiply_few) than as half a block. At
@@ -28,7 +31,23 @@ impl<R: Real> Row<R> {
     pub fn zero() -> Self {
         Row([R::zero(); LANES])
     }
+
+    /// The numbers of group `g`.
+    #[inline(always)]
+    pub fn group<V: Group<R>>(&self, g: usize) -> V {
+        V::load(&self.0.as_chunks().0[g])
+    }
+
+    /// Sets the numbers of group `g`.
+    #[inline(always)]
+    pub fn set_group<V: Group<R>>(&mut self, g: usize, values: V) {
+        values.store(&mut self.0.as_chunks_mut().0[g]);
+    }
 }
+
+/// The rows for the results of [`Lane::softplus`](crate::Lane::softplus): value, slope and
+/// curvature.
+pub type Softplus<'a, R> = [&'a mut Row<R>; 3];
 
 /// Packs a matrix for [`multiply`](crate::multiply): tile by tile of `TILE` rows, column
 /// by column in a tile. Rows after the last are zero.

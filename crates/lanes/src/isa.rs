@@ -2,12 +2,17 @@
 
 use field::Real;
 
-use super::block::{Row, TILE};
+use super::block::{Row, Softplus, TILE};
+use super::group::Group;
+use super::table::{Sums, TableRows};
 
 /// An instruction set that kernels are compiled for, with its kernels in single precision.
 pub trait Isa: Copy {
     /// Whether a fused multiply–add is one instruction. Elsewhere it would be a slow library call.
     const FMA: bool;
+
+    /// Numbers of a group of points.
+    type Group: Group<f32>;
 
     /// Runs a part of a pass with these instructions, as a function of its own. All passes that
     /// have the part share its code; a call takes a few nanoseconds.
@@ -35,6 +40,19 @@ pub trait Isa: Copy {
 
     /// The transposition of [`Lane::transpose`](crate::Lane::transpose).
     fn transpose(rows: &[Row<f32>], out: &mut [f32]);
+
+    /// The rows of [`Lane::softplus`](crate::Lane::softplus).
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    );
+
+    /// The sums of [`Lane::sum_rows`](crate::Lane::sum_rows).
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    );
 }
 
 /// A computation over a batch, generic over the instruction set.

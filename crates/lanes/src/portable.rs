@@ -2,8 +2,12 @@
 
 use field::Real;
 
-use super::block::{LANES, Row, TILE, padded};
+use super::block::{LANES, Row, Softplus, TILE, padded};
+use super::group::GROUP;
 use super::isa::{Isa, Pass, fma};
+use super::plain::Plain;
+use super::single::{exp_negative, ln_one_plus};
+use super::table::{ORDERS, Sums, TableRows, derivatives};
 
 /// Instructions that every machine has.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +15,8 @@ pub struct Portable;
 
 impl Isa for Portable {
     const FMA: bool = cfg!(target_arch = "aarch64");
+
+    type Group = Plain<f32, Self>;
 
     #[inline(never)]
     fn call<P: Pass>(part: P) {
@@ -43,6 +49,25 @@ impl Isa for Portable {
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose(rows, out);
+    }
+    #[inline(always)]
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        mut out: Softplus<'_, f32>,
+    ) {
+        for l in 0..N {
+            let e = exp_negative::<Self>(beta as f32 * z.0[l].abs());
+            let terms = [e, ln_one_plus::<Self>(e)];
+            softplus_lane::<f32, Self, STORE, TANGENT>(beta, z.0[l], terms, &mut out, l);
+        }
+    }
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<f32, Self, T, ORDER>(rows, sums);
     }
 }
 
@@ -115,6 +140,60 @@ pub(super) fn transpose<R: Real>(rows: &[Row<R>], out: &mut [R]) {
     for (r, row) in rows.iter().enumerate() {
         for l in 0..LANES {
             out[l * stride + r] = row.0[l];
+        }
+    }
+}
+
+/// Lane `l` of [`Lane::softplus`](crate::Lane::softplus): max(0, z) + ln(1 + e)/β with
+/// e = exp(−β|z|), which cannot overflow.
+#[inline(always)]
+pub(super) fn softplus_lane<R: Real, I: Isa, const STORE: bool, const TANGENT: bool>(
+    beta: f64,
+    z: R,
+    [e, ln]: [R; 2],
+    [value, slope, curvature]: &mut Softplus<'_, R>,
+    l: usize,
+) {
+    // e of a NaN is a number. This is the NaN.
+    let positive_part = if z < R::zero() { R::zero() } else { z };
+    value.0[l] = fma::<R, I>(ln, R::of(1.0 / beta), positive_part);
+    if STORE {
+        let high = R::one() / (R::one() + e);
+        let low = e * high;
+        slope.0[l] = if z > R::zero() { high } else { low };
+        if TANGENT {
+            curvature.0[l] = R::of(beta) * high * low;
+        }
+    }
+}
+
+/// [`Lane::sum_rows`](crate::Lane::sum_rows) without explicit vectors.
+#[inline(always)]
+pub(super) fn sum_rows<R: Real, I: Isa, const T: usize, const ORDER: usize>(
+    rows: &TableRows<'_, R, T>,
+    sums: &mut Sums<R>,
+) {
+    let [x, y] = rows.weights;
+    let sums = &mut sums[..derivatives(ORDER)];
+    sums.as_flattened_mut().as_flattened_mut().fill(R::zero());
+    for point in (0..GROUP).filter(|point| rows.met >> point & 1 == 1) {
+        let table = rows.of_point(point);
+        for i in 0..T {
+            let mut along = [[R::zero(); GROUP]; 3];
+            for j in 0..T {
+                let row = &table[i * rows.steps[0] + j * rows.steps[1]..][..GROUP];
+                for order in 0..=ORDER {
+                    for k in 0..GROUP {
+                        along[order][k] = fma::<R, I>(y[order][j][point], row[k], along[order][k]);
+                    }
+                }
+            }
+            for (sums, [of_x, of_y]) in sums.iter_mut().zip(ORDERS) {
+                for k in 0..GROUP {
+                    let sum = &mut sums[k][point];
+                    *sum = fma::<R, I>(x[of_x][i][point], along[of_y][k], *sum);
+                }
+            }
         }
     }
 }

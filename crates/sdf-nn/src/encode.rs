@@ -3,7 +3,7 @@
 use field::{Real, Vector3};
 
 use crate::architecture::{Encoding, Transform};
-use lanes::{Isa, LANES, Lane, Pass, Row, fma};
+use lanes::{GROUP, Group, Isa, LANES, Lane, Pass, Row, fma};
 
 /// The map from points in world space to features: the transform, then the frequency encoding.
 #[derive(Clone, Copy, Debug)]
@@ -38,10 +38,15 @@ impl<R: Lane> Encoder<R> {
     }
 
     /// JVP of [`encode`](Self::encode): writes the tangents of the features as the points move
-    /// along `p`.
+    /// along `p`, in the first `N` lanes.
     #[inline(always)]
-    pub(crate) fn encode_jvp(&self, p: &[R::Vec3], features: &[Row<R>], tangent: &mut [Row<R>]) {
-        for l in 0..LANES {
+    pub(crate) fn encode_jvp<I: Isa, const N: usize>(
+        &self,
+        p: &[R::Vec3],
+        features: &[Row<R>],
+        tangent: &mut [Row<R>],
+    ) {
+        for l in 0..N {
             let y = (p[l.min(p.len() - 1)] * self.inverse_radius).to_array();
             for c in 0..3 {
                 tangent[c].0[l] = y[c];
@@ -49,13 +54,14 @@ impl<R: Lane> Encoder<R> {
         }
         let (y_tangent, waves) = tangent.split_at_mut(3);
         for band in 0..self.bands {
-            let frequency = R::of((1u64 << band) as f64);
+            let frequency = R::Group::<I>::splat(R::of((1u64 << band) as f64));
+            let minus = R::Group::<I>::splat(-R::of((1u64 << band) as f64));
             for c in 0..3 {
                 let (sine, cosine) = (6 * band + c, 6 * band + 3 + c);
-                for l in 0..LANES {
-                    let speed = frequency * y_tangent[c].0[l];
-                    waves[sine].0[l] = speed * features[3 + cosine].0[l];
-                    waves[cosine].0[l] = -speed * features[3 + sine].0[l];
+                for g in 0..N / GROUP {
+                    let y: R::Group<I> = y_tangent[c].group(g);
+                    waves[sine].set_group(g, frequency * y * features[3 + cosine].group(g));
+                    waves[cosine].set_group(g, minus * y * features[3 + sine].group(g));
                 }
             }
         }

@@ -226,9 +226,9 @@ impl<R: Lane> Network<R> {
         (s, jets): (&mut Scratch<R>, &mut Jets<R>),
     ) {
         let factor = self.output_factor();
-        self.encoder.encode::<I, LANES>(x, &mut s.features[0]);
+        self.encoder.encode::<I, N>(x, &mut s.features[0]);
         let [features, tangent] = &mut s.features;
-        self.encoder.encode_jvp(p, features, tangent);
+        self.encoder.encode_jvp::<I, N>(p, features, tangent);
         // Lanes without a point keep the grid's features of the block before. These are finite, and
         // have the adjoint 0.
         let [features, tangent] = &mut s.features;

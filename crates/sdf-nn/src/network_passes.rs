@@ -1,10 +1,11 @@
 //! The passes of a network over a batch of points, block by block.
 
 use field::{Real, TableSum};
-use lanes::{HALF, Isa, LANES, Lane, Pass};
+use lanes::{GROUP, HALF, Isa, LANES, Lane, Pass};
 
 use crate::encode::lane;
 use crate::few_points::{FewPoints, block_points};
+use crate::mlp::Scratch;
 use crate::network::Network;
 use crate::spline_block::{self, Jets};
 
@@ -92,33 +93,55 @@ pub(crate) struct HessianVector<'a, R: Real> {
 impl<R: Lane> Pass for HessianVector<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let encoder = &self.network.encoder;
-        let mut s = self.network.mlp.scratch(true, true, false);
-        let mut jets = Jets::new(&self.network.splines, true, true);
-        let first = self.network.first_of_grid();
-        let outputs = self.gradient.chunks_mut(LANES).zip(self.product.chunks_mut(LANES));
-        for ((x, p), (gradient, product)) in
-            self.x.chunks(LANES).zip(self.p.chunks(LANES)).zip(outputs)
-        {
-            if x.len() <= HALF {
-                self.network.block_tangent::<I, HALF, false>(x, p, &[], (&mut s, &mut jets));
+        let HessianVector { network, mut x, mut p, mut gradient, mut product } = self;
+        let mut s = network.mlp.scratch(true, true, false);
+        let mut jets = Jets::new(&network.splines, true, true);
+        while !x.is_empty() {
+            let count = tangent_points(x.len());
+            let (first_x, first_p) = (x.split_off(..count), p.split_off(..count));
+            let (Some(x), Some(p)) = (first_x, first_p) else { return };
+            let work = (&mut *s, &mut jets);
+            if count <= GROUP {
+                network.block_tangent::<I, GROUP, false>(x, p, &[], work);
+            } else if count <= HALF {
+                network.block_tangent::<I, HALF, false>(x, p, &[], work);
             } else {
-                self.network.block_tangent::<I, LANES, false>(x, p, &[], (&mut s, &mut jets));
+                network.block_tangent::<I, LANES, false>(x, p, &[], work);
             }
-            // The adjoints of the outputs already include the output factor, so it is 1 here.
-            let mut g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
-            let mut h = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
-            let [features, tangent] = &s.features;
-            encoder.add_vjp_of_jvp::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
-            let scale = encoder.inverse_radius();
-            jets.add_vjp::<I>(&s.adjoint[1][first..], scale, &mut g);
-            jets.add_vjp::<I>(&s.adjoint[0][first..], scale, &mut h);
-            jets.add_vjp_of_jvp::<I>(&s.adjoint[1][first..], scale, &mut h);
-            for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
-                *gradient = lane(&g, l);
-                *product = lane(&h, l);
-            }
+            let outputs = (gradient.split_off_mut(..count), product.split_off_mut(..count));
+            let (Some(gradient), Some(product)) = outputs else { return };
+            write_products::<R, I>(network, (&s, &jets), gradient, product);
         }
+    }
+}
+
+/// The points of the next block of a Hessian product, of `count` points that are left: as many as a
+/// block has lanes, or fewer if half a block and a group after it take less time.
+fn tangent_points(count: usize) -> usize {
+    if (HALF..=HALF + GROUP).contains(&count) { HALF } else { count.min(LANES) }
+}
+
+/// Writes the gradients and products in the first lanes after the sweeps of a block.
+#[inline(always)]
+fn write_products<R: Lane, I: Isa>(
+    network: &Network<R>,
+    (s, jets): (&Scratch<R>, &Jets<R>),
+    gradient: &mut [R::Vec3],
+    product: &mut [R::Vec3],
+) {
+    let (encoder, first) = (&network.encoder, network.first_of_grid());
+    // The adjoints of the outputs already include the output factor, so it is 1 here.
+    let mut g = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[1], R::one());
+    let mut h = encoder.encode_vjp::<I>(&s.features[0], &s.adjoint[0], R::one());
+    let [features, tangent] = &s.features;
+    encoder.add_vjp_of_jvp::<I>(features, tangent, &s.adjoint[1], R::one(), &mut h);
+    let scale = encoder.inverse_radius();
+    jets.add_vjp::<I>(&s.adjoint[1][first..], scale, &mut g);
+    jets.add_vjp::<I>(&s.adjoint[0][first..], scale, &mut h);
+    jets.add_vjp_of_jvp::<I>(&s.adjoint[1][first..], scale, &mut h);
+    for (l, (gradient, product)) in gradient.iter_mut().zip(product).enumerate() {
+        *gradient = lane(&g, l);
+        *product = lane(&h, l);
     }
 }
 
@@ -142,14 +165,14 @@ impl<R: Lane> Pass for ParameterVjp<'_, R> {
         let coefficients = self.alpha.chunks(LANES).zip(self.c.chunks(LANES));
         for (x, (alpha, c)) in self.x.chunks(LANES).zip(coefficients) {
             network.block_tangent::<I, LANES, true>(x, c, alpha, (&mut s, &mut jets));
-            spline_block::add_coefficients(
-                &network.splines,
-                network.first_of_grid(),
-                x.len(),
-                &s.features,
-                &s.adjoint,
-                &mut self.table,
-            );
+            I::call(spline_block::Coefficients {
+                splines: &network.splines,
+                first: network.first_of_grid(),
+                count: x.len(),
+                features: &s.features,
+                adjoint: &s.adjoint,
+                sums: &mut self.table,
+            });
         }
         network.mlp.collect_gradient(&s, self.weights);
     }

@@ -1,9 +1,9 @@
 //! The features of a grid of splines for a block of positions, and their derivatives.
 
-use crate::grids::{Jet, Splines};
-use field::{Real, TableSum};
+use crate::grids::{Bars, Features, Points, Splines};
+use field::TableSum;
 
-use lanes::{Isa, LANES, Lane, Pass, Row, fma};
+use lanes::{GROUP, Group, Isa, LANES, Lane, Pass, Row};
 
 /// The derivatives of the features of a grid by the position in the unit ball, for a block.
 pub(crate) struct Jets<R> {
@@ -49,17 +49,20 @@ fn add_products<R: Lane, I: Isa>(
     factor: R,
     out: &mut [Row<R>; 3],
 ) {
+    let factor = R::Group::<I>::splat(factor);
     for (vector, adjoint) in vectors.iter().zip(adjoint) {
         for (out, component) in out.iter_mut().zip(vector) {
-            for l in 0..LANES {
-                out.0[l] = fma::<R, I>(component.0[l], adjoint.0[l] * factor, out.0[l]);
+            for g in 0..LANES / GROUP {
+                let adjoint: R::Group<I> = adjoint.group(g);
+                let sum = Group::fma(component.group(g), adjoint * factor, out.group(g));
+                out.set_group(g, sum);
             }
         }
     }
 }
 
 /// Writes the features of a grid after the first `first` rows of `features`, in the first
-/// `count` lanes.
+/// `count` lanes. Others in the last group get finite numbers.
 pub(crate) struct Values<'a, R> {
     pub(crate) splines: &'a Splines,
     pub(crate) coefficients: &'a [R],
@@ -68,15 +71,51 @@ pub(crate) struct Values<'a, R> {
     pub(crate) features: &'a mut [Row<R>],
 }
 
+impl<'a, R: Lane> Values<'a, R> {
+    /// Writes the features and their derivatives up to an order. `motions` has the vectors of the
+    /// points, for the order 2.
+    #[inline(always)]
+    fn write<I: Isa, const ORDER: usize>(
+        self,
+        motions: Option<&[Row<R>]>,
+        slope: &mut [[Row<R>; 3]],
+        bend: &mut [[Row<R>; 3]],
+    ) {
+        let (positions, value) = self.features.split_at_mut(self.first);
+        let sums = [[[R::zero(); GROUP]; GROUP]; 6];
+        let mut out = Features { value, slope, bend, lane: 0, sums };
+        while out.lane < self.count {
+            let points = points(positions, motions, out.lane, self.count);
+            self.splines.encode::<R, I, ORDER>(self.coefficients, &points, &mut out);
+            out.lane += GROUP;
+        }
+    }
+}
+
+/// The points of a group from the lane `first` on, of a block of `count` points, and the vectors of
+/// the points.
+#[inline(always)]
+fn points<R: Lane>(
+    positions: &[Row<R>],
+    motions: Option<&[Row<R>]>,
+    first: usize,
+    count: usize,
+) -> Points<R> {
+    let zeros = [[R::zero(); GROUP]; 3];
+    let mut points = Points { y: zeros, p: zeros, count: GROUP.min(count - first) };
+    for a in 0..3 {
+        points.y[a].copy_from_slice(&positions[a].0[first..first + GROUP]);
+        if let Some(motions) = motions {
+            points.p[a].copy_from_slice(&motions[a].0[first..first + GROUP]);
+        }
+    }
+    points
+}
+
 impl<R: Lane> Pass for Values<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let (positions, features) = self.features.split_at_mut(self.first);
-        for l in 0..self.count {
-            let y = lane(positions, l);
-            let put = |i: usize, jet: Jet<R>| features[i].0[l] = jet.value;
-            self.splines.encode::<R, 0>(self.coefficients, y, [R::zero(); 3], put);
-        }
+        self.write::<I, 0>(None, &mut [], &mut []);
     }
 }
 
@@ -89,16 +128,7 @@ pub(crate) struct Slopes<'a, R> {
 impl<R: Lane> Pass for Slopes<'_, R> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Values { splines, coefficients, first, count, features } = self.values;
-        let (positions, features) = features.split_at_mut(first);
-        for l in 0..count {
-            let y = lane(positions, l);
-            let put = |i: usize, jet: Jet<R>| {
-                features[i].0[l] = jet.value;
-                (0..3).for_each(|a| self.jets.slope[i][a].0[l] = jet.slope[a]);
-            };
-            splines.encode::<R, 1>(coefficients, y, [R::zero(); 3], put);
-        }
+        self.values.write::<I, 1>(None, &mut self.jets.slope, &mut []);
     }
 }
 
@@ -113,23 +143,19 @@ pub(crate) struct Tangents<'a, R, const BEND: bool> {
 impl<R: Lane, const BEND: bool> Pass for Tangents<'_, R, BEND> {
     #[inline(always)]
     fn run<I: Isa>(self) {
-        let Values { splines, coefficients, first, count, features } = self.values;
-        let (positions, features) = features.split_at_mut(first);
-        let (motions, tangent) = self.tangent.split_at_mut(first);
-        for l in 0..count {
-            let (y, p) = (lane(positions, l), lane(motions, l));
-            let put = |i: usize, jet: Jet<R>| {
-                features[i].0[l] = jet.value;
-                tangent[i].0[l] = (0..3).fold(R::zero(), |sum, a| sum + jet.slope[a] * p[a]);
-                (0..3).for_each(|a| self.jets.slope[i][a].0[l] = jet.slope[a]);
-                if BEND {
-                    (0..3).for_each(|a| self.jets.bend[i][a].0[l] = jet.bend[a]);
-                }
-            };
-            if BEND {
-                splines.encode::<R, 2>(coefficients, y, p, put);
-            } else {
-                splines.encode::<R, 1>(coefficients, y, p, put);
+        let Tangents { values, tangent, jets: Jets { slope, bend } } = self;
+        let (motions, tangent) = tangent.split_at_mut(values.first);
+        if BEND {
+            values.write::<I, 2>(Some(motions), slope, bend);
+        } else {
+            values.write::<I, 1>(None, slope, &mut []);
+        }
+        for (tangent, slope) in tangent.iter_mut().zip(slope) {
+            let [x, y, z] = slope;
+            for g in 0..LANES / GROUP {
+                let flat = x.group::<R::Group<I>>(g) * motions[0].group(g);
+                let along = Group::fma(y.group(g), motions[1].group(g), flat);
+                tangent.set_group(g, R::Group::<I>::fma(z.group(g), motions[2].group(g), along));
             }
         }
     }
@@ -137,24 +163,26 @@ impl<R: Lane, const BEND: bool> Pass for Tangents<'_, R, BEND> {
 
 /// Adds the adjoints of the coefficients, from those of the features and their tangents in the
 /// first `count` lanes.
-#[inline(always)]
-pub(crate) fn add_coefficients<R: Lane>(
-    splines: &Splines,
-    first: usize,
-    count: usize,
-    [features, tangent]: &[Vec<Row<R>>; 2],
-    [adjoint, of_tangent]: &[Vec<Row<R>>; 2],
-    sums: &mut TableSum<'_, R>,
-) {
-    for l in 0..count {
-        let (y, p) = (lane(features, l), lane(tangent, l));
-        let adjoint = |i: usize| [adjoint[first + i].0[l], of_tangent[first + i].0[l]];
-        splines.encode_vjp(y, p, adjoint, sums);
-    }
+pub(crate) struct Coefficients<'a, 'b, R> {
+    pub(crate) splines: &'a Splines,
+    pub(crate) first: usize,
+    pub(crate) count: usize,
+    /// The features and their tangents.
+    pub(crate) features: &'a [Vec<Row<R>>; 2],
+    pub(crate) adjoint: &'a [Vec<Row<R>>; 2],
+    pub(crate) sums: &'a mut TableSum<'b, R>,
 }
 
-/// The first three rows at a lane: the position in the unit ball, or its tangent.
-#[inline(always)]
-fn lane<R: Real>(rows: &[Row<R>], l: usize) -> [R; 3] {
-    [rows[0].0[l], rows[1].0[l], rows[2].0[l]]
+impl<R: Lane> Pass for Coefficients<'_, '_, R> {
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let [features, tangent] = self.features;
+        let [of_value, of_tangent] = self.adjoint;
+        let sides = [&of_value[self.first..], &of_tangent[self.first..]];
+        for lane in (0..self.count).step_by(GROUP) {
+            let points = points(features, Some(tangent), lane, self.count);
+            let bars = Bars { sides, lane };
+            self.splines.encode_vjp::<R, I>(&points, bars, self.sums);
+        }
+    }
 }

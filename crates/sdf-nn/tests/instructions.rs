@@ -23,13 +23,18 @@ fn all_passes(network: &Network<f32>, x: &[Vec3]) -> Vec<f32> {
     all
 }
 
-/// A network with splines whose parameters are all unlike each other.
+/// A network with splines whose parameters are all unlike each other. Some nodes of the second
+/// level are free.
 fn wavy(encoding: Encoding, hidden: &[usize], skip: Vec<usize>) -> Network<f32> {
-    let grid = SplineSize { features: 2, degree: Degree::Quadratic, levels: vec![6] };
+    let (features, degree) =
+        if skip.is_empty() { (2, Degree::Quadratic) } else { (3, Degree::Cubic) };
+    let grid = SplineSize { features, degree, levels: vec![6, 12] };
     let (hidden, activation) = (hidden.to_vec(), Activation::Softplus { beta: 100.0 });
     let architecture = Architecture { encoding, grid, hidden, skip, activation };
     let mut network =
         Network::geometric(architecture, Transform::default(), 0.5, Stream::of_seed(3));
+    let is_free: Vec<bool> = (0..12 * 12 * 12).map(|i| i % 12 < 7 && i % 5 < 3).collect();
+    network.set_free_nodes(1, &is_free);
     let waves = network.parameters().iter().enumerate();
     let parameters: Vec<f32> = waves.map(|(i, p)| p + 0.01 * (i as f32).sin()).collect();
     network.set_parameters(&parameters);
@@ -47,6 +52,8 @@ fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
         let (network, x) = (wavy(Encoding::Frequency { bands: 4 }, &[40; 2], skip), points(70));
         let (mut f, mut g) = (vec![0.0; 70], vec![Vec3::ZERO; 70]);
         network.value_gradient(&x, &mut f, &mut g);
+        let (mut ignored, mut h) = (g.clone(), g.clone());
+        network.hessian_vector(&x, &x, &mut ignored, &mut h);
         for count in 1..=70 {
             let (mut some_f, mut values) = (vec![0.0; count], vec![0.0; count]);
             let mut some_g = vec![Vec3::ZERO; count];
@@ -54,6 +61,9 @@ fn the_bits_of_a_point_do_not_depend_on_the_points_beside_it() {
             network.value_gradient(&x[..count], &mut some_f, &mut some_g);
             assert_eq!((&values[..], &some_f[..]), (&f[..count], &f[..count]), "{count}");
             assert_eq!(some_g, g[..count], "{count} points");
+            let mut some_h = some_g.clone();
+            network.hessian_vector(&x[..count], &x[..count], &mut some_g, &mut some_h);
+            assert_eq!(some_h, h[..count], "{count} points");
         }
     }
 }

@@ -202,7 +202,8 @@ fn motions<R: Real>(
     motions
 }
 
-/// Sets ∂∇f = ∇²f ∂x of every motion, in one batch per film axis.
+/// Sets ∂∇f = ∇²f ∂x of every motion, in one batch for both film axes: batches are often smaller
+/// than a block of a network.
 fn set_gradient_motions<R: Real>(
     field: &(impl Field<R> + ?Sized),
     x: &[R::Vec3],
@@ -211,12 +212,13 @@ fn set_gradient_motions<R: Real>(
     if x.is_empty() {
         return;
     }
-    let mut dx = vec![R::Vec3::zero(); x.len()];
+    let x = x.repeat(2);
+    let of_axis = |e: usize| motions.iter().map(move |motion| motion[e].x);
+    let dx: Vec<R::Vec3> = of_axis(0).chain(of_axis(1)).collect();
     let (mut gradient, mut product) = (dx.clone(), dx.clone());
-    for e in 0..2 {
-        dx.iter_mut().zip(&*motions).for_each(|(dx, motion)| *dx = motion[e].x);
-        field.hessian_vector(x, &dx, &mut gradient, &mut product);
-        let pairs = motions.iter_mut().zip(&product);
+    field.hessian_vector(&x, &dx, &mut gradient, &mut product);
+    for (e, products) in product.chunks(motions.len()).enumerate() {
+        let pairs = motions.iter_mut().zip(products);
         pairs.for_each(|(motion, product)| motion[e].gradient = *product);
     }
 }

@@ -6,6 +6,8 @@
 
 use super::vector::Vector;
 use crate::block::{LANES, Row, TILE, padded};
+use crate::group::GROUP;
+use crate::table::{ALL, ORDERS, Sums, TableRows, derivatives};
 
 /// [`multiply`](crate::multiply) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
@@ -213,4 +215,62 @@ pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut 
             }
         }
     }
+}
+
+/// [`Lane::sum_rows`](crate::Lane::sum_rows) with a register, of [`GROUP`] numbers, for a row.
+#[inline(always)]
+pub(super) fn sum_rows<V: Vector, const T: usize, const ORDER: usize>(
+    rows: &TableRows<'_, f32, T>,
+    sums: &mut Sums<f32>,
+) {
+    let sums = &mut sums[..derivatives(ORDER)];
+    if rows.met != ALL {
+        sums.as_flattened_mut().as_flattened_mut().fill(0.0);
+    }
+    let mut met = rows.met & ALL;
+    while met != 0 {
+        let point = met.trailing_zeros() as usize;
+        met &= met - 1;
+        let total = sum_of_point::<V, T, ORDER>(rows, point);
+        for kind in 0..derivatives(ORDER) {
+            total[kind].store(&mut sums[kind][point]);
+        }
+    }
+    for square in sums {
+        let mut registers = [V::splat(0.0); GROUP];
+        for k in 0..GROUP {
+            registers[k] = V::load(&square[k]);
+        }
+        V::transpose(&mut registers);
+        for k in 0..GROUP {
+            registers[k].store(&mut square[k]);
+        }
+    }
+}
+
+/// The sums of the rows of a point, by derivative.
+#[inline(always)]
+fn sum_of_point<V: Vector, const T: usize, const ORDER: usize>(
+    rows: &TableRows<'_, f32, T>,
+    point: usize,
+) -> [V; 6] {
+    let [x, y] = rows.weights;
+    let table = rows.of_point(point);
+    let mut total = [V::splat(0.0); 6];
+    for i in 0..T {
+        let mut along = [V::splat(0.0); 3];
+        for j in 0..T {
+            let at = i * rows.steps[0] + j * rows.steps[1];
+            // SAFETY: `of_point` gives all rows of the point.
+            let row = V::load(unsafe { table.get_unchecked(at..at + GROUP) });
+            for order in 0..=ORDER {
+                along[order] = V::fma(V::splat(y[order][j][point]), row, along[order]);
+            }
+        }
+        for kind in 0..derivatives(ORDER) {
+            let [of_x, of_y] = ORDERS[kind];
+            total[kind] = V::fma(V::splat(x[of_x][i][point]), along[of_y], total[kind]);
+        }
+    }
+    total
 }

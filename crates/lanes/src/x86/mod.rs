@@ -3,14 +3,20 @@
 //! A pass reaches these kernels only through [`with_avx512`] and [`with_avx2`], which are compiled
 //! for the instructions. Their callers detect the instructions first.
 
+mod group;
 mod kernels;
+mod softplus;
 mod vector;
 
 use std::arch::x86_64::{__m256, __m512};
 
-use self::kernels::{multiply, multiply_few, outer, transpose};
-use super::block::{HALF, Row, TILE};
+use self::group::Eight;
+use self::kernels::{multiply, multiply_few, outer, sum_rows, transpose};
+use self::softplus::softplus;
+use super::block::{HALF, Row, Softplus, TILE};
+use super::group::GROUP;
 use super::isa::{Isa, Pass};
+use super::table::{Sums, TableRows};
 
 /// Whether this machine has the instructions of [`with_avx512`].
 pub(super) fn has_avx512() -> bool {
@@ -23,14 +29,16 @@ pub(super) fn has_avx512() -> bool {
 
 /// Whether this machine has the instructions of [`with_avx2`].
 pub(super) fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("popcnt")
 }
 
 /// Runs a pass with AVX-512.
 ///
 /// # Safety
-/// The machine must have AVX2, FMA and AVX-512 F, DQ, BW and VL.
-#[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512bw,avx512vl")]
+/// The machine must have AVX2, FMA, POPCNT and AVX-512 F, DQ, BW and VL.
+#[target_feature(enable = "avx2,fma,popcnt,avx512f,avx512dq,avx512bw,avx512vl")]
 #[inline(never)]
 pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
     pass.run::<Avx512>();
@@ -39,8 +47,8 @@ pub(super) unsafe fn with_avx512<P: Pass>(pass: P) {
 /// Runs a pass with AVX2.
 ///
 /// # Safety
-/// The machine must have AVX2 and FMA.
-#[target_feature(enable = "avx2,fma")]
+/// The machine must have AVX2, FMA and POPCNT.
+#[target_feature(enable = "avx2,fma,popcnt")]
 #[inline(never)]
 pub(super) unsafe fn with_avx2<P: Pass>(pass: P) {
     pass.run::<Avx2>();
@@ -56,6 +64,8 @@ pub(super) struct Avx2;
 
 impl Isa for Avx512 {
     const FMA: bool = true;
+
+    type Group = Eight;
 
     #[inline(always)]
     fn call<P: Pass>(part: P) {
@@ -73,7 +83,9 @@ impl Isa for Avx512 {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        if N <= HALF {
+        if N <= GROUP {
+            multiply::<__m256, N, 8, 1>(packed, start, rows, input, output);
+        } else if N <= HALF {
             multiply::<__m512, N, 8, 1>(packed, start, rows, input, output);
         } else {
             multiply::<__m512, N, 8, 2>(packed, start, rows, input, output);
@@ -96,10 +108,32 @@ impl Isa for Avx512 {
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m512, 16>(rows, out);
     }
+    #[inline(always)]
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    ) {
+        if N <= GROUP {
+            softplus::<__m256, N, STORE, TANGENT>(beta, z, out);
+        } else {
+            softplus::<__m512, N, STORE, TANGENT>(beta, z, out);
+        }
+    }
+    // A row has eight entries.
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<__m256, T, ORDER>(rows, sums);
+    }
 }
 
 impl Isa for Avx2 {
     const FMA: bool = true;
+
+    type Group = Eight;
 
     #[inline(always)]
     fn call<P: Pass>(part: P) {
@@ -116,7 +150,11 @@ impl Isa for Avx2 {
         input: &[Row<f32>],
         output: &mut [Row<f32>],
     ) {
-        multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
+        if N <= GROUP {
+            multiply::<__m256, N, 8, 1>(packed, start, rows, input, output);
+        } else {
+            multiply::<__m256, N, 4, 2>(packed, start, rows, input, output);
+        }
     }
     #[inline(always)]
     fn multiply_few<const P: usize>(
@@ -134,5 +172,20 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn transpose(rows: &[Row<f32>], out: &mut [f32]) {
         transpose::<__m256, 8>(rows, out);
+    }
+    #[inline(always)]
+    fn softplus<const N: usize, const STORE: bool, const TANGENT: bool>(
+        beta: f64,
+        z: &Row<f32>,
+        out: Softplus<'_, f32>,
+    ) {
+        softplus::<__m256, N, STORE, TANGENT>(beta, z, out);
+    }
+    #[inline(always)]
+    fn sum_rows<const T: usize, const ORDER: usize>(
+        rows: &TableRows<'_, f32, T>,
+        sums: &mut Sums<f32>,
+    ) {
+        sum_rows::<__m256, T, ORDER>(rows, sums);
     }
 }

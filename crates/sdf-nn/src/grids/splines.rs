@@ -8,10 +8,12 @@
 use std::ops::Range;
 
 use field::{Real, TableSum};
+use lanes::{Isa, Lane};
 use rayon::prelude::*;
 
+use crate::grids::adjoints::Bars;
 use crate::grids::support::Support;
-use crate::grids::taps::{Axis, Jet, PADDING, Rows};
+use crate::grids::taps::{Features, PADDING, Places, Points, Rows};
 
 /// The most coefficients along a side of a level.
 pub const MOST_COEFFICIENTS: usize = 512;
@@ -111,6 +113,27 @@ struct Level {
     first_free: usize,
     /// The nodes whose coefficients are free.
     support: Support,
+}
+
+impl Level {
+    /// The places of a group, by axis.
+    #[inline(always)]
+    fn places<R: Lane, I: Isa, const T: usize>(
+        &self,
+        points: &Points<R>,
+    ) -> [Places<R::Group<I>>; 3] {
+        let [x, y, z] = &points.y;
+        [Places::new(x, self.side, T), Places::new(y, self.side, T), Places::new(z, self.side, T)]
+    }
+
+    /// The points among the first `count` of a group that may have a free node, as bits.
+    #[inline(always)]
+    fn met<V>(&self, [x, y, z]: &[Places<V>; 3], count: usize) -> u32 {
+        let reaches = |l: usize| {
+            self.support.reaches([x.first[l], y.first[l], z.first[l]].map(|i| i as usize))
+        };
+        (0..count).fold(0, |bits, l| bits | u32::from(reaches(l)) << l)
+    }
 }
 
 /// Splines on grids: features of a point of the unit ball from coefficients.
@@ -243,107 +266,78 @@ impl Splines {
         let nodes = table[*start..][..side.pow(3) * features].chunks_exact_mut(features);
         for (node, coefficients) in nodes.enumerate() {
             let is_zero = coefficients.iter().all(|c| *c == R::zero());
-            if !is_zero && support.slot(node).is_none() {
+            if !is_zero && !support.is_free(node) {
                 coefficients.fill(R::zero());
             }
         }
     }
 
-    /// A table of all coefficients, all zero, for [`encode`](Self::encode).
+    /// A table of all coefficients, all zero.
     pub fn table<R: Real>(&self) -> Vec<R> {
         vec![R::zero(); self.size.coefficient_count() + PADDING]
     }
 
-    /// Passes the number and the jet of each feature of the point `y` to `put`: values for the
-    /// `ORDER` 0, also gradients for 1, also products of Hessians with `p` for 2.
+    /// Writes the features of a group of points: values for the `ORDER` 0, also gradients for 1,
+    /// also products of Hessians with the vectors of the points for 2.
     #[inline(always)]
-    pub fn encode<R: Real, const ORDER: usize>(
+    pub(crate) fn encode<R: Lane, I: Isa, const ORDER: usize>(
         &self,
-        coefficients: &[R],
-        y: [R; 3],
-        p: [R; 3],
-        put: impl FnMut(usize, Jet<R>),
+        table: &[R],
+        points: &Points<R>,
+        out: &mut Features<'_, R>,
     ) {
         match self.size.degree {
-            Degree::Quadratic => self.encode_taps::<R, 3, ORDER>(coefficients, y, p, put),
-            Degree::Cubic => self.encode_taps::<R, 4, ORDER>(coefficients, y, p, put),
+            Degree::Quadratic => self.encode_taps::<R, I, 3, ORDER>(table, points, out),
+            Degree::Cubic => self.encode_taps::<R, I, 4, ORDER>(table, points, out),
         }
     }
 
     #[inline(always)]
-    fn encode_taps<R: Real, const T: usize, const ORDER: usize>(
+    fn encode_taps<R: Lane, I: Isa, const T: usize, const ORDER: usize>(
         &self,
-        coefficients: &[R],
-        y: [R; 3],
-        p: [R; 3],
-        mut put: impl FnMut(usize, Jet<R>),
+        table: &[R],
+        points: &Points<R>,
+        out: &mut Features<'_, R>,
     ) {
         let features = self.size.features;
-        for (l, Level { side, start, support, .. }) in self.levels.iter().enumerate() {
-            let axes =
-                [Axis::<R, T>::new(y[0], *side), Axis::new(y[1], *side), Axis::new(y[2], *side)];
-            let rows = Rows { side: *side, start: *start, features };
-            let first = l * features;
-            if !support.reaches([axes[0].first, axes[1].first, axes[2].first]) {
-                (first..first + features).for_each(|f| put(f, Jet::default()));
-                continue;
-            }
-            if features == 2 {
-                // With constant numbers of features, a row is one vector.
-                let rows = Rows { features: 2, ..rows };
-                let jets = rows.jets::<R, T, 2, 8, ORDER>(coefficients, 0, &axes, p);
-                jets.into_iter().enumerate().for_each(|(f, jet)| put(first + f, jet));
-            } else {
-                for f in 0..features {
-                    let [jet] = rows.jets::<R, T, 1, 4, ORDER>(coefficients, f, &axes, p);
-                    put(first + f, jet);
-                }
-            }
+        for (l, level) in self.levels.iter().enumerate() {
+            let axes = level.places::<R, I, T>(points);
+            let met = level.met(&axes, points.count);
+            let rows = Rows { side: level.side, start: level.start, features };
+            rows.write::<R, I, T, ORDER>(table, &axes, (met, &points.p), l * features, out);
         }
     }
 
-    /// VJP of [`encode`](Self::encode) to the coefficients: adds to `sums`. `adjoint` gives, for
-    /// each feature, the adjoint of its value and that of its gradient along `p`.
+    /// VJP of [`encode`](Self::encode) to the free coefficients: adds to `sums`. `bars` has, for
+    /// each feature, the adjoint of its value and that of its gradient along the vector.
     #[inline(always)]
-    pub fn encode_vjp<R: Real>(
+    pub(crate) fn encode_vjp<R: Lane, I: Isa>(
         &self,
-        y: [R; 3],
-        p: [R; 3],
-        adjoint: impl Fn(usize) -> [R; 2],
+        points: &Points<R>,
+        bars: Bars<'_, R>,
         sums: &mut TableSum<'_, R>,
     ) {
         match self.size.degree {
-            Degree::Quadratic => self.vjp_taps::<R, 3>(y, p, adjoint, sums),
-            Degree::Cubic => self.vjp_taps::<R, 4>(y, p, adjoint, sums),
+            Degree::Quadratic => self.vjp_taps::<R, I, 3>(points, bars, sums),
+            Degree::Cubic => self.vjp_taps::<R, I, 4>(points, bars, sums),
         }
     }
 
     #[inline(always)]
-    fn vjp_taps<R: Real, const T: usize>(
+    fn vjp_taps<R: Lane, I: Isa, const T: usize>(
         &self,
-        y: [R; 3],
-        p: [R; 3],
-        adjoint: impl Fn(usize) -> [R; 2],
+        points: &Points<R>,
+        bars: Bars<'_, R>,
         sums: &mut TableSum<'_, R>,
     ) {
         let features = self.size.features;
-        for (l, Level { side, first_free, support, .. }) in self.levels.iter().enumerate() {
-            let axes =
-                [Axis::<R, T>::new(y[0], *side), Axis::new(y[1], *side), Axis::new(y[2], *side)];
-            let rows = Rows { side: *side, start: *first_free, features };
-            let first = l * features;
-            if !support.reaches([axes[0].first, axes[1].first, axes[2].first]) {
-                continue;
-            }
-            let slot = |node| support.slot(node);
-            if features == 2 {
-                let rows = Rows { features: 2, ..rows };
-                let bars = [adjoint(first), adjoint(first + 1)];
-                rows.add::<R, T, 2>(sums, 0, &axes, p, bars, slot);
-            } else {
-                for f in 0..features {
-                    rows.add::<R, T, 1>(sums, f, &axes, p, [adjoint(first + f)], slot);
-                }
+        for (l, level) in self.levels.iter().enumerate() {
+            let axes = level.places::<R, I, T>(points);
+            let bars = bars.of(l * features, features);
+            let met = level.met(&axes, points.count) & bars.met();
+            if met != 0 {
+                let rows = Rows { side: level.side, start: level.first_free, features };
+                rows.add::<R, I, T>(&level.support, &axes, (met, &points.p), bars, sums);
             }
         }
     }

@@ -16,16 +16,24 @@ pub(crate) struct Support {
 /// Some nodes of a level.
 #[derive(Clone, Debug)]
 struct Sparse {
-    /// The number among the free nodes of each node, or [`NONE`].
-    slots: Vec<u32>,
+    /// A bit for each node that is free, and a word without nodes.
+    bits: Vec<u64>,
+    /// The number of free nodes before each word.
+    before: Vec<u32>,
     /// The free nodes, x slowest.
     nodes: Vec<u32>,
     /// Whether a point can have a free node, if its first node is in this brick.
     reaches: Vec<bool>,
 }
 
-/// The slot of a node that is not free.
-const NONE: u32 = u32::MAX;
+/// The free ones among consecutive nodes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run {
+    /// A bit for each node that is free.
+    pub(crate) is_free: u32,
+    /// The number of the first of them among all free nodes.
+    pub(crate) slot: usize,
+}
 
 impl Support {
     /// All nodes of a level with `side` nodes along a side.
@@ -43,11 +51,12 @@ impl Support {
             return Self::all(side);
         }
         let nodes: Vec<u32> = (0..).zip(is_free).filter(|(_, free)| **free).map(|n| n.0).collect();
-        let (mut slots, across) = (vec![NONE; side.pow(3)], side.div_ceil(BRICK));
+        let across = side.div_ceil(BRICK);
+        let mut bits = vec![0; side.pow(3).div_ceil(64) + 1];
         let mut has_free = vec![false; across.pow(3)];
-        for (slot, node) in nodes.iter().enumerate() {
+        for node in &nodes {
             let node = *node as usize;
-            slots[node] = slot as u32;
+            bits[node / 64] |= 1u64 << (node % 64);
             let [x, y, z] =
                 [node / side / side, node / side % side, node % side].map(|i| i / BRICK);
             has_free[(x * across + y) * across + z] = true;
@@ -61,7 +70,13 @@ impl Support {
             })
         };
         let reaches = (0..across.pow(3)).map(reaches).collect();
-        Support { side, sparse: Some(Sparse { slots, nodes, reaches }) }
+        let sums = bits.iter().scan(0, |next, word| {
+            let before = *next;
+            *next += word.count_ones();
+            Some(before)
+        });
+        let before = sums.collect();
+        Support { side, sparse: Some(Sparse { bits, before, nodes, reaches }) }
     }
 
     /// Whether each node is free, x slowest.
@@ -85,14 +100,23 @@ impl Support {
         sparse.reaches[(x * across + y) * across + z]
     }
 
-    /// The number of a node among the free ones.
+    /// Whether a node is free.
+    pub(crate) fn is_free(&self, node: usize) -> bool {
+        self.run::<1>(node).is_free == 1
+    }
+
+    /// The free ones among `T` nodes from `first` on.
     #[inline(always)]
-    pub(crate) fn slot(&self, node: usize) -> Option<usize> {
-        match &self.sparse {
-            None => Some(node),
-            Some(sparse) if sparse.slots[node] == NONE => None,
-            Some(sparse) => Some(sparse.slots[node] as usize),
-        }
+    pub(crate) fn run<const T: usize>(&self, first: usize) -> Run {
+        let all = (1 << T) - 1;
+        let Some(Sparse { bits, before, .. }) = &self.sparse else {
+            return Run { is_free: all, slot: first };
+        };
+        let (word, shift) = (first / 64, first % 64);
+        let [low, high] = [bits[word], bits[word + 1]];
+        let is_free = (low >> shift | high << 1 << (63 - shift)) as u32 & all;
+        let below = low & ((1 << shift) - 1);
+        Run { is_free, slot: (before[word] + below.count_ones()) as usize }
     }
 
     /// The free nodes in a range, and the number of the first of them among the free ones.

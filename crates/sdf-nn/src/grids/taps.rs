@@ -1,226 +1,255 @@
-//! The weights of the coefficients of a point, and sums over them.
+//! The weights of the coefficients of a group of points, and sums over them.
 
-use field::{Real, TableSum};
+use field::Real;
+use lanes::{GROUP, Group, Isa, Lane, Row, Sums, TableRows};
 
-/// A feature at a point: its value, gradient, and the product of its Hessian and a vector. Those
-/// of a higher order than was asked for are zero.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Jet<R> {
-    /// The value.
-    pub value: R,
-    /// The gradient by the point.
-    pub slope: [R; 3],
-    /// The Hessian times the vector.
-    pub bend: [R; 3],
+/// Points whose features are computed together.
+#[derive(Clone, Debug)]
+pub(crate) struct Points<R> {
+    /// The points, by axis. Those after the first `count` are any others.
+    pub(crate) y: [[R; GROUP]; 3],
+    /// A vector for each point.
+    pub(crate) p: [[R; GROUP]; 3],
+    /// The number of points that are asked for.
+    pub(crate) count: usize,
 }
 
-/// The weights along an axis of the coefficients of a point, by order of the derivative.
-pub(crate) struct Axis<R, const T: usize> {
-    /// The index of the first coefficient.
-    pub(crate) first: usize,
-    weights: [[R; T]; 3],
+/// The features of a block of points, and their derivatives.
+#[derive(Debug)]
+pub(crate) struct Features<'a, R> {
+    pub(crate) value: &'a mut [Row<R>],
+    /// The gradients.
+    pub(crate) slope: &'a mut [[Row<R>; 3]],
+    /// The products of Hessians and vectors.
+    pub(crate) bend: &'a mut [[Row<R>; 3]],
+    /// The lane of the first point of the group.
+    pub(crate) lane: usize,
+    /// Working memory.
+    pub(crate) sums: Sums<R>,
 }
 
-impl<R: Real, const T: usize> Axis<R, T> {
-    /// The weights for a coordinate, of a level with `side` coefficients along a side. Beside the
-    /// cube, the weights are those of the nearest point of the cube, without derivatives.
-    #[inline(always)]
-    pub(crate) fn new(coordinate: R, side: usize) -> Self {
-        let cells = side + 1 - T;
-        let most = R::of(cells as f64);
-        let scale = R::of(0.5 * cells as f64);
-        let place = (coordinate + R::one()) * scale;
-        let inside = place.max(R::zero()).min(most);
-        let first = inside.to_usize().unwrap_or(0).min(cells - 1);
-        let t = inside - R::of(first as f64);
-        let (scale, half, one) =
-            (if place == inside { scale } else { R::zero() }, R::of(0.5), R::one());
-        let u = one - t;
-        let mut weights = [[R::zero(); T]; 3];
-        if T == 3 {
-            weights[0][..3].copy_from_slice(&[half * u * u, half + t * u, half * t * t]);
-            weights[1][..3].copy_from_slice(&[-u, u - t, t]);
-            weights[2][..3].copy_from_slice(&[one, R::of(-2.0), one]);
-        } else {
-            let (sixth, two_thirds) = (R::of(1.0 / 6.0), R::of(2.0 / 3.0));
-            let middle = |t: R| two_thirds - t * t * (one - half * t);
-            weights[0][..4].copy_from_slice(&[
-                sixth * u * u * u,
-                middle(t),
-                middle(u),
-                sixth * t * t * t,
-            ]);
-            let slope = |t: R| t * (R::of(1.5) * t - R::of(2.0));
-            weights[1][..4].copy_from_slice(&[-half * u * u, slope(t), -slope(u), half * t * t]);
-            weights[2][..4].copy_from_slice(&[
-                u,
-                R::of(3.0) * t - R::of(2.0),
-                R::of(3.0) * u - R::of(2.0),
-                t,
-            ]);
-        }
-        let [_, slopes, bends] = &mut weights;
-        slopes.iter_mut().for_each(|w| *w *= scale);
-        bends.iter_mut().for_each(|w| *w *= scale * scale);
-        Axis { first, weights }
-    }
-
-    /// The weights of coefficient number `i`.
-    #[inline(always)]
-    fn of(&self, i: usize) -> [R; 3] {
-        [self.weights[0][i], self.weights[1][i], self.weights[2][i]]
-    }
-}
-
-// Loops in place of `map` and `from_fn` of arrays: those are not always inlined, and are then not
-// compiled for the vector instructions of the caller.
-
-/// The sums of products of a row with weights, for each of `G` features.
+/// Adds a b to the lanes of a row from `lane` on.
 #[inline(always)]
-fn dot<R: Real, const W: usize, const G: usize>(row: &[R; W], weights: &[R; W]) -> [R; G] {
-    let (mut products, mut sums) = ([R::zero(); W], [R::zero(); G]);
-    for k in 0..W {
-        products[k] = row[k] * weights[k];
-    }
-    for k in 0..W {
-        sums[k % G] += products[k];
-    }
-    sums
+fn add_product<R: Lane, V: Group<R>>(row: &mut Row<R>, lane: usize, a: V, b: V) {
+    let g = lane / GROUP;
+    row.set_group(g, V::fma(a, b, row.group(g)));
 }
 
-/// The numbers of entries of a row: coefficients along z times features at once.
-const ROW: usize = 16;
+impl<R: Lane> Features<'_, R> {
+    /// Sets the features of a level to zero, up to the derivatives of an order.
+    #[inline(always)]
+    fn clear<const ORDER: usize>(&mut self, first: usize, count: usize) {
+        let lanes = self.lane..self.lane + GROUP;
+        for f in first..first + count {
+            self.value[f].0[lanes.clone()].fill(R::zero());
+            if ORDER >= 1 {
+                self.slope[f].iter_mut().for_each(|row| row.0[lanes.clone()].fill(R::zero()));
+            }
+            if ORDER >= 2 {
+                self.bend[f].iter_mut().for_each(|row| row.0[lanes.clone()].fill(R::zero()));
+            }
+        }
+    }
+
+    /// Adds the sums of entry `e` to feature `f`. `z` has the weights of its coefficients along z,
+    /// by order.
+    #[inline(always)]
+    fn add<V: Group<R>, const ORDER: usize>(
+        &mut self,
+        f: usize,
+        e: usize,
+        z: [V; 3],
+        p: &[[R; GROUP]; 3],
+    ) {
+        let (lane, sums) = (self.lane, &self.sums);
+        let value = V::load(&sums[0][e]);
+        add_product(&mut self.value[f], lane, value, z[0]);
+        if ORDER == 0 {
+            return;
+        }
+        let (x, y, slope) = (V::load(&sums[1][e]), V::load(&sums[2][e]), &mut self.slope[f]);
+        add_product(&mut slope[0], lane, x, z[0]);
+        add_product(&mut slope[1], lane, y, z[0]);
+        add_product(&mut slope[2], lane, value, z[1]);
+        if ORDER == 1 {
+            return;
+        }
+        let (xx, xy, yy) = (V::load(&sums[3][e]), V::load(&sums[4][e]), V::load(&sums[5][e]));
+        let ([px, py, pz], bend) =
+            ([V::load(&p[0]), V::load(&p[1]), V::load(&p[2])], &mut self.bend[f]);
+        add_product(&mut bend[0], lane, V::fma(xx, px, xy * py), z[0]);
+        add_product(&mut bend[0], lane, x * pz, z[1]);
+        add_product(&mut bend[1], lane, V::fma(xy, px, yy * py), z[0]);
+        add_product(&mut bend[1], lane, y * pz, z[1]);
+        add_product(&mut bend[2], lane, V::fma(x, px, y * py), z[1]);
+        add_product(&mut bend[2], lane, value * pz, z[2]);
+    }
+}
+
+/// The places of a group of points along an axis of a level.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Places<V> {
+    /// The index of the first coefficient.
+    pub(crate) first: [u32; GROUP],
+    /// The place in the interval, from 0 to 1.
+    t: V,
+    /// Intervals per unit; 0 beside the cube.
+    scale: V,
+}
+
+impl<V> Places<V> {
+    /// The places of coordinates, in a level with `side` coefficients along a side and `taps` of
+    /// them for a value. Beside the cube, the place is that of the nearest point of the cube.
+    #[inline(always)]
+    pub(crate) fn new<R: Real>(coordinates: &[R; GROUP], side: usize, taps: usize) -> Self
+    where
+        V: Group<R>,
+    {
+        let cells = side + 1 - taps;
+        let scale: V = of(0.5 * cells as f64);
+        let place = (V::load(coordinates) + of(1.0)) * scale;
+        let inside = place.clamp(of(cells as f64));
+        let (mut first, whole) = inside.truncate();
+        // The last place of the last interval has the next integer.
+        first.iter_mut().for_each(|first| *first = (*first).min(cells as u32 - 1));
+        let t = inside - whole.min(of((cells - 1) as f64));
+        Places { first, t, scale: scale.where_equal(place, inside) }
+    }
+
+    /// The weights of the coefficients of each point, by order of the derivative, up to `ORDER`.
+    /// Beside the cube, there are no derivatives.
+    #[inline(always)]
+    pub(crate) fn weights<R: Real, const T: usize, const ORDER: usize>(&self) -> [[V; T]; 3]
+    where
+        V: Group<R>,
+    {
+        let of_point = if T == 3 { quadratic::<R, V>(self.t) } else { cubic::<R, V>(self.t) };
+        let mut weights = [[V::splat(R::zero()); T]; 3];
+        for tap in 0..T {
+            weights[0][tap] = of_point[0][tap];
+            if ORDER >= 1 {
+                weights[1][tap] = of_point[1][tap] * self.scale;
+            }
+            if ORDER >= 2 {
+                weights[2][tap] = of_point[2][tap] * (self.scale * self.scale);
+            }
+        }
+        weights
+    }
+}
+
+/// A number for all points. A closure is not always inlined, and is then not compiled for the
+/// vector instructions.
+#[inline(always)]
+fn of<R: Real, V: Group<R>>(value: f64) -> V {
+    V::splat(R::of(value))
+}
+
+/// The weights of quadratic splines, by order of the derivative.
+#[inline(always)]
+fn quadratic<R: Real, V: Group<R>>(t: V) -> [[V; 4]; 3] {
+    let (half, one, zero): (V, V, V) = (of(0.5), of(1.0), of(0.0));
+    let u = one - t;
+    [
+        [half * u * u, V::fma(t, u, half), half * t * t, zero],
+        [zero - u, u - t, t, zero],
+        [one, of(-2.0), one, zero],
+    ]
+}
+
+/// The weights of cubic splines, by order of the derivative.
+#[inline(always)]
+fn cubic<R: Real, V: Group<R>>(t: V) -> [[V; 4]; 3] {
+    let (half, one, sixth): (V, V, V) = (of(0.5), of(1.0), of(1.0 / 6.0));
+    let (two, three, minus): (V, V, V) = (of(2.0), of(3.0), of(-0.5));
+    let (two_thirds, steep): (V, V) = (of(2.0 / 3.0), of(1.5));
+    let u = one - t;
+    [
+        [
+            sixth * u * u * u,
+            two_thirds - t * t * (one - half * t),
+            two_thirds - u * u * (one - half * u),
+            sixth * t * t * t,
+        ],
+        [minus * u * u, t * (steep * t - two), u * (two - steep * u), half * t * t],
+        [u, three * t - two, three * u - two, t],
+    ]
+}
+
+/// Weights as numbers.
+#[inline(always)]
+pub(crate) fn stored<R: Real, V: Group<R>, const T: usize, const ORDER: usize>(
+    weights: &[[V; T]; 3],
+) -> [[[R; GROUP]; T]; 3] {
+    let mut stored = [[[R::zero(); GROUP]; T]; 3];
+    for order in 0..=ORDER {
+        for tap in 0..T {
+            weights[order][tap].store(&mut stored[order][tap]);
+        }
+    }
+    stored
+}
 
 /// The number of entries that a table has after all coefficients, since rows are read whole.
-pub const PADDING: usize = ROW;
+pub const PADDING: usize = GROUP;
 
 /// The coefficients of a level: rows along z.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows {
     pub(crate) side: usize,
+    /// The index of the first coefficient.
     pub(crate) start: usize,
     pub(crate) features: usize,
 }
 
 impl Rows {
-    /// The first node of a row.
+    /// The first node of each point.
     #[inline(always)]
-    fn node<R, const T: usize>(&self, axes: &[Axis<R, T>; 3], i: usize, j: usize) -> usize {
-        let [x, y, z] = axes;
-        ((x.first + i) * self.side + y.first + j) * self.side + z.first
+    pub(crate) fn nodes<V>(&self, [x, y, z]: &[Places<V>; 3]) -> [usize; GROUP] {
+        let mut nodes = [0; GROUP];
+        for l in 0..GROUP {
+            let [x, y, z] = [x.first[l], y.first[l], z.first[l]].map(|i| i as usize);
+            nodes[l] = (x * self.side + y) * self.side + z;
+        }
+        nodes
     }
 
-    /// The jets of `G` features from the number `f` on. `W` is a number of entries of at least
-    /// T G: a row is a vector of so many.
+    /// Writes the features of a group from the number `first` on. `met` has a bit for each point
+    /// with a free node; the features of others are zero.
     #[inline(always)]
-    pub(crate) fn jets<
-        R: Real,
-        const T: usize,
-        const G: usize,
-        const W: usize,
-        const ORDER: usize,
-    >(
+    pub(crate) fn write<R: Lane, I: Isa, const T: usize, const ORDER: usize>(
         &self,
-        coefficients: &[R],
-        f: usize,
-        axes: &[Axis<R, T>; 3],
-        p: [R; 3],
-    ) -> [Jet<R>; G] {
-        // Sums over x and y, for the derivatives none, x, y, xx, xy, yy.
-        let mut sums = [[R::zero(); W]; 6];
-        let kinds = [1, 3, 6][ORDER];
-        for i in 0..T {
-            for j in 0..T {
-                let at = self.start + self.node(axes, i, j) * self.features + f;
-                let mut row = [R::zero(); W];
-                if self.features == G {
-                    row.copy_from_slice(&coefficients[at..at + W]);
-                } else {
-                    for k in 0..T * G {
-                        row[k] = coefficients[at + k / G * self.features + k % G];
-                    }
-                }
-                let (x, y) = (axes[0].of(i), axes[1].of(j));
-                let factors =
-                    [x[0] * y[0], x[1] * y[0], x[0] * y[1], x[2] * y[0], x[1] * y[1], x[0] * y[2]];
-                for (sum, factor) in sums[..kinds].iter_mut().zip(factors) {
-                    (0..W).for_each(|k| sum[k] += factor * row[k]);
-                }
-            }
-        }
-        // Entries after the last coefficient have the weight 0. They are computed all the same, so
-        // that the compiler takes one vector for a row.
-        let mut weights = [[R::zero(); W]; 3];
-        for (weights, of_row) in weights.iter_mut().zip(&axes[2].weights) {
-            for k in 0..T * G {
-                weights[k] = of_row[k / G];
-            }
-        }
-        let along = |kind: usize, order: usize| dot::<R, W, G>(&sums[kind], &weights[order]);
-        let value = along(0, 0);
-        let mut jets = [Jet::default(); G];
-        for g in 0..G {
-            jets[g].value = value[g];
-        }
-        if ORDER >= 1 {
-            let [x, y, z] = [along(1, 0), along(2, 0), along(0, 1)];
-            for g in 0..G {
-                jets[g].slope = [x[g], y[g], z[g]];
-            }
-        }
-        if ORDER >= 2 {
-            let [xx, xy, yy] = [along(3, 0), along(4, 0), along(5, 0)];
-            let [xz, yz, zz] = [along(1, 1), along(2, 1), along(0, 2)];
-            for g in 0..G {
-                jets[g].bend = [
-                    xx[g] * p[0] + xy[g] * p[1] + xz[g] * p[2],
-                    xy[g] * p[0] + yy[g] * p[1] + yz[g] * p[2],
-                    xz[g] * p[0] + yz[g] * p[1] + zz[g] * p[2],
-                ];
-            }
-        }
-        jets
-    }
-
-    /// Adds the adjoints of the coefficients of `G` features from the number `f` on. `slot` is the
-    /// number of a node among the free ones, if it is free. For two features, `f` and the start of
-    /// the level are even.
-    #[inline(always)]
-    pub(crate) fn add<R: Real, const T: usize, const G: usize>(
-        &self,
-        sums: &mut TableSum<'_, R>,
-        f: usize,
-        axes: &[Axis<R, T>; 3],
-        p: [R; 3],
-        bars: [[R; 2]; G],
-        slot: impl Fn(usize) -> Option<usize>,
+        table: &[R],
+        axes: &[Places<R::Group<I>>; 3],
+        (met, p): (u32, &[[R; GROUP]; 3]),
+        first: usize,
+        out: &mut Features<'_, R>,
     ) {
-        // A coefficient has wx wy wz of the value and ∇(wx wy wz)·p of the slope along p.
-        let (mut flat, mut steep) = ([R::zero(); ROW], [R::zero(); ROW]);
-        for z in 0..T {
-            let [w, slope] = [axes[2].weights[0][z], axes[2].weights[1][z] * p[2]];
-            for (g, [value, along]) in bars.iter().enumerate() {
-                flat[z * G + g] = *value * w + *along * slope;
-                steep[z * G + g] = *along * w;
-            }
+        let count = self.features;
+        out.clear::<ORDER>(first, count);
+        if met == 0 {
+            return;
         }
-        for i in 0..T {
-            for j in 0..T {
-                let node = self.node(axes, i, j);
-                let (x, y) = (axes[0].of(i), axes[1].of(j));
-                let both = x[0] * y[0];
-                let moved = x[1] * p[0] * y[0] + x[0] * y[1] * p[1];
-                for z in 0..T {
-                    let Some(slot) = slot(node + z) else { continue };
-                    let at = self.start + slot * self.features + f;
-                    let bar = |g: usize| both * flat[z * G + g] + moved * steep[z * G + g];
-                    if G == 2 {
-                        sums.add_pair(at, [bar(0), bar(1)]);
-                    } else {
-                        (0..G).for_each(|g| sums.add_at(at + g, bar(g)));
-                    }
+        let [x, y, z] = axes;
+        let weights = [x.weights::<R, T, ORDER>(), y.weights::<R, T, ORDER>()];
+        let [x, y] = [stored::<_, _, T, ORDER>(&weights[0]), stored::<_, _, T, ORDER>(&weights[1])];
+        let z = z.weights::<R, T, ORDER>();
+        let steps = [self.side * self.side * count, self.side * count];
+        let mut places = self.nodes(axes);
+        places.iter_mut().for_each(|place| *place = self.start + *place * count);
+        let (mut tap, mut f) = (0, 0);
+        for start in (0..T * count).step_by(GROUP) {
+            let rows = TableRows { table, places: &places, met, steps, weights: [&x, &y] };
+            R::sum_rows::<I, T, ORDER>(&rows, &mut out.sums);
+            for e in 0..GROUP.min(T * count - start) {
+                let weights = [z[0][tap], z[1][tap], z[2][tap]];
+                out.add::<_, ORDER>(first + f, e, weights, p);
+                f += 1;
+                if f == count {
+                    (tap, f) = (tap + 1, 0);
                 }
             }
+            places.iter_mut().for_each(|place| *place += GROUP);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The activation functions on rows of lanes.
 
 use crate::architecture::Activation;
-use lanes::{Isa, Lane, Pass, Row, fma};
+use lanes::{Isa, Lane, Pass, Row};
 
 /// The activation of all rows of a layer, first `N` lanes only.
 pub(super) struct Activate<'a, R, const N: usize, const STORE: bool, const TANGENT: bool> {
@@ -34,42 +34,14 @@ impl<R: Lane, const N: usize, const STORE: bool, const TANGENT: bool> Pass
                 let curvature = if TANGENT { &mut self.curvature[row] } else { curvature };
                 match self.activation {
                     Activation::Softplus { beta } => {
-                        softplus::<R, I, N, STORE, TANGENT>(beta, z, value, slope, curvature);
+                        let out = [value, slope, curvature];
+                        R::softplus::<I, N, STORE, TANGENT>(beta, z, out);
                     }
                     Activation::Sine { omega } => {
                         sine::<R, I, N, STORE, TANGENT>(omega, z, value, slope, curvature);
                     }
                     Activation::Relu => relu::<R, N, STORE, TANGENT>(z, value, slope, curvature),
                 }
-            }
-        }
-    }
-}
-
-/// σ(z) = max(0, z) + ln(1 + e)/β with e = exp(−β|z|), which cannot overflow.
-#[inline(always)]
-fn softplus<R: Lane, I: Isa, const N: usize, const STORE: bool, const TANGENT: bool>(
-    beta: f64,
-    z: &Row<R>,
-    value: &mut Row<R>,
-    slope: &mut Row<R>,
-    curvature: &mut Row<R>,
-) {
-    let one = R::one();
-    let (beta, inverse) = (R::of(beta), R::of(1.0 / beta));
-    for i in 0..N {
-        let z = z.0[i];
-        let e = R::exp_negative::<I>(beta * z.abs());
-        let positive_part = if z > R::zero() { z } else { R::zero() };
-        let softplus = fma::<R, I>(R::ln_one_plus::<I>(e), inverse, positive_part);
-        // `exp_negative` of a NaN is a number. Adding 0 z brings the NaN back.
-        value.0[i] = softplus + z * R::zero();
-        if STORE {
-            let high = one / (one + e);
-            let low = e * high;
-            slope.0[i] = if z > R::zero() { high } else { low };
-            if TANGENT {
-                curvature.0[i] = beta * high * low;
             }
         }
     }

@@ -3,11 +3,9 @@
 //! With tangents this is reverse mode over forward mode. It gives Hessian–vector products: B. A.
 //! Pearlmutter, “Fast exact multiplication by the Hessian”, Neural Computation 6(1), 1994.
 
-use field::Real;
-
 use super::perceptron::Mlp;
 use super::scratch::Scratch;
-use lanes::{Isa, LANES, Lane, Row, TILE, fma, multiply, outer, padded};
+use lanes::{GROUP, Group, Isa, LANES, Lane, Row, TILE, multiply, outer, padded};
 
 impl<R: Lane> Mlp<R> {
     /// VJP of the forward sweep: from the adjoints in the scratch's outputs to those of its
@@ -32,7 +30,7 @@ impl<R: Lane> Mlp<R> {
                 self.add_weight_gradient::<I, TANGENT>(l, s);
             }
             self.linear_vjp::<I, N, TANGENT>(l, s);
-            self.add_feature_adjoints::<N, TANGENT>(l, s);
+            self.add_feature_adjoints::<I, N, TANGENT>(l, s);
             if l == 0 {
                 break;
             }
@@ -46,7 +44,7 @@ impl<R: Lane> Mlp<R> {
         let (layer, sides) = (&self.layers[l], 1 + usize::from(TANGENT));
         let rows = s.bias_gradient[l].len();
         for (row, bias) in s.z_adjoint[0].iter().zip(&mut s.bias_gradient[l]) {
-            *bias += sum_of_lanes(row);
+            *bias += sum_of_lanes::<R, I>(row);
         }
         let size = LANES * padded(layer.inputs);
         for side in 0..sides {
@@ -76,7 +74,7 @@ impl<R: Lane> Mlp<R> {
 
     /// Adds the adjoints of the features among the inputs of layer `l`.
     #[inline(always)]
-    fn add_feature_adjoints<const N: usize, const TANGENT: bool>(
+    fn add_feature_adjoints<I: Isa, const N: usize, const TANGENT: bool>(
         &self,
         l: usize,
         s: &mut Scratch<R>,
@@ -84,8 +82,8 @@ impl<R: Lane> Mlp<R> {
         let columns = self.hidden_columns(l)..self.layers[l].inputs;
         for side in 0..1 + usize::from(TANGENT) {
             for (a, b) in s.adjoint[side].iter_mut().zip(&s.product[side][columns.clone()]) {
-                for i in 0..N {
-                    a.0[i] += b.0[i];
+                for g in 0..N / GROUP {
+                    a.set_group(g, a.group::<R::Group<I>>(g) + b.group(g));
                 }
             }
         }
@@ -100,22 +98,26 @@ impl<R: Lane> Mlp<R> {
         s: &mut Scratch<R>,
     ) {
         let (hidden, below) = (self.hidden_columns(l), &s.layers[l - 1]);
-        for side in 0..1 + usize::from(TANGENT) {
-            s.z_adjoint[side][hidden..hidden.div_ceil(TILE) * TILE].fill(Row::zero());
+        let [z_adjoint, of_tangent] = &mut s.z_adjoint;
+        let [product, tangent] = &s.product;
+        let tiles = hidden.div_ceil(TILE) * TILE;
+        z_adjoint[hidden..tiles].fill(Row::zero());
+        if TANGENT {
+            of_tangent[hidden..tiles].fill(Row::zero());
         }
+        // The compiler does not know that rows are apart, so it does not find the vectors here.
         for row in 0..hidden {
-            let slope = &below.slope[row].0;
-            for i in 0..N {
-                s.z_adjoint[0][row].0[i] = s.product[0][row].0[i] * slope[i];
-            }
-            if TANGENT {
-                let (curvature, z_tangent) = (&below.curvature[row].0, &below.z_tangent[row].0);
-                for i in 0..N {
-                    let tangent = s.product[1][row].0[i];
-                    s.z_adjoint[1][row].0[i] = tangent * slope[i];
-                    s.z_adjoint[0][row].0[i] =
-                        fma::<R, I>(tangent * curvature[i], z_tangent[i], s.z_adjoint[0][row].0[i]);
+            for g in 0..N / GROUP {
+                let slope: R::Group<I> = below.slope[row].group(g);
+                let mut adjoint = product[row].group::<R::Group<I>>(g) * slope;
+                if TANGENT {
+                    let (tangent, curvature): (R::Group<I>, _) =
+                        (tangent[row].group(g), below.curvature[row].group(g));
+                    let z_tangent = below.z_tangent[row].group(g);
+                    adjoint = Group::fma(tangent * curvature, z_tangent, adjoint);
+                    of_tangent[row].set_group(g, tangent * slope);
                 }
+                z_adjoint[row].set_group(g, adjoint);
             }
         }
     }
@@ -139,8 +141,13 @@ impl<R: Lane> Mlp<R> {
     }
 }
 
-/// The sum over lanes, in a fixed order.
+/// The sum over lanes, in a fixed order: first of the groups.
 #[inline(always)]
-fn sum_of_lanes<R: Real>(row: &Row<R>) -> R {
-    row.0.iter().fold(R::zero(), |sum, v| sum + *v)
+fn sum_of_lanes<R: Lane, I: Isa>(row: &Row<R>) -> R {
+    let halves: [R::Group<I>; 2] = [row.group(0), row.group(1)];
+    let sum = (halves[0] + row.group(2)) + (halves[1] + row.group(3));
+    let mut all = [R::zero(); GROUP];
+    sum.store(&mut all);
+    let [a, b, c, d, e, f, g, h] = all;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
 }

@@ -4,7 +4,7 @@ use super::activate::Activate;
 use super::perceptron::Mlp;
 use super::scratch::LayerScratch;
 use super::scratch::Scratch;
-use lanes::{Isa, Lane, Row, TILE, multiply};
+use lanes::{GROUP, Isa, Lane, Row, TILE, multiply};
 
 impl<R: Lane> Mlp<R> {
     /// Forward sweep from the scratch's features to its outputs, in the first `N` lanes.
@@ -93,8 +93,9 @@ impl<R: Lane> Mlp<R> {
         });
         if TANGENT {
             for row in 0..rows {
-                for i in 0..N {
-                    tangent[row].0[i] = current.slope[row].0[i] * current.z_tangent[row].0[i];
+                for g in 0..N / GROUP {
+                    let slope: R::Group<I> = current.slope[row].group(g);
+                    tangent[row].set_group(g, slope * current.z_tangent[row].group(g));
                 }
             }
         }
