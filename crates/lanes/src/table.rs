@@ -41,9 +41,6 @@ pub(super) const fn derivatives(order: usize) -> usize {
     (order + 1) * (order + 2) / 2
 }
 
-/// The bits of all points of a group.
-pub(super) const ALL: u32 = (1 << GROUP) - 1;
-
 #[cfg(test)]
 mod tests {
     use super::*;

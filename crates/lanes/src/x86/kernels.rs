@@ -7,7 +7,7 @@
 use super::vector::Vector;
 use crate::block::{LANES, Row, TILE, padded};
 use crate::group::GROUP;
-use crate::table::{ALL, ORDERS, Sums, TableRows, derivatives};
+use crate::table::{ORDERS, Sums, TableRows, derivatives};
 
 /// [`multiply`](crate::multiply) with `ROWS` × `REGS` sums in registers.
 #[inline(always)]
@@ -216,6 +216,9 @@ pub(super) fn transpose<V: Vector, const N: usize>(rows: &[Row<f32>], out: &mut 
         }
     }
 }
+
+/// The bits of all points of a group.
+const ALL: u32 = (1 << GROUP) - 1;
 
 /// [`Lane::sum_rows`](crate::Lane::sum_rows) with a register, of [`GROUP`] numbers, for a row.
 #[inline(always)]
