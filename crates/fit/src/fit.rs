@@ -4,6 +4,7 @@ use std::path::Path;
 
 use dataset::Dataset;
 use estimate::{Estimator, Registry};
+use field::Sphere;
 use files::InputError;
 use loss::photometry::Level;
 use loss::schedule::{band_window, direction_weight};
@@ -99,6 +100,12 @@ impl Fit {
     /// searches for depths shortens the schedule, and is no part of it.
     pub fn progress(&self) -> f64 {
         self.clock.progress(self.file.options.budget())
+    }
+
+    /// The bounding sphere in single precision: the ball of the lattice.
+    pub(crate) fn ball(&self) -> Sphere<f32> {
+        let bounds = self.file.sphere();
+        Sphere { center: bounds.center.as_vec3(), radius: bounds.radius as f32 }
     }
 
     /// Sets the weights of the octaves of both encodings and of the view direction for the current

@@ -5,17 +5,18 @@ use std::path::Path;
 use field::{Field, Sphere};
 use files::InputError;
 use glam::Vec3;
-use loss::schedule::sharpness;
 use rayon::prelude::*;
 use trace::Lattice;
 
 use crate::checkpoint::LatticeState;
-use crate::fit::{Fit, TRACED_CHUNK};
 use crate::model::Model;
 
 /// Iterations from one lattice to the next. Late in a fit of `spot`, an iteration takes 14,400
 /// evaluations without a lattice, and 10,100 with one; one in fifteen of these is the lattice's own.
-const PERIOD: u64 = 32;
+pub(crate) const PERIOD: u64 = 32;
+
+/// Nodes that a thread evaluates at a time.
+const CHUNK: usize = 1024;
 
 /// Nodes with a smaller |f| are near the surface: the change of f counts there. In cells.
 const NEAR: f32 = 2.0;
@@ -35,7 +36,30 @@ pub(crate) struct FieldLattice {
 }
 
 impl FieldLattice {
-    fn new(state: LatticeState, ball: &Sphere<f32>) -> Self {
+    /// A lattice of the model in a ball, some iterations after the `last` one. The bits do not depend
+    /// on the number of threads.
+    pub(crate) fn after(last: Option<FieldLattice>, model: &Model, ball: &Sphere<f32>) -> Self {
+        Self::of_state(next(model, ball, last.map(|own| own.state)), ball)
+    }
+
+    /// The lattice of a checkpoint.
+    ///
+    /// # Errors
+    /// If the number of values is not that of the ball.
+    pub(crate) fn restored(
+        state: LatticeState,
+        ball: &Sphere<f32>,
+        checkpoint: &Path,
+    ) -> Result<Self, InputError> {
+        let (found, expected) = (state.values.len(), Lattice::<f32>::places(ball).len());
+        if found != expected {
+            let expected = format!("{expected} numbers, according to fit.toml");
+            return Err(InputError::new(checkpoint, "lattice", found, expected));
+        }
+        Ok(Self::of_state(state, ball))
+    }
+
+    fn of_state(state: LatticeState, ball: &Sphere<f32>) -> Self {
         let drift = drift(&state, ball);
         let lattice = drift.map(|drift| Lattice::of_values(ball, &state.values).with_drift(drift));
         FieldLattice { state, lattice }
@@ -53,24 +77,6 @@ fn drift(state: &LatticeState, ball: &Sphere<f32>) -> Option<f32> {
     drift.filter(|drift| *drift < MOST_CHANGE * Lattice::cell(ball))
 }
 
-/// The ball of a fit's lattice.
-fn ball_of(fit: &Fit) -> Sphere<f32> {
-    let bounds = fit.file.sphere();
-    Sphere { center: bounds.center.as_vec3(), radius: bounds.radius as f32 }
-}
-
-/// Makes a lattice of the field, if it is time. The bits do not depend on the number of threads.
-pub(crate) fn refresh_lattice(fit: &mut Fit) {
-    let is_sharp = sharpness(fit.progress(), fit.file.options.soft()).is_none();
-    if !is_sharp || fit.estimator.reach().is_none() {
-        fit.lattice = None;
-    } else if fit.clock.iteration.is_multiple_of(PERIOD) || fit.lattice.is_none() {
-        let last = fit.lattice.take().map(|own| own.state);
-        let ball = ball_of(fit);
-        fit.lattice = Some(FieldLattice::new(next(&fit.model, &ball, last), &ball));
-    }
-}
-
 /// The values of the field now. After those of the `last` time, only nodes near the surface are
 /// evaluated, unless the change there is so small that the lattice is of use.
 fn next(model: &Model, ball: &Sphere<f32>, last: Option<LatticeState>) -> LatticeState {
@@ -82,7 +88,7 @@ fn next(model: &Model, ball: &Sphere<f32>, last: Option<LatticeState>) -> Lattic
             model.field.value(&x, &mut f);
             f
         };
-        nodes.par_chunks(TRACED_CHUNK).flat_map_iter(values).collect::<Vec<f32>>()
+        nodes.par_chunks(CHUNK).flat_map_iter(values).collect::<Vec<f32>>()
     };
     let Some(mut state) = last else {
         let all: Vec<usize> = (0..places.len()).collect();
@@ -105,19 +111,49 @@ fn next(model: &Model, ball: &Sphere<f32>, last: Option<LatticeState>) -> Lattic
     state
 }
 
-/// Restores the lattice of a checkpoint.
-pub(crate) fn restore_lattice(
-    fit: &mut Fit,
-    state: Option<LatticeState>,
-    checkpoint: &Path,
-) -> Result<(), InputError> {
-    let Some(state) = state else { return Ok(()) };
-    let ball = ball_of(fit);
-    let (found, expected) = (state.values.len(), Lattice::<f32>::places(&ball).len());
-    if found != expected {
-        let expected = format!("{expected} numbers, according to fit.toml");
-        return Err(InputError::new(checkpoint, "lattice", found, expected));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::FitOptions;
+    use crate::run_file::RunFile;
+    use glam::Vec3;
+
+    const BALL: Sphere<f32> = Sphere { center: Vec3::ZERO, radius: 1.0 };
+
+    /// The model before the first iteration: about a ball of this radius.
+    fn model(initial_radius: f64) -> Model {
+        let options =
+            FitOptions { width: 16, layers: 2, bands: 0, initial_radius, ..FitOptions::default() };
+        Model::initial(&RunFile::of_test(options))
     }
-    fit.lattice = Some(FieldLattice::new(state, &ball));
-    Ok(())
+
+    #[test]
+    fn a_lattice_is_of_use_while_the_field_changes_slowly() {
+        let [small, large] = [0.4, 0.7].map(model);
+        let first = FieldLattice::after(None, &small, &BALL);
+        assert!(first.get().is_none() && first.state.change.is_none());
+        let second = FieldLattice::after(Some(first.clone()), &small, &BALL);
+        assert!(second.get().is_some());
+        assert_eq!(second.state.change, Some(0.0));
+        let third = FieldLattice::after(Some(second), &large, &BALL);
+        assert!(third.get().is_none());
+        assert!((third.state.change.unwrap() - 0.3).abs() < 0.1, "{:?}", third.state.change);
+        // Far nodes keep their values until the lattice is of use again.
+        let is_far = |f: &f32| f.abs() > NEAR * Lattice::cell(&BALL);
+        let kept = first.state.values.iter().zip(&third.state.values);
+        assert!(kept.filter(|(f, _)| is_far(f)).all(|(before, after)| before == after));
+        let fourth = FieldLattice::after(Some(third), &large, &BALL);
+        assert!(fourth.get().is_some());
+        assert_eq!(fourth.state.values, FieldLattice::after(None, &large, &BALL).state.values);
+    }
+
+    #[test]
+    fn a_checkpoint_of_another_size_is_refused() {
+        let state = FieldLattice::after(None, &model(0.5), &BALL).state;
+        let restored = FieldLattice::restored(state.clone(), &BALL, Path::new("state"));
+        assert_eq!(restored.unwrap().state, state);
+        let cut = LatticeState { values: state.values[1..].to_vec(), change: None };
+        let error = FieldLattice::restored(cut, &BALL, Path::new("state")).unwrap_err();
+        assert!(error.to_string().contains("lattice: found 22232, expected 22233"), "{error}");
+    }
 }

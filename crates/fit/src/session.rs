@@ -9,10 +9,10 @@ use estimate::Registry;
 use files::{ARGUMENTS, InputError};
 use loss::{Observer, Workspace};
 
-use crate::checkpoint::{Optimised, State};
+use crate::checkpoint::{LatticeState, Optimised, State};
 use crate::error::FitError;
 use crate::fit::Fit;
-use crate::lattice::restore_lattice;
+use crate::lattice::FieldLattice;
 use crate::metrics::Metrics;
 use crate::metrics_file::MetricsFile;
 use crate::model::Model;
@@ -174,7 +174,11 @@ impl Session {
         photographs.restore_exposures(state.exposures.as_ref(), &checkpoint)?;
         photographs.restore_corrections(&state.corrections, &fit.file, &checkpoint)?;
         fit.set_windows();
-        restore_lattice(fit, state.lattice.map(Cow::into_owned), &checkpoint)?;
+        let ball = fit.ball();
+        let restored = |own: Cow<'_, LatticeState>| {
+            FieldLattice::restored(own.into_owned(), &ball, &checkpoint)
+        };
+        fit.lattice = state.lattice.map(restored).transpose()?;
         Ok(())
     }
 }

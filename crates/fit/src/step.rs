@@ -1,7 +1,7 @@
 //! One iteration of a fit: the way of a pixel from its draw to a step of the parameters.
 
 use field::Evaluations;
-use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level};
+use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level, sharpness};
 use loss::{Gradient, Stage, Workspace};
 use multiview::calibrate::CameraDecision;
 use random::{Name, Stream};
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::camera_trial::start_refinement;
 use crate::error::FitError;
 use crate::fit::Fit;
-use crate::lattice::refresh_lattice;
+use crate::lattice::{FieldLattice, PERIOD};
 use crate::metrics::StepMetrics;
 use crate::objective::{DrawnPixels, differentiate};
 use crate::optimiser::StepTime;
@@ -45,7 +45,7 @@ impl Fit {
     pub fn step(&mut self, work: &mut Workspace) -> Result<StepMetrics, FitError> {
         let trial = start_refinement(self)?;
         survey_surface(self)?;
-        refresh_lattice(self);
+        self.refresh_lattice();
 
         let drawn = draw(self);
 
@@ -58,6 +58,17 @@ impl Fit {
         let metrics = self.metrics(&added, evaluations, drawn.level, norm, trial);
         work.reuse(added.parameters);
         Ok(metrics)
+    }
+
+    /// Makes a lattice of the field, if it is time: rays of a sharp surface skip empty space by it.
+    fn refresh_lattice(&mut self) {
+        let is_sharp = sharpness(self.progress(), self.file.options.soft()).is_none();
+        if !is_sharp || self.estimator.reach().is_none() {
+            self.lattice = None;
+        } else if self.clock.iteration.is_multiple_of(PERIOD) || self.lattice.is_none() {
+            let (last, ball) = (self.lattice.take(), self.ball());
+            self.lattice = Some(FieldLattice::after(last, &self.model, &ball));
+        }
     }
 
     /// Takes a step against a gradient. Returns the norm of the gradient by field and radiance,

@@ -82,16 +82,10 @@ fn compare(name: &str, field: &dyn Field<f64>, lattice: &Lattice<f64>, relaxatio
         let difference = found.clearance.min(REACH) - expected.clearance.min(REACH);
         other += u32::from(difference.abs() > 0.25 * REACH);
     }
-    let ratio = after as f64 / before as f64;
-    println!(
-        "{name}: {hits} hits, {near} approaches, {other} others, {ratio:.3} of {:.2} evaluations \
-         a ray",
-        before as f64 / rays.len() as f64
-    );
     assert!(hits + near > 100, "{name}: {hits} hits and {near} approaches");
     let share = f64::from(other) / f64::from(near);
     assert!(share <= OTHER_APPROACHES, "{name}: {other} of {near} approaches differ");
-    ratio
+    after as f64 / before as f64
 }
 
 fn solids() -> Vec<(&'static str, Box<dyn Field<f64>>)> {
