@@ -8,7 +8,7 @@ use field::BackgroundRay;
 use field::{SurfaceAdjoint, SurfaceBatch};
 use glam::Vec3;
 use multiview::stereo::Guide;
-use random::Name;
+use random::{Name, Stream};
 use render::{InvalidField, Sample, normals};
 use trace::HitAdjoint;
 
@@ -25,10 +25,17 @@ use guide::add_guide;
 /// An interval of less weight counts as empty: it has no opacity and needs no colour.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-/// Coefficients of f below this, relative to the largest that one interval can give, are left out.
-const NEGLIGIBLE: f32 = 1e-4;
+/// Adjoints of small size are passed on by chance, with a probability in proportion to their size,
+/// and are then as large as this: the same in the mean. For coefficients of f, relative to the
+/// largest that one interval can give. Smaller ones are a third of the sum of sizes, and nine in ten
+/// of all.
+const LEAST_COEFFICIENT: f32 = 1e-2;
+
+/// The same for the weights of intervals with a colour.
+const LEAST_COLOR: f32 = 0.05;
 
 const RAY_POINTS: Name = Name::new("points of a ray whose opacity is summed", 25);
+const CHANCES: Name = Name::new("small adjoints of a soft surface that are passed on", 34);
 
 /// The least weight of an interval whose middle counts as a point of the surface.
 const SURFACE: f32 = 0.1;
@@ -52,8 +59,29 @@ struct Colored {
 }
 
 impl Colored {
+    /// Adds interval number `j` of others.
+    fn push_from(&mut self, others: &Colored, j: usize) {
+        self.interval.push(others.interval[j]);
+        self.x.push(others.x[j]);
+        self.gradient.push(others.gradient[j]);
+        self.normal.push(others.normal[j]);
+        self.direction.push(others.direction[j]);
+    }
+
     fn batch(&self) -> SurfaceBatch<'_, f32> {
         SurfaceBatch { x: &self.x, normal: &self.normal, direction: &self.direction }
+    }
+}
+
+/// A number whose mean is `value`: itself if its size is at least `least`, or else ±`least` or 0.
+fn by_chance(value: f32, least: f32, stream: Stream) -> f32 {
+    let size = value.abs();
+    if size >= least {
+        value
+    } else if (stream.unit() as f32) * least < size {
+        least.copysign(value)
+    } else {
+        0.0
     }
 }
 
@@ -268,20 +296,28 @@ impl Shaded<'_> {
     /// stay where they are.
     fn reverse_colors(&self, delta: &[Vec3], out: &mut Reversed) {
         let Shaded { traced, colored, .. } = self;
-        let of_interval = |i: &usize| delta[traced.of_chord[*i / INTERVALS]] * traced.weights[*i];
-        let adjoint: Vec<Vec3> = colored.interval.iter().map(of_interval).collect();
+        let stream = traced.drawn.stream.named(CHANCES).at(0);
+        let (mut kept, mut adjoint) = (Colored::default(), Vec::new());
+        for (j, i) in colored.interval.iter().enumerate() {
+            let weight = by_chance(traced.weights[*i], LEAST_COLOR, stream.at(*i as u64));
+            if weight > 0.0 {
+                kept.push_from(colored, j);
+                adjoint.push(delta[traced.of_chord[*i / INTERVALS]] * weight);
+            }
+        }
         let mut bars = SurfaceAdjoint::zeros(adjoint.len());
         let shader = traced.drawn.objective.scene.shader;
-        shader.add_vjp(&colored.batch(), &adjoint, &mut bars, &mut out.sums.shader);
-        for (j, x) in colored.x.iter().enumerate() {
-            let c = HitAdjoint::<f32>::normal_coefficient(colored.gradient[j], bars.normal[j]);
+        shader.add_vjp(&kept.batch(), &adjoint, &mut bars, &mut out.sums.shader);
+        for (j, x) in kept.x.iter().enumerate() {
+            let c = HitAdjoint::<f32>::normal_coefficient(kept.gradient[j], bars.normal[j]);
             out.push_gradient(*x, c);
         }
     }
 
     /// Adds the adjoints of the values of f.
     fn reverse_opacity(&self, delta: &[Vec3], out: &mut Reversed) {
-        let Traced { sharpness, chords, of_chord, points, weights, last, .. } = &self.traced;
+        let Traced { drawn, sharpness, chords, of_chord, points, weights, last, .. } = &self.traced;
+        let stream = drawn.stream.named(CHANCES).at(1);
         let mut along = [0.0; INTERVALS];
         for (i, chord) in chords.iter().enumerate() {
             let sample = of_chord[i];
@@ -295,9 +331,13 @@ impl Shaded<'_> {
             let mut bars = [0.0; POINTS];
             value_vjp(*sharpness, &f[..POINTS], &weights[own], last, &along, &mut bars);
 
-            let least = NEGLIGIBLE * delta.length() * sharpness;
-            for (t, alpha) in t.iter().zip(bars).filter(|(_, alpha)| alpha.abs() > least) {
-                out.push_value(chord.at(*t), alpha);
+            let least = LEAST_COEFFICIENT * delta.length() * sharpness;
+            let stream = stream.at(i as u64);
+            for (k, (t, alpha)) in t.iter().zip(bars).enumerate() {
+                let alpha = by_chance(alpha, least, stream.at(k as u64));
+                if alpha != 0.0 {
+                    out.push_value(chord.at(*t), alpha);
+                }
             }
         }
     }
