@@ -40,8 +40,9 @@ fn main() -> Result<()> {
 /// The tasks of some iterations of a run, shared as for this number of workers.
 fn tasks_of(run: &Path, workers: usize, iterations: u64) -> Result<Vec<Vec<Task>>> {
     let mut file = RunFile::load(run)?;
-    file.options.preview_every = u64::MAX;
-    file.options.checkpoint_every = u64::MAX;
+    // fit.toml holds no larger integer.
+    file.options.preview_every = i64::MAX as u64;
+    file.options.checkpoint_every = i64::MAX as u64;
     let dataset = file.read(None)?;
     let dataset = file.prepare(dataset);
     // The run is not changed: files of the end go to another folder.
