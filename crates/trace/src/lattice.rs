@@ -16,6 +16,15 @@ const NODES: usize = CELLS + 1;
 /// at most if f has a kink.
 const ERROR_OF_DIFFERENCE: f64 = 0.5;
 
+/// The distance between the numbers of neighbouring nodes, by axis.
+const BESIDE: [usize; 3] = [NODES * NODES, NODES, 1];
+
+/// The numbers of the nodes of a cell, without that of its first node.
+const CORNERS: [usize; 8] = {
+    let [x, y, z] = BESIDE;
+    [0, z, y, y + z, x, x + z, x + y, x + y + z]
+};
+
 /// A skipped part ends where the empty ball has a smaller radius than this, in cells: the next steps
 /// would gain less than an evaluation of f there.
 const SHORTEST_STEP: f64 = 1.0 / 16.0;
@@ -89,17 +98,18 @@ impl<R: Real> Lattice<R> {
         let mut f = vec![R::nan(); NODES.pow(3)];
         assert_eq!(values.len(), nodes_of(ball).count(), "values of a lattice");
         nodes_of(ball).zip(values).for_each(|(node, value)| f[number(node)] = *value);
-        let differences = all_nodes().map(|node| second_difference(&f, node)).collect::<Vec<R>>();
-        let cells = (0..CELLS.pow(3)).map(|cell| of_number(cell, CELLS));
-        let largest = |cell: [usize; 3]| {
-            let corners = corners_of(cell).map(|node| differences[number(node)]);
-            // `max` of a NaN and a number is the number.
-            let is_known = corners_of(cell).iter().all(|node| f[number(*node)].is_finite());
-            let largest = corners.into_iter().fold(R::zero(), R::max);
-            if is_known { largest * R::of(ERROR_OF_DIFFERENCE) } else { R::nan() }
-        };
+        let differences = second_differences(&f);
+        let mut error = Vec::with_capacity(CELLS.pow(3));
+        for first in all_cells() {
+            let (mut largest, mut sum) = (R::zero(), R::zero());
+            for corner in CORNERS {
+                largest = largest.max(differences[first + corner]);
+                sum += f[first + corner];
+            }
+            let error_of_cell = largest * R::of(ERROR_OF_DIFFERENCE);
+            error.push(if sum.is_nan() { R::nan() } else { error_of_cell });
+        }
         let cell = cell_of(ball);
-        let error = cells.map(largest).collect();
         let slope = steepest(&f) / cell;
         Lattice { corner: place(ball, [0; 3]), cell, f, error, drift: R::zero(), slope }
     }
@@ -216,37 +226,41 @@ fn number([x, y, z]: [usize; 3]) -> usize {
     (x * NODES + y) * NODES + z
 }
 
-/// The nodes of a cell.
-fn corners_of(cell: [usize; 3]) -> [[usize; 3]; 8] {
-    std::array::from_fn(|corner| std::array::from_fn(|a| cell[a] + (corner >> a & 1)))
+/// The first node of each cell, x slowest.
+fn all_cells() -> impl Iterator<Item = usize> {
+    let rows = (0..CELLS).flat_map(|x| (0..CELLS).map(move |y| number([x, y, 0])));
+    rows.flat_map(|row| row..row + CELLS)
 }
 
-/// The root of the sum over axes of the squared second differences of f around a node. An axis
-/// without both neighbours counts with the node beside.
-fn second_difference<R: Real>(f: &[R], node: [usize; 3]) -> R {
-    let along = |a: usize| {
-        let mut middle = node;
-        middle[a] = node[a].clamp(1, CELLS - 1);
-        let at = |step: isize| {
-            let mut other = middle;
-            other[a] = other[a].wrapping_add_signed(step);
-            f[number(other)]
-        };
-        let difference = at(-1) + at(1) - (at(0) + at(0));
-        if difference.is_nan() { R::zero() } else { difference }
-    };
-    [0, 1, 2].map(|a| along(a).powi(2)).into_iter().fold(R::zero(), |sum, d| sum + d).sqrt()
+/// For each node, the root of the sum over axes of the squared second differences of f around it.
+/// At the ends of an axis, that of the node beside counts; without a value, none.
+fn second_differences<R: Real>(f: &[R]) -> Vec<R> {
+    let mut squares = vec![R::zero(); f.len()];
+    for beside in BESIDE {
+        for (number, square) in squares.iter_mut().enumerate() {
+            let place = number / beside % NODES;
+            let middle = match place {
+                0 => number + beside,
+                CELLS => number - beside,
+                _ => number,
+            };
+            let difference = f[middle - beside] + f[middle + beside] - (f[middle] + f[middle]);
+            if !difference.is_nan() {
+                *square += difference * difference;
+            }
+        }
+    }
+    squares.iter_mut().for_each(|square| *square = square.sqrt());
+    squares
 }
 
 /// The largest difference of f between neighbouring nodes.
 fn steepest<R: Real>(f: &[R]) -> R {
-    let beside = [NODES * NODES, NODES, 1];
-    let largest = |(number, node): (usize, [usize; 3])| {
-        let of_axis = |a: usize| {
-            if node[a] == CELLS { R::zero() } else { (f[number + beside[a]] - f[number]).abs() }
-        };
+    let of_axis = |beside: usize| {
+        let pairs = f.iter().zip(&f[beside..]).enumerate();
+        let neighbours = pairs.filter(|(number, _)| number / beside % NODES < CELLS);
         // `max` of a NaN and a number is the number.
-        [0, 1, 2].map(of_axis).into_iter().fold(R::zero(), R::max)
+        neighbours.fold(R::zero(), |most, (_, (a, b))| most.max((*b - *a).abs()))
     };
-    all_nodes().enumerate().map(largest).fold(R::zero(), R::max)
+    BESIDE.map(of_axis).into_iter().fold(R::zero(), R::max)
 }

@@ -231,11 +231,13 @@ impl Splines {
             let planes =
                 table[*start..][..side * plane * features].par_chunks_mut(plane * features);
             planes.enumerate().for_each(|(x, table)| {
-                let (first, nodes) = support.nodes_between(x * plane..(x + 1) * plane);
-                let free = free[first * features..].chunks_exact(features);
-                for (node, free) in nodes.zip(free) {
-                    let at = (node - x * plane) * features;
-                    table[at..at + features].copy_from_slice(free);
+                let (first, spans) = support.spans_between(x * plane..(x + 1) * plane);
+                let mut free = &free[first * features..];
+                for span in spans {
+                    let (own, rest) = free.split_at(span.len() * features);
+                    let at = (span.start - x * plane) * features;
+                    table[at..at + own.len()].copy_from_slice(own);
+                    free = rest;
                 }
             });
         }

@@ -119,19 +119,22 @@ impl Support {
         Run { is_free, slot: (before[word] + below.count_ones()) as usize }
     }
 
-    /// The free nodes in a range, and the number of the first of them among the free ones.
-    pub(crate) fn nodes_between(
+    /// The free nodes in a range as spans of consecutive ones, and the number of the first of them
+    /// among the free ones.
+    pub(crate) fn spans_between(
         &self,
         range: Range<usize>,
-    ) -> (usize, impl Iterator<Item = usize> + '_) {
-        let slots = match &self.sparse {
-            None => range,
+    ) -> (usize, impl Iterator<Item = Range<usize>> + '_) {
+        let (first, nodes, all) = match &self.sparse {
+            None => (range.start, &[][..], Some(range)),
             Some(Sparse { nodes, .. }) => {
                 let slot = |node: usize| nodes.partition_point(|n| (*n as usize) < node);
-                slot(range.start)..slot(range.end)
+                let slots = slot(range.start)..slot(range.end);
+                (slots.start, &nodes[slots], None)
             }
         };
-        (slots.start, slots.map(|slot| self.node(slot)))
+        let span = |own: &[u32]| own[0] as usize..own[0] as usize + own.len();
+        (first, all.into_iter().chain(nodes.chunk_by(|a, b| *b == a + 1).map(span)))
     }
 
     /// The free nodes, in the order of their numbers.
