@@ -153,7 +153,7 @@ fn protections_of_a_fit_are_options_that_a_resumed_run_keeps() {
     }
     // Few gradients of this fit are three times as long as usual.
     let bare = fit("bare", &none);
-    let clipped = fit("clipped", &[&none[..2], &["--clip=1.5"]].concat());
+    let clipped = fit("clipped", &[&none[..2], &["--clip=1.01"]].concat());
     assert!(model(&bare) != model(&clipped), "--clip has no effect");
 
     let halves = fit("halves", &[&none[..], &["--stop-after=20"]].concat());
