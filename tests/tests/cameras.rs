@@ -69,6 +69,20 @@ fn difference(a: &[DMat4], b: &[DMat4]) -> f64 {
     sum / count
 }
 
+/// Puts black photographs of 24 × 24 pixels in the place of those of a data set.
+fn shrink(data: &str) {
+    fs::remove_dir_all(format!("{data}/masks")).unwrap();
+    for part in ["train", "test"] {
+        let path = format!("{data}/transforms_{part}.json");
+        let mut root = read(&path);
+        [root["w"], root["h"]] = [json!(24), json!(24)];
+        fs::write(path, root.to_string()).unwrap();
+        for entry in fs::read_dir(format!("{data}/{part}")).unwrap() {
+            image::RgbImage::new(24, 24).save(entry.unwrap().path()).unwrap();
+        }
+    }
+}
+
 #[test]
 fn a_fit_refines_disturbed_poses() {
     let folder = Folder::new();
@@ -130,16 +144,7 @@ fn a_fit_refines_disturbed_poses() {
     refused(&["eval", &run], 2, &["cameras.json: cameras: ", "found nothing"]);
     // Corrections in pixels are those of photographs of one size.
     fs::write(&broken, refined).unwrap();
-    fs::remove_dir_all(format!("{data}/masks")).unwrap();
-    for part in ["train", "test"] {
-        let path = format!("{data}/transforms_{part}.json");
-        let mut root = read(&path);
-        [root["w"], root["h"]] = [json!(24), json!(24)];
-        fs::write(path, root.to_string()).unwrap();
-        for entry in fs::read_dir(format!("{data}/{part}")).unwrap() {
-            image::RgbImage::new(24, 24).save(entry.unwrap().path()).unwrap();
-        }
-    }
+    shrink(&data);
     let resume = ["fit", "--resume", "-o", &run, "--iterations", "700"];
     refused(&resume, 2, &["size: found 24 x 24 pixels, expected 48 x 48", "cameras.json"]);
 }
