@@ -34,10 +34,21 @@ pub(crate) struct RayState<R> {
     recent: [Option<Point<R>>; 2],
     /// L: the steepest |Δf/Δt| met so far, at least 1/ρ with the relaxation ρ ≤ 1 of the options.
     steepest: R,
-    /// The part of the ray before `t` that is skipped, with its begin.
-    skipped: Option<(R, Skip<R>)>,
+    /// The part of the ray before `t`, if it is skipped.
+    skipped: Option<Skipped<R>>,
     /// Whether the lattice was right so far.
     trusts: bool,
+}
+
+/// A skipped part of a ray.
+#[derive(Clone, Copy)]
+struct Skipped<R> {
+    /// The distance of its begin.
+    from: R,
+    /// A lower bound of f at its end.
+    bound: R,
+    /// ∂f/∂t there, by the lattice.
+    slope: R,
 }
 
 impl<R: Real> RayState<R> {
@@ -141,8 +152,9 @@ impl<'a, R: Real> Tracer<'a, R> {
         if skip.closest.f.is_finite() {
             self.note_approach(skip.closest, s.steepest);
         }
-        (s.t, s.recent, s.skipped) = (skip.t, [None; 2], Some((from, skip)));
-        skip.t < self.ray.far || self.end_beside(s)
+        let Skip { t, bound, slope, .. } = skip;
+        (s.t, s.recent, s.skipped) = (t, [None; 2], Some(Skipped { from, bound, slope }));
+        t < self.ray.far || self.end_beside(s)
     }
 
     /// Goes back to the begin `from` of a skipped part: the lattice was wrong there.
@@ -210,8 +222,8 @@ impl<'a, R: Real> Tracer<'a, R> {
     /// Decides on a point of the march: go on, take the step back, or look for a root or a dip.
     fn march(&mut self, s: &mut RayState<R>, here: Point<R>) -> bool {
         let [Some(last), before] = s.recent else {
-            if let Some((from, _)) = s.skipped.filter(|(_, skip)| here.f < skip.bound) {
-                return self.go_back(s, from);
+            if let Some(skipped) = s.skipped.filter(|skipped| here.f < skipped.bound) {
+                return self.go_back(s, skipped.from);
             }
             if here.f <= R::zero() {
                 return self.end(Outcome::Inside, here);
@@ -299,12 +311,15 @@ impl<'a, R: Real> Tracer<'a, R> {
         s.recent = [Some(here), last];
         s.phase = Phase::March;
         self.note_lowest(here);
-        let rises = last.is_some_and(|last| here.f > last.f);
+        let rises = self.lattice.is_some() && last.is_some_and(|last| here.f > last.f);
         let radius = here.f / s.steepest;
         // After a skipped part, the slope of the lattice stands for the point before.
         let by_slope =
-            |(_, skip): (R, Skip<R>)| Point { t: here.t - radius, f: here.f - skip.slope * radius };
-        let last = last.or(s.skipped.take().map(by_slope));
+            |skipped: Skipped<R>| Point { t: here.t - radius, f: here.f - skipped.slope * radius };
+        let last = match last {
+            None => s.skipped.take().map(by_slope),
+            last => last,
+        };
         let step = match last {
             None => radius.min(self.first_step()),
             Some(last) => touching_step(s.steepest, radius, last, here),
