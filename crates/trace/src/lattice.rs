@@ -81,8 +81,11 @@ impl<R: Real> Lattice<R> {
     }
 
     /// The length of a side of a cell around a ball, in world units.
+    ///
+    /// The ball touches the outer cells from inside at half of their width, so that rounding does
+    /// not bring the ends of rays outside.
     pub fn cell(ball: &Sphere<R>) -> R {
-        cell_of(ball)
+        ball.radius * R::of(2.0 / (CELLS as f64 - 1.0))
     }
 
     /// The nodes around a ball at which a lattice needs values of f, in world units.
@@ -109,7 +112,7 @@ impl<R: Real> Lattice<R> {
             let error_of_cell = largest * R::of(ERROR_OF_DIFFERENCE);
             error.push(if sum.is_nan() { R::nan() } else { error_of_cell });
         }
-        let cell = cell_of(ball);
+        let cell = Self::cell(ball);
         let slope = steepest(&f) / cell;
         Lattice { corner: place(ball, [0; 3]), cell, f, error, drift: R::zero(), slope }
     }
@@ -187,24 +190,17 @@ impl<R: Real> Lattice<R> {
     }
 }
 
-/// The length of a side of a cell.
-fn cell_of<R: Real>(ball: &Sphere<R>) -> R {
-    // The ball touches the outer cells from inside at half of their width, so that rounding does
-    // not bring the ends of rays outside.
-    ball.radius * R::of(2.0 / (CELLS as f64 - 1.0))
-}
-
 /// A node in world space.
 fn place<R: Real>(ball: &Sphere<R>, node: [usize; 3]) -> R::Vec3 {
-    let cell = cell_of(ball);
+    let cell = Lattice::cell(ball);
     let offset = node.map(|i| R::of(i as f64 - 0.5 * CELLS as f64) * cell);
     ball.center + R::Vec3::from_array(offset)
 }
 
 /// The nodes of all cells that meet the ball, and some more.
 fn nodes_of<R: Real>(ball: &Sphere<R>) -> impl Iterator<Item = [usize; 3]> {
-    let most = (ball.radius + cell_of(ball) * R::of(2.0)).to_double();
-    let cell = cell_of(ball).to_double();
+    let most = (ball.radius + Lattice::cell(ball) * R::of(2.0)).to_double();
+    let cell = Lattice::cell(ball).to_double();
     let away = move |node: &[usize; 3]| {
         let square = |i: usize| ((i as f64 - 0.5 * CELLS as f64) * cell).powi(2);
         node.map(square).iter().sum::<f64>().sqrt()

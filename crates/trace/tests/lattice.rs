@@ -1,8 +1,12 @@
 //! Rays that skip space by a lattice find what rays without it find, in fewer evaluations.
 
-use field::{Counted, Csg, Field, Kind, Operation, Shape, Sphere};
+mod common;
+
+use field::{Counted, Field, Kind, Shape, Sphere};
 use glam::DVec3;
 use trace::{Intersection, Lattice, Options, Outcome, Ray, intersect_rows};
+
+use common::solids;
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::new(0.1, -0.2, 0.3), radius: 1.5 };
 
@@ -86,22 +90,6 @@ fn compare(name: &str, field: &dyn Field<f64>, lattice: &Lattice<f64>, relaxatio
     let share = f64::from(other) / f64::from(near);
     assert!(share <= OTHER_APPROACHES, "{name}: {other} of {near} approaches differ");
     after as f64 / before as f64
-}
-
-fn solids() -> Vec<(&'static str, Box<dyn Field<f64>>)> {
-    let torus =
-        || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25]));
-    let capsule =
-        || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2]));
-    let cube = || Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.4]));
-    vec![
-        ("ball", Box::new(Shape::sphere([0.1, 0.0, -0.2], 0.7))),
-        ("torus", torus()),
-        ("cube", cube()),
-        ("union", Box::new(Csg::new(Operation::Union, vec![torus(), capsule()]))),
-        ("subtraction", Box::new(Csg::new(Operation::Subtraction, vec![cube(), capsule()]))),
-        ("smooth union", Box::new(Csg::smooth_union(0.3, vec![torus(), capsule()]))),
-    ]
 }
 
 #[test]

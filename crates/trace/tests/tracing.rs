@@ -1,14 +1,18 @@
 //! Hits against closed forms, grazing rays, fields that are not distances, NaN and infinities, and
 //! derivatives against finite differences.
 
+mod common;
+
 use approx::assert_relative_eq;
-use field::{Counted, Csg, Field, Kind, Operation, Shape, Sphere, Vector3};
+use field::{Counted, Csg, Field, Kind, Shape, Sphere, Vector3};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use trace::{
     HitAdjoint, Intersection, Options, Outcome, Ray, entry_derivative, hit_film_derivative,
     hit_vjp, intersect, visit,
 };
+
+use common::solids;
 
 const BOUNDS: Sphere<f64> = Sphere { center: DVec3::ZERO, radius: 2.0 };
 
@@ -32,23 +36,6 @@ fn value(field: &dyn Field<f64>, x: DVec3) -> f64 {
     let mut f = [0.0];
     field.value(&[x], &mut f);
     f[0]
-}
-
-fn solids() -> Vec<Box<dyn Field<f64>>> {
-    let torus =
-        || Box::new(Shape::<f64>::new(Kind::Torus, &[0.0, 0.1, 0.0, 0.3, 1.0, 0.2, 0.8, 0.25]));
-    let capsule =
-        || Box::new(Shape::<f64>::new(Kind::Capsule, &[-0.8, 0.0, 0.2, 0.7, 0.4, -0.3, 0.2]));
-    let cube = || Box::new(Shape::<f64>::new(Kind::Box, &[0.1, 0.0, 0.0, 0.6, 0.5, 0.4]));
-    vec![
-        Box::new(Shape::sphere([0.1, 0.0, -0.2], 0.7)),
-        torus(),
-        capsule(),
-        cube(),
-        Box::new(Csg::new(Operation::Union, vec![torus(), capsule()])),
-        Box::new(Csg::new(Operation::Subtraction, vec![cube(), capsule()])),
-        Box::new(Csg::smooth_union(0.3, vec![torus(), capsule()])),
-    ]
 }
 
 /// A field times a factor: |∇f| is the factor.
@@ -123,7 +110,7 @@ proptest! {
         aim in prop::array::uniform3(-0.8..0.8f64),
         factor in prop::sample::select(vec![0.3, 1.0, 1.8]),
     ) {
-        for solid in solids() {
+        for (_, solid) in solids() {
             let field = Scaled(solid, factor);
             let (origin, target) = (from * 4.0, DVec3::from(aim));
             let direction = (target - origin).normalize();
@@ -211,7 +198,7 @@ proptest! {
         aim in prop::array::uniform3(-0.8..0.8f64),
         step_limit in 1u32..40,
     ) {
-        for solid in solids() {
+        for (_, solid) in solids() {
             let origin = from * 4.0;
             let direction = (DVec3::from(aim) - origin).normalize();
             let ray = Ray::enter(origin, direction, &BOUNDS).unwrap();
@@ -237,7 +224,7 @@ proptest! {
         aim in prop::array::uniform3(-0.5..0.5f64),
         dot in unit(),
     ) {
-        for solid in solids() {
+        for (_, solid) in solids() {
             let origin = DVec3::new(0.3, 0.5, 4.0);
             let direction = (DVec3::from(aim) - origin).normalize();
             let dot = dot.reject_from_normalized(direction);
@@ -377,7 +364,7 @@ fn rays_end_where_min_step_is_below_the_spacing_of_numbers() {
 
 #[test]
 fn a_view_costs_fewer_than_16_evaluations_per_ray() {
-    for solid in solids() {
+    for (_, solid) in solids() {
         let field = Counted::new(solid);
         let mut rays = Vec::new();
         for i in 0..64 * 64 {
