@@ -55,9 +55,12 @@ pub fn render<R: Real>(
     let (scene, stream) = (&scene.clipped_to_solid(), Stream::of_seed(seed));
     let (width, height) = (scene.cameras[camera].width, scene.cameras[camera].height);
     let count = width as usize * height as usize;
-    let lattice = scene.lattice_for(count as u64 * u64::from(spp));
+    let made = match scene.lattice {
+        None => scene.lattice_for(count as u64 * u64::from(spp)),
+        Some(_) => None,
+    };
     // No closest approach matters to an image.
-    let scene = &scene.with_lattice(lattice.as_ref(), 0.0);
+    let scene = &scene.with_lattice(scene.lattice.or(made.as_ref()), 0.0);
     let done = AtomicUsize::new(0);
     let size = (CHUNK / spp as usize).max(1);
     let mut out = Render {

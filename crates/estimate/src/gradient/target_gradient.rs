@@ -46,10 +46,10 @@ pub fn target_gradient<R: Real>(
     sampling: Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<TargetGradient<R>, InvalidField> {
-    let image = image(scene, estimator, sampling, &|p| progress(0.2 * p))?;
-    let (loss, adjoint) = loss_adjoint::<R>(&image, target);
     let lattice = lattice(scene, estimator, sampling.counts);
     let scene = &with_lattice(scene, lattice.as_ref());
+    let image = image(scene, estimator, sampling, &|p| progress(0.2 * p))?;
+    let (loss, adjoint) = loss_adjoint::<R>(&image, target);
     let parts = sampling.replicates(estimator.depends_on_seed());
     let camera = &scene.cameras[0];
     let of = |p: &render::Pixel| adjoint[p.y as usize * camera.width as usize + p.x as usize];
