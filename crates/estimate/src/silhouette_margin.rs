@@ -5,12 +5,6 @@ use glam::DVec2;
 use render::{Camera, Pixel, Primary, Sample, Scene, TracedRay, TracedSample};
 use trace::Outcome;
 
-/// The largest distance, in pixels, from a sample to a silhouette that crosses the sample's pixel.
-/// The sample may be in one corner and the silhouette in the opposite one, √2 away; the rest is a
-/// margin for the error of first order. In the gradient suite `refined` has the same errors at 1.1
-/// and 3.2, with 0.987 and 1.004 times the evaluations.
-const REACH: f64 = 1.6;
-
 /// A hit whose cosine between reversed ray and normal is above this has no silhouette near it.
 /// At the distance s from a silhouette of radius r, cos² = 2 s/r, so this holds for r ≥ 8 pixels.
 /// In the gradient suite `refined` has the same errors at 0.5 and 0.8, with 0.966 and 1.023 times
@@ -30,6 +24,12 @@ pub struct SilhouetteMargin {
 }
 
 impl SilhouetteMargin {
+    /// The largest distance, in pixels, from a sample to a silhouette that crosses the sample's pixel.
+    /// The sample may be in one corner and the silhouette in the opposite one, √2 away; the rest is a
+    /// margin for the error of first order. In the gradient suite `refined` has the same errors at 1.1
+    /// and 3.2, with 0.987 and 1.004 times the evaluations.
+    pub const REACH: f64 = 1.6;
+
     /// For estimators that also test corners and further samples. The outline of a ball of 2.5
     /// pixels stays within this margin of its tangent.
     pub const SMALL: SilhouetteMargin =
@@ -61,7 +61,7 @@ pub fn near_silhouettes<R: Real>(
     let mut near = vec![false; primary.samples.len()];
     mark_small_balls(scene, primary, &mut near);
     let traced = primary.samples.iter().map(|s| (s.sample, primary.ray_of(s)));
-    for passage in passages(scene, traced, REACH) {
+    for passage in passages(scene, traced, SilhouetteMargin::REACH) {
         let sample = &primary.samples[passage.sample].sample;
         near[passage.sample] = passage.crosses(sample, &pixel_of(sample), margin);
     }
@@ -78,7 +78,7 @@ fn pixel_of(Sample { camera, u }: &Sample) -> Pixel {
 /// between the samples.
 fn mark_small_balls<R: Real>(scene: &Scene<'_, R>, primary: &Primary<R>, near: &mut [bool]) {
     let ball = &scene.tracing.ball;
-    let reach = |camera: &Camera| R::of(camera.pixel_angle() * REACH);
+    let reach = |camera: &Camera| R::of(camera.pixel_angle() * SilhouetteMargin::REACH);
     let is_small = |camera: &Camera| {
         ball.radius < reach(camera) * (ball.center - R::Vec3::of(camera.eye)).length()
     };
@@ -180,7 +180,8 @@ fn mark_grazing<R: Real>(
         let corner = pixel_of(sample).corner();
         near[primary.hits[h].sample] |= away.is_nan()
             || away <= 0.0
-            || (away <= REACH && line_meets(sample.u, corner, fall, [away; 2], margin));
+            || (away <= SilhouetteMargin::REACH
+                && line_meets(sample.u, corner, fall, [away; 2], margin));
     }
 }
 

@@ -32,6 +32,6 @@ pub use partial_sum::{Additions, PartialSum, TableSum};
 pub use real::{Real, Vector3};
 pub use shader::{Precision, Shader};
 pub use shape::{Kind, Shape};
-pub use slope::{SLOPE_POINTS, slope};
+pub use slope::{SLOPE_POINTS, slope, slope_of, slope_places};
 pub use sphere::Sphere;
 pub use surface::{SurfaceAdjoint, SurfaceBatch};

@@ -23,20 +23,35 @@ pub const SLOPE_POINTS: u64 = 4096;
 ///
 /// It costs nothing for a field that is known to be Lipschitz. The points are the same at every
 /// call. Points whose gradient is not finite are left out.
+///
+/// It is [`slope_of`] the gradients at the [`slope_places`], which threads can share.
 pub fn slope<R: Real>(field: &dyn Field<R>, ball: &Sphere<R>, points: u64) -> R {
     if field.is_lipschitz() {
         return R::one();
     }
+    let x = slope_places(ball, points);
+    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
+    field.value_gradient(&x, &mut f, &mut gradient);
+    slope_of::<R>(&gradient)
+}
+
+/// The places of a ball at which [`slope`] measures, in world units.
+pub fn slope_places<R: Real>(ball: &Sphere<R>, points: u64) -> Vec<R::Vec3> {
     let stream = Stream::of_seed(0).named(SLOPES);
-    let point = |i: u64| {
+    let place = |i: u64| {
         let unit = stream.at(i).in_ball().map(R::of);
         ball.center + R::Vec3::from_array(unit) * ball.radius
     };
-    let x: Vec<R::Vec3> = (0..points).map(point).collect();
-    let (mut f, mut gradient) = (vec![R::zero(); x.len()], vec![R::Vec3::zero(); x.len()]);
-    field.value_gradient(&x, &mut f, &mut gradient);
-    let mut slopes: Vec<f64> =
-        gradient.iter().map(|g| g.length().to_double()).filter(|slope| slope.is_finite()).collect();
+    (0..points).map(place).collect()
+}
+
+/// The [`slope`] of a field with these gradients.
+pub fn slope_of<R: Real>(gradients: &[R::Vec3]) -> R {
+    let mut slopes: Vec<f64> = gradients
+        .iter()
+        .map(|g| g.length().to_double())
+        .filter(|slope| slope.is_finite())
+        .collect();
     if slopes.is_empty() {
         return R::one();
     }

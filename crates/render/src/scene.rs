@@ -110,6 +110,12 @@ impl<'a, R: Real> Scene<'a, R> {
         Scene { lattice, reach, ..self }
     }
 
+    /// The scene for rays whose closest approaches do not matter from a clearance of `reach` pixels
+    /// on: a lattice can skip them.
+    pub fn within_reach(self, reach: f64) -> Self {
+        Scene { reach: self.reach.min(reach), ..self }
+    }
+
     /// The scene for hits alone: rays start and end near the ball of `Field::bounds`, which holds
     /// the solid, instead of on the bounding sphere.
     ///

@@ -127,8 +127,8 @@ impl<R: Real> Lattice<R> {
     /// at most `steepest`.
     ///
     /// It ends where a falling ray meets the surface, or else where the ray comes so close to the
-    /// surface that its approach matters. `None` if no part is empty.
-    pub(crate) fn skip(&self, ray: &Ray<R>, from: R, steepest: R) -> Option<Skip<R>> {
+    /// surface that its approach matters: with a clearance below `reach`. `None` if no part is empty.
+    pub(crate) fn skip(&self, ray: &Ray<R>, from: R, reach: R, steepest: R) -> Option<Skip<R>> {
         let steepest = steepest.max(self.slope);
         let shortest = self.cell * R::of(SHORTEST_STEP);
         let (mut t, mut clear, mut is_near) = (from, None, false);
@@ -138,7 +138,7 @@ impl<R: Real> Lattice<R> {
             let bound = f - error;
             let radius = bound / steepest;
             let was_near = is_near;
-            is_near = radius <= ray.reach * t;
+            is_near = radius <= reach * t;
             if is_near && slope > steepest * R::of(-FALLING) || was_near && !is_near {
                 return clear;
             }

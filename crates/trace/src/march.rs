@@ -32,6 +32,8 @@ pub(crate) struct RayState<R> {
     phase: Phase<R>,
     /// The last two points of the march, newest first, all with f > 0.
     recent: [Option<Point<R>>; 2],
+    /// The end of a step that was taken back.
+    ahead: Option<Point<R>>,
     /// L: the steepest |Δf/Δt| met so far, at least 1/ρ with the relaxation ρ ≤ 1 of the options.
     steepest: R,
     /// The part of the ray before `t`, if it is skipped.
@@ -58,6 +60,7 @@ impl<R: Real> RayState<R> {
             t: near,
             phase: Phase::March,
             recent: [None; 2],
+            ahead: None,
             steepest: R::one() / options.relaxation,
             skipped: None,
             trusts: true,
@@ -147,7 +150,9 @@ impl<'a, R: Real> Tracer<'a, R> {
     /// it reaches further than the state's t. Returns whether the ray goes on.
     pub(crate) fn skip(&mut self, s: &mut RayState<R>, from: R) -> bool {
         let Some(lattice) = self.lattice.filter(|_| s.trusts) else { return true };
-        let skip = lattice.skip(self.ray, from, s.steepest).filter(|skip| skip.t > s.t);
+        // Of several closest approaches, only that with the smallest clearance counts.
+        let reach = self.ray.reach.min(self.found.clearance);
+        let skip = lattice.skip(self.ray, from, reach, s.steepest).filter(|skip| skip.t > s.t);
         let Some(skip) = skip else { return true };
         if skip.closest.f.is_finite() {
             self.note_approach(skip.closest, s.steepest);
@@ -245,6 +250,10 @@ impl<'a, R: Real> Tracer<'a, R> {
         }
         self.note_lowest(here);
         self.note_minimum(s, before, last, here);
+        if let Some(ahead) = s.ahead.take().filter(|ahead| self.balls_touch(s, here, *ahead)) {
+            s.recent = [Some(here), Some(last)];
+            return self.march(s, ahead);
+        }
         self.advance_to_next(s, here)
     }
 
@@ -262,6 +271,7 @@ impl<'a, R: Real> Tracer<'a, R> {
 
     /// Takes back a step that was too long for the slope that it has shown.
     fn step_back(&mut self, s: &mut RayState<R>, last: Point<R>, here: Point<R>) -> bool {
+        s.ahead = Some(here);
         let t = last.t + (last.f / s.steepest).max(self.min_step);
         s.t = t.min((last.t + here.t) * R::of(0.5));
         true

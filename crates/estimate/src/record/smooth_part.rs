@@ -47,7 +47,7 @@ pub fn add_smooth_part<R: Real>(
 ) -> Result<(), InvalidField> {
     let SegmentSamples { samples, mut weights, axis } =
         segment_samples::<R>(lines, stratification, ends);
-    let primary = scene.primary(&samples)?;
+    let primary = scene.within_reach(0.0).primary(&samples)?;
     record.rays += samples.len() as u64;
     for (in_pixel, sample) in weights.iter_mut().zip(&primary.samples) {
         // The lines along each of the two axes sample the whole pixel: each has half of the weight.

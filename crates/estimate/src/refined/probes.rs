@@ -44,6 +44,11 @@ pub(super) struct Probes<R> {
 /// The largest number of probes of one line, for the same reason as `MAX_TANGENCIES`.
 const MAX_PROBES: usize = 256;
 
+/// A search starts at a closest approach whose clearance, in pixels, is less than this multiple of
+/// the distance on the film to the next probe, which is at most 1. With 1, it would find all
+/// silhouettes if f is a distance; the rest is a margin for other fields.
+const MARGIN: f64 = 2.0;
+
 /// A place on a line: the number of the line, and s.
 pub(super) type Place = (usize, f64);
 
@@ -60,7 +65,7 @@ impl<R: Real> Probes<R> {
         places: &[Place],
     ) -> Result<(), InvalidField> {
         // Searches start at closest approaches, which may lie outside the ball around the solid.
-        let scene = &scene.clipped_to_bounds();
+        let scene = &scene.clipped_to_bounds().within_reach(MARGIN);
         let samples: Vec<Sample> = places.iter().map(|(line, s)| lines[*line].at(*s)).collect();
         let traced = scene.trace(&samples)?;
         self.rays += samples.len() as u64;
@@ -101,11 +106,10 @@ impl<R: Real> Probes<R> {
                 reach,
                 steepest: R::of(steepest),
             };
-            // No silhouette is closer than this, in pixels, if f is a distance; the factor of two
-            // below is a margin for other fields.
+            // No silhouette is closer than this, in pixels, if f is a distance.
             let pixel_angle = R::of(scene.cameras[camera].pixel_angle());
             let away = (probe.clearance / pixel_angle).to_double();
-            if away < 2.0 * (s - before).max(after - s) {
+            if away < MARGIN * (s - before).max(after - s) {
                 let least = first_reach(scene, camera, probe.nearest);
                 let reach = (probe.clearance * probe.nearest).max(least);
                 searches.push(line, between, start(probe.nearest, reach, 1.0));

@@ -48,7 +48,7 @@ pub(super) fn visible<R: Real>(
 ) -> Result<Vec<VisibleCrossing<R>>, InvalidField> {
     let aside = ASIDE * tolerance::<R>();
     let outside: Vec<Sample> = found.iter().map(|f| beside(lines, f, aside)).collect();
-    let mut outside = scene.primary(&outside)?;
+    let mut outside = scene.within_reach(0.0).primary(&outside)?;
     move_grazing_hits(scene, lines, found, &mut outside);
     let grazing_outside = grazing_samples(&outside);
     let mut inside = inside_edges(scene, lines, found)?;
