@@ -16,6 +16,10 @@ use estimate::Registry;
 use fit::{RunFile, RunFolder, Session, Stage};
 use serde_json::json;
 
+/// The allocator of the program `dsdf`.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// The result of a step of this program.
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -77,73 +81,103 @@ fn tasks_of(run: &Path, workers: usize, iterations: u64) -> Result<Vec<Vec<Task>
     Ok(all.into_iter().skip(WARM_UP as usize).collect())
 }
 
-/// The stages of an iteration, in their order.
-const STAGES: [Stage; 8] = [
+/// The stages of an iteration.
+const STAGES: [Stage; 10] = [
     Stage::Clear,
     Stage::Soft,
     Stage::Trace,
     Stage::Record,
+    Stage::Deal,
     Stage::Reverse,
+    Stage::ReverseRecord,
     Stage::Backward,
     Stage::Sum,
-    Stage::Parameters,
+    Stage::Caller,
 ];
 
-/// The mean times per iteration, in milliseconds, and the efficiency: the time of all tasks and of
-/// the rest, over the workers' time.
+/// Times per iteration, in milliseconds, and the efficiency: the time of all tasks and of the rest,
+/// over the workers' time. Medians over the iterations: what else the machine does can lengthen a
+/// task of some of them by much.
 fn simulated(iterations: &[Vec<Task>], workers: usize) -> Result<serde_json::Value> {
-    if iterations.len() < 2 {
+    let taken = |(_, begin, end): &Task| end - begin;
+    let begin = |iteration: &[Task]| iteration.first().map_or(0.0, |task| task.1);
+    let (mut all, mut rest, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+    for both in iterations.windows(2) {
+        let seconds = begin(&both[1]) - begin(&both[0]);
+        all.push(seconds);
+        rest.push(seconds - both[0].iter().map(taken).sum::<f64>());
+        ends.push(end_of(&both[0], workers) + rest[rest.len() - 1]);
+    }
+    let [Some(all), Some(rest), Some(end)] = [all, rest, ends].map(median) else {
         return Err("the run has no iterations left".into());
-    }
-    let count = (iterations.len() - 1) as f64;
-    let mean = |seconds: f64| seconds * 1e3 / count;
-    let (mut stages, mut busy, mut ends) = (Vec::new(), 0.0, 0.0);
-    for stage in STAGES {
-        let (mut own_busy, mut own_end, mut tasks) = (0.0, 0.0, 0);
-        for iteration in &iterations[..iterations.len() - 1] {
-            let times: Vec<f64> = iteration
-                .iter()
-                .filter(|(of, ..)| *of == stage)
-                .map(|(_, begin, end)| end - begin)
-                .collect();
-            tasks += times.len();
-            own_busy += times.iter().sum::<f64>();
-            own_end += end_of(&times, stage, workers);
-        }
-        busy += own_busy;
-        ends += own_end;
-        if tasks > 0 {
-            let (tasks, all, end) = (tasks as f64 / count, mean(own_busy), mean(own_end));
-            let name = format!("{stage:?}");
-            stages.push(json!({"stage": name, "tasks": tasks, "ms": all, "simulated_ms": end}));
-        }
-    }
-    let begin = |iteration: &Vec<Task>| iteration.first().map_or(0.0, |task| task.1);
-    let all = begin(&iterations[iterations.len() - 1]) - begin(&iterations[0]);
-    let rest = all - busy;
-    let end = ends + rest;
+    };
+    let of_stage = |stage: Stage| {
+        let own = |iteration: &[Task]| {
+            iteration.iter().filter(|task| task.0 == stage).map(taken).collect::<Vec<f64>>()
+        };
+        let all: Vec<Vec<f64>> = iterations.iter().map(|iteration| own(iteration)).collect();
+        let [tasks, seconds, longest] = [
+            all.iter().map(|own| own.len() as f64).collect(),
+            all.iter().map(|own| own.iter().sum()).collect(),
+            all.iter().map(|own| own.iter().copied().fold(0.0, f64::max)).collect(),
+        ]
+        .map(|of| median(of).unwrap_or(0.0));
+        let [ms, longest_ms] = [seconds, longest].map(|seconds| seconds * 1e3);
+        json!({
+            "stage": format!("{stage:?}"),
+            "tasks": tasks,
+            "ms": ms,
+            "longest_ms": longest_ms,
+        })
+    };
     Ok(json!({
         "workers": workers,
-        "iterations": count,
-        "ms": mean(all),
-        "rest_ms": mean(rest),
-        "simulated_ms": mean(end),
+        "iterations": iterations.len() - 1,
+        "ms": all * 1e3,
+        "rest_ms": rest * 1e3,
+        "simulated_ms": end * 1e3,
         "speed_up": all / end,
         "efficiency": all / end / workers as f64,
-        "stages": stages,
+        "stages": STAGES.map(of_stage).to_vec(),
     }))
 }
 
-/// The time at which all tasks of a stage end: each goes to the first worker that is free. Loops
-/// over parameters are shared equally.
-fn end_of(times: &[f64], stage: Stage, workers: usize) -> f64 {
-    if stage == Stage::Parameters {
-        return times.iter().sum::<f64>() / workers as f64;
-    }
+fn median(mut of: Vec<f64>) -> Option<f64> {
+    of.sort_by(f64::total_cmp);
+    of.get(of.len() / 2).copied()
+}
+
+/// The time at which all tasks of an iteration end: each goes to the first worker that is free, when
+/// the stage before has ended. Reverse mode does not wait for records, as in [`fit`]. Loops of the
+/// caller are shared equally.
+fn end_of(iteration: &[Task], workers: usize) -> f64 {
+    let latest = |free: &[f64]| free.iter().copied().fold(0.0, f64::max);
     let mut free = vec![0.0f64; workers];
-    for time in times {
+    let (mut before, mut beside_records) = (None, false);
+    // The time from which tasks of the stage can begin, and the last end of one.
+    let (mut from, mut last) = (0.0f64, 0.0f64);
+    for (stage, begin, end) in iteration {
+        if before != Some(*stage) {
+            beside_records = match stage {
+                Stage::Deal => before == Some(Stage::Record),
+                Stage::Reverse | Stage::Backward => beside_records,
+                _ => false,
+            };
+            from = match (beside_records, stage) {
+                (true, Stage::Deal) => from,
+                (true, _) => last,
+                (false, _) => latest(&free),
+            };
+            (before, last) = (Some(*stage), from);
+        }
+        if *stage == Stage::Caller {
+            free.fill(from + (end - begin) / workers as f64);
+            before = None;
+            continue;
+        }
         let first = (0..workers).min_by(|a, b| free[*a].total_cmp(&free[*b])).unwrap_or(0);
-        free[first] += time;
+        free[first] = free[first].max(from) + end - begin;
+        last = last.max(free[first]);
     }
-    free.into_iter().fold(0.0, f64::max)
+    latest(&free)
 }

@@ -5,7 +5,9 @@ use film::srgb_decode;
 use glam::Vec3;
 use loss::photometry::{Draw, MaskUse, without_gains};
 use loss::schedule::{is_carving, sharpness};
-use loss::{Gradient, Objective, Regulariser, Surface, Targets, Wanted, Workspace, gradient};
+use loss::{
+    Gradient, Objective, Regulariser, Stage, Surface, Targets, Wanted, Workspace, gradient,
+};
 use multiview::calibrate::Calibration;
 use random::{Name, Stream};
 use render::{InvalidField, Scene};
@@ -43,7 +45,7 @@ pub(crate) fn differentiate(
     let cameras = corrected(calibration, &level.cameras);
     let lattice = fit.lattice.as_ref().and_then(FieldLattice::get);
     let reach = fit.estimator.reach().unwrap_or(f64::INFINITY);
-    let scene = fit.scene(&cameras).with_lattice(lattice, reach);
+    let scene = work.run(Stage::Caller, || fit.scene(&cameras)).with_lattice(lattice, reach);
 
     // The background: a colour for each view, or the model's own with random points on its rays.
     let gains = photographs.factors();

@@ -1,8 +1,10 @@
 //! One iteration of a fit: the way of a pixel from its draw to a step of the parameters.
 
 use field::Evaluations;
+use glam::DVec2;
+use loss::photometry::Draw;
 use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level, sharpness};
-use loss::{Gradient, Stage, Workspace};
+use loss::{Gradient, Stage, Workspace, balanced};
 use multiview::calibrate::CameraDecision;
 use random::{Name, Stream};
 use rayon::prelude::*;
@@ -45,9 +47,9 @@ impl Fit {
     pub fn step(&mut self, work: &mut Workspace) -> Result<StepMetrics, FitError> {
         let trial = start_refinement(self)?;
         survey_surface(self)?;
-        self.refresh_lattice();
+        work.run(Stage::Caller, || self.refresh_lattice());
 
-        let drawn = draw(self);
+        let drawn = work.run(Stage::Caller, || draw(self));
 
         let stream = Stream::of_seed(self.file.options.seed).named(ITERATION);
         let stream = stream.at(self.clock.iteration);
@@ -85,7 +87,7 @@ impl Fit {
         let time = StepTime { iteration, progress, schedule };
         let gradient = &mut added.parameters;
         let step = || optimiser.step(model, gradient, &file.options, time);
-        let norm = work.run(Stage::Parameters, step)?;
+        let norm = work.run(Stage::Caller, step)?;
 
         if let Some(calibration) = photographs.corrections.refined_mut() {
             let cameras = &photographs.levels[drawn.level].cameras;
@@ -137,10 +139,19 @@ fn draw(fit: &Fit) -> DrawnPixels {
     let every = background_group(progress);
     let count = pixels.draws_for(batch, every);
     let stream = Stream::of_seed(options.seed).named(PIXEL_ORDER).at(level as u64);
-    let draws = (0..count as usize)
+    let draws: Vec<Draw> = (0..count as usize)
         .into_par_iter()
         .with_min_len(DRAWS)
         .map(|i| pixels.draw(fit.clock.iteration * count + i as u64, every, stream))
         .collect();
+    // A ray takes about as long as its way through the ball.
+    let ball = fit.file.sphere();
+    let way = |draw: &Draw| {
+        let camera = &pixels.cameras[draw.view as usize];
+        let u = DVec2::new(f64::from(draw.x) + 0.5, f64::from(draw.y) + 0.5);
+        let ends = ball.clip(camera.eye, camera.direction(u));
+        ends.map_or(0.0, |(near, far)| far - near)
+    };
+    let draws = balanced(&draws, way);
     DrawnPixels { level, draws, pixel_count: pixels.count_of(count, every) as f32 }
 }

@@ -47,7 +47,7 @@ pub(crate) fn bending(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32, out
     }
     let Drawn { objective, draws, stream, .. } = *drawn;
     let step = STEP * objective.scene.bounding_ball().radius;
-    let weight = weight * drawn.pixel_weight() * EVERY as f32;
+    let weight = weight * drawn.objective.pixel_weight() * EVERY as f32;
     let start = stream.named(BENDING_HITS).bits() as usize % EVERY;
     let directions = stream.named(BENDING_DIRECTIONS);
 

@@ -40,7 +40,7 @@ pub(crate) fn carve(
     for (pixel, x) in surface.filter(|(pixel, _)| pushes[*pixel] > 0.0) {
         let draw = &drawn.draws[pixel];
         if is_carved(drawn.objective, &depths, draw.view as usize, x) {
-            let weight = drawn.pixel_weight() * f32::from(draw.count);
+            let weight = drawn.objective.pixel_weight() * f32::from(draw.count);
             let radius = drawn.objective.scene.radius();
             out.push_value(x, -STRENGTH * pushes[pixel] * weight / radius);
         }

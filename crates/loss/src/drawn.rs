@@ -4,13 +4,20 @@ use std::ops::Range;
 
 use glam::{DVec2, Vec3};
 use random::{Name, Stream};
+use rayon::prelude::*;
 use render::Sample;
 
 use crate::objective::Objective;
 use crate::photometry::Draw;
 
+/// The most pixels that are in memory together.
+pub const ROUND: usize = 4096;
+
 /// The number of parts of a round: 16 threads can share it.
 pub(crate) const PARTS: usize = 16;
+
+/// Draws whose cost a thread computes, at least.
+const COSTS: usize = 64;
 
 /// The rounds of an iteration, and then the parts of a round.
 pub(crate) const PART: Name = Name::new("rounds and parts of an iteration", 14);
@@ -47,14 +54,14 @@ impl<'a> Drawn<'a> {
         let numbers = self.first..self.first + self.draws.len();
         numbers.map(|number| self.objective.sample(number)).collect()
     }
-
-    /// The weight of one pixel in the mean loss.
-    pub(crate) fn pixel_weight(&self) -> f32 {
-        1.0 / self.objective.pixel_count
-    }
 }
 
 impl Objective<'_> {
+    /// The weight of one pixel in the mean loss.
+    pub(crate) fn pixel_weight(&self) -> f32 {
+        1.0 / self.pixel_count
+    }
+
     /// A uniform random sample in a pixel, which has this number among the draws.
     pub(crate) fn sample(&self, number: usize) -> Sample {
         let stream = self.stream.named(FIT_SAMPLES).at(number as u64);
@@ -75,6 +82,19 @@ pub(crate) struct NearPoint {
     pub(crate) weight: f32,
 }
 
+/// The draws in an order in which the parts of each round take about as long. `cost` is in
+/// proportion to the time of a draw.
+pub fn balanced(draws: &[Draw], cost: impl Fn(&Draw) -> f64 + Sync) -> Vec<Draw> {
+    let costs: Vec<f64> = draws.par_iter().with_min_len(COSTS).map(|draw| cost(draw)).collect();
+    let of_round = |(draws, costs): (&[Draw], &[f64])| {
+        let mut order: Vec<usize> = (0..draws.len()).collect();
+        order.sort_by(|a, b| costs[*b].total_cmp(&costs[*a]));
+        let dealt = |part| order.iter().skip(part).step_by(PARTS);
+        (0..PARTS).flat_map(dealt).map(|place| draws[*place]).collect::<Vec<Draw>>()
+    };
+    draws.chunks(ROUND).zip(costs.chunks(ROUND)).flat_map(of_round).collect()
+}
+
 /// The number of pixels that these draws stand for.
 pub(crate) fn pixels_of(draws: &[Draw]) -> u64 {
     draws.iter().map(|draw| u64::from(draw.count)).sum()
@@ -83,4 +103,28 @@ pub(crate) fn pixels_of(draws: &[Draw]) -> u64 {
 /// The range of a task among `count` things that `tasks` tasks share.
 pub(crate) fn portion(count: usize, task: usize, tasks: usize) -> Range<usize> {
     task * count / tasks..(task + 1) * count / tasks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn balanced_parts_have_the_same_cost_and_all_draws() {
+        let draw = |x: usize| Draw { view: 0, x: (x * 7919 % 5000) as u16, y: 0, count: 1 };
+        let draws: Vec<Draw> = (0..5000).map(draw).collect();
+        let ordered = balanced(&draws, |draw| f64::from(draw.x).powi(2));
+        for round in ordered.chunks(ROUND) {
+            let cost = |part: usize| {
+                let own = &round[portion(round.len(), part, PARTS)];
+                own.iter().map(|draw| f64::from(draw.x).powi(2)).sum::<f64>()
+            };
+            let costs: Vec<f64> = (0..PARTS).map(|draw| cost(draw)).collect();
+            let mean = costs.iter().sum::<f64>() / PARTS as f64;
+            assert!(costs.iter().all(|cost| (cost / mean - 1.0).abs() < 0.1), "{costs:?}");
+        }
+        let mut numbers: Vec<u16> = ordered.iter().map(|draw| draw.x).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, (0..5000).collect::<Vec<u16>>());
+    }
 }

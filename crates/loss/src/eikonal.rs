@@ -46,7 +46,7 @@ fn eikonal_points(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32) -> (Vec
     let ball = drawn.objective.scene.bounding_ball();
     let (mut points, mut weights) = (Vec::new(), Vec::new());
 
-    let of_hit = weight * drawn.pixel_weight() * EVERY as f32;
+    let of_hit = weight * drawn.objective.pixel_weight() * EVERY as f32;
     let stream = drawn.stream.named(EIKONAL_HITS);
     let start = stream.bits() as usize % EVERY;
     for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
@@ -58,7 +58,7 @@ fn eikonal_points(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32) -> (Vec
     let free = pixels.div_ceil(2 * EVERY as u64);
     let stream = drawn.stream.named(EIKONAL_POINTS);
     points.extend((0..free).map(|i| ball.center + in_ball(stream.at(i)) * ball.radius));
-    let of_free = weight * drawn.pixel_weight() * pixels as f32 / (2.0 * free as f32);
+    let of_free = weight * drawn.objective.pixel_weight() * pixels as f32 / (2.0 * free as f32);
     weights.resize(points.len(), of_free);
     (points, weights)
 }

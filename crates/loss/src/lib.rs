@@ -19,9 +19,10 @@ mod sums;
 mod total;
 mod workspace;
 
+pub use drawn::{ROUND, balanced};
 pub use objective::{Objective, Regulariser, Surface, Targets, Wanted};
 pub use stats::BatchStats;
-pub use total::{Gradient, ROUND, gradient};
+pub use total::{Gradient, gradient};
 pub use workspace::{Observer, Stage, Workspace};
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use estimate::record::{Adjoints, CameraAdjoints, PointAdjoint};
 use glam::{DVec3, Vec3};
 
 use crate::drawn::Drawn;
-use crate::objective::PixelLoss;
+use crate::objective::{Objective, PixelLoss};
 use crate::photometry::Draw;
 use crate::stats::BatchStats;
 use crate::sums::PartSums;
@@ -51,15 +51,20 @@ impl Reversed {
     }
 
     /// Adds the loss of one pixel to the sums, and returns the adjoint of its radiance.
-    pub(crate) fn add_loss(&mut self, drawn: &Drawn<'_>, own: &PixelLoss, draw: &Draw) -> Vec3 {
+    pub(crate) fn add_loss(
+        &mut self,
+        objective: &Objective<'_>,
+        own: &PixelLoss,
+        draw: &Draw,
+    ) -> Vec3 {
         let count = f64::from(draw.count);
         self.stats.photometric += f64::from(own.loss) * count;
         self.stats.squared_error += f64::from(own.squared_error) * count;
 
-        let adjoint = own.adjoint * (drawn.pixel_weight() * f32::from(draw.count));
+        let adjoint = own.adjoint * (objective.pixel_weight() * f32::from(draw.count));
         if let Some(sum) = self.gains.get_mut(draw.view as usize) {
             *sum += (adjoint * own.shown).as_dvec3();
         }
-        adjoint * drawn.objective.targets.gain(draw)
+        adjoint * objective.targets.gain(draw)
     }
 }

@@ -37,7 +37,7 @@ impl<'a> Shaded<'a> {
     /// Traces one sample in each pixel of a range of the draws, and shades the hits.
     pub(crate) fn new(round: &'a Objective<'a>, range: Range<usize>) -> Result<Self, InvalidField> {
         let samples: Vec<Sample> = range.clone().map(|number| round.sample(number)).collect();
-        let primary = round.scene.primary(&samples)?;
+        let primary = round.scene.within_reach(SilhouetteMargin::REACH).primary(&samples)?;
         let is_crossed = near_silhouettes(&round.scene, &primary, SilhouetteMargin::LARGE);
         Ok(Shaded { round, draws: &round.draws[range], primary, is_crossed })
     }
@@ -88,15 +88,18 @@ impl Compared {
         Ok(Compared { record, draws: draws.to_vec(), losses })
     }
 
-    /// These pixels, and the others after them.
+    /// The pixels of several tasks, in their order.
     ///
     /// # Panics
     /// If a record has a border or a warp.
-    pub(crate) fn joined(mut self, other: Self) -> Self {
-        self.record.append(other.record);
-        self.draws.extend(other.draws);
-        self.losses.extend(other.losses);
-        self
+    pub(crate) fn joined(of_tasks: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        for Compared { record, draws, losses } in of_tasks {
+            all.record.append(record);
+            all.draws.extend(draws);
+            all.losses.extend(losses);
+        }
+        all
     }
 
     /// The pixels that a silhouette may cross.
@@ -111,8 +114,8 @@ impl Compared {
         TypicalLosses::of(&self.draws, &hits.unwrap_or_default(), &self.photometric())
     }
 
-    /// The photometric loss of each pixel.
-    fn photometric(&self) -> Vec<Option<f32>> {
+    /// The photometric loss of each pixel; `None` for one that a silhouette may cross.
+    pub(crate) fn photometric(&self) -> Vec<Option<f32>> {
         self.losses.iter().map(|loss| loss.map(|loss| loss.loss)).collect()
     }
 
@@ -125,9 +128,50 @@ impl Compared {
         })
     }
 
+    /// Adds the losses of these pixels, and the adjoints of their record.
+    fn reverse(self, objective: &Objective<'_>, pass: Pass<f32>, out: &mut Reversed) {
+        let Compared { record, draws, losses } = self;
+        let Objective { scene, wanted, .. } = objective;
+        out.stats.rays += record.rays;
+
+        let mut adjoint = |(draw, loss): (&Draw, &Option<PixelLoss>)| {
+            loss.as_ref().map_or(Vec3::ZERO, |loss| out.add_loss(objective, loss, draw))
+        };
+        let delta: Vec<Vec3> = draws.iter().zip(&losses).map(&mut adjoint).collect();
+
+        if let Some(cameras) = &mut out.records.cameras {
+            cameras.continue_with(draws.iter().map(|draw| draw.view as usize).collect());
+        }
+        record.vjp(scene, &delta, pass, &mut out.sums.shader, &mut out.records);
+        if wanted.background {
+            let sum = &mut out.sums.background;
+            record.area.iter().for_each(|area| area.background_vjp(scene, &delta, sum));
+        }
+    }
+
+    /// The same for pixels that a silhouette may cross, with the term of their coverage.
+    pub(crate) fn reverse_crossed(
+        self,
+        objective: &Objective<'_>,
+        (typical, pass): (Option<TypicalLosses>, Pass<f32>),
+        out: &mut Reversed,
+    ) {
+        out.stats.edge_pixels += pixels_of(&self.draws);
+        if let Some(typical) = typical {
+            let weight = |draw: &Draw| objective.pixel_weight() * f32::from(draw.count);
+            let own = self.draws.iter().zip(&self.losses).zip(self.record.coverage());
+            let slope = own.map(|((draw, loss), coverage)| {
+                let loss = loss.as_ref();
+                loss.map_or(0.0, |loss| typical.slope(coverage, loss.loss) * weight(draw))
+            });
+            self.record.coverage_vjp(&slope.collect::<Vec<f32>>(), &mut out.records);
+        }
+        self.reverse(objective, pass, out);
+    }
+
     /// Deals pixels to [`PARTS`] parts: about the same number of hits for each, in whole blocks of
     /// the networks.
-    fn deal(self) -> Vec<Self> {
+    pub(crate) fn deal(self) -> Vec<Self> {
         let count = self.draws.len();
         let mut hits = vec![0; count];
         self.hits().for_each(|(pixel, _)| hits[pixel] += 1);
@@ -157,100 +201,41 @@ impl Compared {
     }
 }
 
-/// A part of the compared pixels of a round.
-pub(crate) struct ComparedPart<'a> {
+/// A part of the pixels of a round, each compared by one sample.
+pub(crate) struct SmoothPart<'a> {
     /// The pixels of the part in the round.
     drawn: Drawn<'a>,
-    sums: PartSums,
-    pass: Pass<f32>,
-    /// One sample for each of these pixels, then records of pixels that a silhouette may cross. The
-    /// latter need not be among these pixels.
-    own: Compared,
-    /// The latter, if their records depend on the pixels beside.
-    edge: Compared,
-    typical: Option<TypicalLosses>,
+    compared: Compared,
 }
 
-impl<'a> ComparedPart<'a> {
-    /// The parts of the compared pixels of a round: `all` are its draws, then pixels that a
-    /// silhouette may cross. If the records of these depend on the pixels beside, `edges` has them
-    /// in their place, for each part.
-    pub(crate) fn parts(
-        round: &'a Objective<'a>,
-        sums: Vec<PartSums>,
-        (all, edges): (Compared, Vec<Compared>),
-        (typical, pass): (Option<TypicalLosses>, Pass<f32>),
-    ) -> Vec<Self> {
+impl<'a> SmoothPart<'a> {
+    /// The parts of a round, of which `compared` has all pixels.
+    pub(crate) fn parts(round: &'a Objective<'a>, compared: Compared) -> Vec<Self> {
         let mut first = 0;
-        let edges = edges.into_iter().chain(std::iter::repeat_with(Compared::default));
-        let part = |(((drawn, sums), own), edge): (((Drawn<'a>, PartSums), Compared), Compared)| {
-            let smooth = own.draws.len().min(round.draws.len() - first);
-            let drawn = drawn.with(first..first + smooth);
-            first += smooth;
-            ComparedPart { drawn, sums, pass, own, edge, typical }
+        let part = |(drawn, compared): (Drawn<'a>, Compared)| {
+            let place = first..first + compared.draws.len();
+            first = place.end;
+            SmoothPart { drawn: drawn.with(place), compared }
         };
-        let drawn = Drawn::parts(round).into_iter().zip(sums);
-        drawn.zip(all.deal()).zip(edges).map(part).collect()
+        Drawn::parts(round).into_iter().zip(compared.deal()).map(part).collect()
     }
 
-    /// The loss of each of these pixels; `None` for one that a silhouette may cross.
-    pub(crate) fn losses(&self) -> Vec<Option<f32>> {
-        let mut losses = self.own.photometric();
-        losses.truncate(self.drawn.draws.len());
-        losses
-    }
-
-    /// The adjoints of all terms: `pushes` has one number for each pixel of the round, or is empty.
-    pub(crate) fn reverse(mut self, pushes: &[f32]) -> Reversed {
-        let (own, edge) = (std::mem::take(&mut self.own), std::mem::take(&mut self.edge));
-        let (drawn, smooth) = (self.drawn, self.drawn.draws.len());
-        let mut out = Reversed::new(&drawn, std::mem::take(&mut self.sums));
+    /// The adjoints of all terms of these pixels, but the photometric loss of those that a
+    /// silhouette may cross. `sums` are zero, and `pushes` has one number for each pixel of the
+    /// round, or is empty.
+    pub(crate) fn reverse(self, pass: Pass<f32>, sums: PartSums, pushes: &[f32]) -> Reversed {
+        let SmoothPart { drawn, compared } = self;
+        let mut out = Reversed::new(&drawn, sums);
         out.stats.pixels += pixels_of(drawn.draws);
 
-        let is_smooth = |pixel: usize| pixel < smooth && own.losses[pixel].is_some();
-        carve(&drawn, own.hits().filter(|(pixel, _)| is_smooth(*pixel)), pushes, &mut out);
+        let is_smooth = |pixel: usize| compared.losses[pixel].is_some();
+        carve(&drawn, compared.hits().filter(|(pixel, _)| is_smooth(*pixel)), pushes, &mut out);
 
-        let near = own.hits().filter(|(pixel, _)| *pixel < smooth);
         let weight = |pixel: usize| f32::from(drawn.draws[pixel].count);
-        let near = near.map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
+        let near = compared.hits().map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
         regularise(&drawn, &near.collect::<Vec<NearPoint>>(), &mut out);
 
-        self.reverse_records(own, smooth, &mut out);
-        self.reverse_records(edge, 0, &mut out);
+        compared.reverse(drawn.objective, pass, &mut out);
         out
-    }
-
-    /// Adds the losses of pixels, and the adjoints of their record. A silhouette may cross the
-    /// pixels from the number `smooth` on.
-    fn reverse_records(&self, compared: Compared, smooth: usize, out: &mut Reversed) {
-        let Compared { record, draws, losses } = compared;
-        let Objective { scene, wanted, .. } = self.drawn.objective;
-        out.stats.edge_pixels += pixels_of(&draws[smooth..]);
-        out.stats.rays += record.rays;
-
-        let losses = || draws.iter().zip(&losses);
-        let mut adjoint = |(draw, loss): (&Draw, &Option<PixelLoss>)| {
-            loss.as_ref().map_or(Vec3::ZERO, |loss| out.add_loss(&self.drawn, loss, draw))
-        };
-        let delta: Vec<Vec3> = losses().map(&mut adjoint).collect();
-
-        if let Some(typical) = self.typical {
-            let weight = |draw: &Draw| self.drawn.pixel_weight() * f32::from(draw.count);
-            let coverage = losses().enumerate().zip(record.coverage());
-            let slope = coverage.map(|((i, (draw, loss)), coverage)| {
-                let loss = loss.as_ref().filter(|_| i >= smooth);
-                loss.map_or(0.0, |loss| typical.slope(coverage, loss.loss) * weight(draw))
-            });
-            record.coverage_vjp(&slope.collect::<Vec<f32>>(), &mut out.records);
-        }
-
-        if let Some(cameras) = &mut out.records.cameras {
-            cameras.continue_with(draws.iter().map(|draw| draw.view as usize).collect());
-        }
-        record.vjp(scene, &delta, self.pass, &mut out.sums.shader, &mut out.records);
-        if wanted.background {
-            let sum = &mut out.sums.background;
-            record.area.iter().for_each(|area| area.background_vjp(scene, &delta, sum));
-        }
     }
 }

@@ -1,23 +1,22 @@
 //! The total loss of an iteration, and its gradient: one page from drawn pixels to the sums over
 //! parameters.
 
-use estimate::record::CameraAdjoints;
+use estimate::record::{CameraAdjoints, Pass};
+use estimate::{Estimator, SampleCounts};
 use glam::DVec3;
 use lanes::LANES;
+use multiview::stereo::Guide;
 use rayon::prelude::*;
 use render::{CameraAdjoint, InvalidField};
 
 use crate::carve::pushes_of;
-use crate::drawn::{Drawn, PART, PARTS, portion};
+use crate::drawn::{Drawn, PART, PARTS, ROUND, portion};
 use crate::objective::{Objective, Surface};
 use crate::reversed::Reversed;
 use crate::stats::BatchStats;
 use crate::sums::PartSums;
 use crate::workspace::{Stage, Workspace};
 use crate::{sharp, soft};
-
-/// The most pixels that are in memory together.
-pub const ROUND: usize = 4096;
 
 /// The gradient of the mean loss of the drawn pixels.
 #[derive(Clone, Debug)]
@@ -60,92 +59,89 @@ pub fn gradient(objective: &Objective<'_>, work: &mut Workspace) -> Result<Gradi
         let round = Objective { draws, stream, ..*objective };
         let sums = work.take(&round);
 
-        let compared = compare(&round, sums, work)?;
-
-        // The pushes need the losses of all pixels of the round.
-        let pushes = pushes_of(&round, compared.iter().flat_map(Compared::losses));
-        let reversed: Vec<Reversed> = compared
-            .into_par_iter()
-            .map(|part| work.run(Stage::Reverse, || part.reverse(&pushes)))
-            .collect();
-
-        added.add(backward(&round, reversed, work), work);
+        let reversed = match round.surface {
+            Surface::Soft { sharpness, depths } => {
+                of_soft_surface(&round, (sharpness, depths), sums, work)?
+            }
+            Surface::Sharp { estimator, counts, pass } => {
+                of_sharp_surface(&round, (estimator, counts, pass), sums, work)?
+            }
+        };
+        added.add(reversed, work);
     }
     Ok(added)
 }
 
-/// Traces, shades and compares the pixels of a round. `sums` are zero, and become those of the
-/// parts.
-fn compare<'a>(
-    round: &'a Objective<'a>,
+/// All stages of a round with a soft surface of this sharpness; `depths` guide it. `sums` are zero,
+/// and become those of the parts.
+fn of_soft_surface(
+    round: &Objective<'_>,
+    (sharpness, depths): (f32, Option<Guide<'_>>),
     sums: Vec<PartSums>,
     work: &Workspace,
-) -> Result<Vec<Compared<'a>>, InvalidField> {
-    match round.surface {
-        Surface::Soft { sharpness, depths } => {
-            let uncarved = |drawn: Drawn<'a>, sums: PartSums| {
-                let traced = soft::Traced::new(drawn, sharpness)?;
-                let shaded = traced.shade();
-                let compared = shaded.compare(depths);
-                Ok(Compared::Soft(Box::new(compared.reverse(sums))))
-            };
-            let parts = Drawn::parts(round).into_par_iter().zip(sums);
-            let task = |(drawn, sums)| work.run(Stage::Soft, || uncarved(drawn, sums));
-            in_order(parts.map(task))
-        }
-        Surface::Sharp { estimator, counts, pass } => {
-            let (tasks, count) = (work.tasks(), round.draws.len());
-            let smooth = |task| {
-                let shaded = sharp::Shaded::new(round, portion(count, task, tasks))?;
-                Ok(shaded.compare())
-            };
-            let compared = share(tasks).map(|task| work.run(Stage::Trace, || smooth(task)));
-            let compared = in_order(compared)?.into_iter();
-            let mut all = compared.fold(sharp::Compared::default(), sharp::Compared::joined);
+) -> Result<Vec<Reversed>, InvalidField> {
+    let uncarved = |drawn, sums| {
+        let traced = soft::Traced::new(drawn, sharpness)?;
+        let shaded = traced.shade();
+        let compared = shaded.compare(depths);
+        Ok(compared.reverse(sums))
+    };
+    let parts = Drawn::parts(round).into_par_iter().zip(sums);
+    let task = |(drawn, sums)| work.run(Stage::Soft, || uncarved(drawn, sums));
+    let compared = in_order(parts.map(task))?;
 
-            let (draws, typical) = (all.crossed_draws(), all.typical_losses());
-            // Records of a warp depend on the pixels beside: these are those of a part.
-            let is_by_pixel = estimator.is_by_pixel();
-            let tasks = if is_by_pixel { tasks } else { PARTS };
-            let crossed = |task| {
-                let own = &draws[portion(draws.len(), task, tasks)];
-                sharp::Compared::crossed(round, estimator, counts, own)
-            };
-            let compared = share(tasks).map(|task| work.run(Stage::Record, || crossed(task)));
-            let mut edges = in_order(compared)?;
-            if is_by_pixel {
-                all = std::mem::take(&mut edges).into_iter().fold(all, sharp::Compared::joined);
-            }
-
-            let parts = sharp::ComparedPart::parts(round, sums, (all, edges), (typical, pass));
-            Ok(parts.into_iter().map(Box::new).map(Compared::Sharp).collect())
-        }
-    }
+    // The pushes need the losses of all pixels of the round.
+    let pushes = pushes_of(round, compared.iter().flat_map(soft::Uncarved::losses));
+    let reversed: Vec<Reversed> = compared
+        .into_par_iter()
+        .map(|part| work.run(Stage::Reverse, || part.carve(&pushes)))
+        .collect();
+    Ok(backward(round, reversed, work))
 }
 
-/// A part of the pixels of a round that were compared with the photographs. A soft part has the
-/// adjoints of all terms but carving already.
-enum Compared<'a> {
-    Soft(Box<soft::Uncarved<'a>>),
-    Sharp(Box<sharp::ComparedPart<'a>>),
-}
+/// All stages of a round with a sharp surface. `sums` are zero, and become those of the parts.
+///
+/// The records of pixels that a silhouette may cross take long, and are few. Threads without one
+/// reverse the other pixels meanwhile.
+fn of_sharp_surface(
+    round: &Objective<'_>,
+    (estimator, counts, pass): (&dyn Estimator<f32>, SampleCounts, Pass<f32>),
+    sums: Vec<PartSums>,
+    work: &Workspace,
+) -> Result<Vec<Reversed>, InvalidField> {
+    let (tasks, count) = (work.tasks(), round.draws.len());
+    let one_each = |task| Ok(sharp::Shaded::new(round, portion(count, task, tasks))?.compare());
+    let compared = share(tasks).map(|task| work.run(Stage::Trace, || one_each(task)));
+    let compared = sharp::Compared::joined(in_order(compared)?);
+    let (draws, typical) = (compared.crossed_draws(), compared.typical_losses());
+    let pushes = pushes_of(round, compared.photometric().into_iter());
 
-impl Compared<'_> {
-    /// The photometric loss of each pixel; `None` for one that a silhouette may cross.
-    fn losses(&self) -> Vec<Option<f32>> {
-        match self {
-            Compared::Soft(part) => part.losses(),
-            Compared::Sharp(part) => part.losses(),
-        }
-    }
+    // Records of a warp depend on the pixels beside: these are those of a part.
+    let is_by_pixel = estimator.is_by_pixel();
+    let tasks = if is_by_pixel { tasks } else { PARTS };
+    let crossed = |task| {
+        let own = &draws[portion(draws.len(), task, tasks)];
+        sharp::Compared::crossed(round, estimator, counts, own)
+    };
+    let crossed = || {
+        let records = share(tasks).map(|task| work.run(Stage::Record, || crossed(task)));
+        let records = in_order(records)?;
+        Ok(if is_by_pixel { sharp::Compared::joined(records).deal() } else { records })
+    };
+    let smooth = || {
+        let parts = work.run(Stage::Deal, || sharp::SmoothPart::parts(round, compared));
+        let parts = parts.into_par_iter().zip(sums);
+        let reverse = |(part, sums): (sharp::SmoothPart<'_>, PartSums)| {
+            work.run(Stage::Reverse, || part.reverse(pass, sums, &pushes))
+        };
+        backward(round, parts.map(reverse).collect(), work)
+    };
+    let (crossed, mut reversed) = rayon::join(crossed, smooth);
 
-    /// The adjoints of all terms.
-    fn reverse(self, pushes: &[f32]) -> Reversed {
-        match self {
-            Compared::Soft(part) => part.carve(pushes),
-            Compared::Sharp(part) => part.reverse(pushes),
-        }
-    }
+    reversed.par_iter_mut().zip(crossed?).for_each(|(out, part)| {
+        work.run(Stage::ReverseRecord, || part.reverse_crossed(round, (typical, pass), out));
+    });
+    Ok(backward(round, reversed, work))
 }
 
 /// Adds the gradient by the field's parameters of all coefficients. Each part has the same number

@@ -7,7 +7,8 @@ use crate::objective::Objective;
 use crate::sums::{PIECE, PartSums, Piece, pieces, sizes};
 
 /// A stage of [`gradient`](crate::gradient()). Threads share the tasks of a stage, and the next
-/// stage begins when all are done.
+/// stage begins when all are done; but `Deal`, `Reverse` and `Backward` of a sharp surface go on beside
+/// `Record`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Sums of zero for all parts.
@@ -18,14 +19,19 @@ pub enum Stage {
     Trace,
     /// The records of pixels that a silhouette may cross.
     Record,
-    /// The reverse mode of each part down to coefficients of f and ∇f at points.
+    /// Traced pixels without these, dealt to parts: one task.
+    Deal,
+    /// The reverse mode of each part down to coefficients of f and ∇f at points, without these
+    /// records.
     Reverse,
+    /// The reverse mode of the records.
+    ReverseRecord,
     /// The gradient by the field's parameters of these coefficients.
     Backward,
     /// The sum over the parts.
     Sum,
-    /// The caller's loops over all parameters: one task, which threads share in equal pieces.
-    Parameters,
+    /// Loops of the caller: tasks that threads share in equal pieces.
+    Caller,
 }
 
 /// Gets the stage of each task as the task begins, with `true`, and as it ends, with `false`.

@@ -25,7 +25,7 @@ pub(super) fn add_guide(
     let ray = |(draw, sample): (&Draw, &Sample)| {
         let distance = depths.distance(sample.camera, sample.u)?;
         let ray = scene.background_ray(sample);
-        let weight = WEIGHT * drawn.pixel_weight() * f32::from(draw.count);
+        let weight = WEIGHT * drawn.objective.pixel_weight() * f32::from(draw.count);
         Some(GuidedRay { origin: ray.origin, direction: ray.direction, distance, weight })
     };
     let rays: Vec<GuidedRay> = drawn.draws.iter().zip(samples).filter_map(ray).collect();

@@ -226,8 +226,10 @@ impl<'a> Compared<'a> {
         out.stats.rays += samples.len() as u64;
         out.stats.pixels += pixels_of(drawn.draws);
 
+        let objective = drawn.objective;
         let own = pixels.iter().zip(drawn.draws);
-        let delta: Vec<Vec3> = own.map(|(loss, draw)| out.add_loss(&drawn, loss, draw)).collect();
+        let delta: Vec<Vec3> =
+            own.map(|(loss, draw)| out.add_loss(objective, loss, draw)).collect();
         shaded.reverse_colors(&delta, &mut out);
         shaded.reverse_opacity(&delta, &mut out);
         if drawn.objective.wanted.background {

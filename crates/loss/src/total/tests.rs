@@ -321,7 +321,7 @@ fn an_observer_sees_each_task_begin_and_end() {
     assert_eq!(observed.parameters, plain.parameters);
     let seen = seen.lock().unwrap();
     let count = |stage, begins| seen.iter().filter(|event| **event == (stage, begins)).count();
-    for stage in [Stage::Trace, Stage::Record, Stage::Reverse] {
+    for stage in [Stage::Trace, Stage::Record, Stage::Reverse, Stage::ReverseRecord] {
         assert_eq!((count(stage, true), count(stage, false)), (16, 16), "{stage:?}");
     }
     assert_eq!(count(Stage::Soft, true), 0);
