@@ -84,8 +84,8 @@ pub(crate) struct NearPoint {
 
 /// The draws in an order in which the parts of each round take about as long. `cost` is in
 /// proportion to the time of a draw.
-pub fn balanced(draws: &[Draw], cost: impl Fn(&Draw) -> f64 + Sync) -> Vec<Draw> {
-    let costs: Vec<f64> = draws.par_iter().with_min_len(COSTS).map(|draw| cost(draw)).collect();
+pub fn balanced(draws: &[Draw], cost: impl Fn(&Draw) -> f64 + Send + Sync) -> Vec<Draw> {
+    let costs: Vec<f64> = draws.par_iter().with_min_len(COSTS).map(cost).collect();
     let of_round = |(draws, costs): (&[Draw], &[f64])| {
         let mut order: Vec<usize> = (0..draws.len()).collect();
         order.sort_by(|a, b| costs[*b].total_cmp(&costs[*a]));
@@ -119,7 +119,7 @@ mod tests {
                 let own = &round[portion(round.len(), part, PARTS)];
                 own.iter().map(|draw| f64::from(draw.x).powi(2)).sum::<f64>()
             };
-            let costs: Vec<f64> = (0..PARTS).map(|draw| cost(draw)).collect();
+            let costs: Vec<f64> = (0..PARTS).map(cost).collect();
             let mean = costs.iter().sum::<f64>() / PARTS as f64;
             assert!(costs.iter().all(|cost| (cost / mean - 1.0).abs() < 0.1), "{costs:?}");
         }
