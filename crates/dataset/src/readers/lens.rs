@@ -2,8 +2,6 @@
 
 use glam::{DMat2, DVec2};
 
-use film::Film;
-use rayon::prelude::*;
 use render::Camera;
 
 /// Distortion and skew: the difference between a photograph's camera and a pinhole camera.
@@ -179,18 +177,18 @@ impl Lens {
         (1..=TESTS).all(|i| self.distort(p * (i as f64 / TESTS as f64)).1.determinant() > 0.0)
     }
 
-    /// The image of the pinhole camera `ideal`, by bilinear interpolation in the photograph
-    /// `image`, in linear radiance.
-    pub(crate) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
-        let mut out = Film::new(ideal.width, ideal.height);
-        let rows = out.pixels.par_chunks_mut(ideal.width as usize).enumerate();
-        rows.for_each(|(y, row)| {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                *pixel = bilinear(image, self.source_position(ideal, source, u));
-            }
-        });
-        out
+    /// Pixel `[x, y]` of the image of the pinhole camera `ideal`, by bilinear interpolation in the
+    /// photograph of the camera `source`, in linear radiance. `at` gives the photograph's pixels,
+    /// and `size` is its width and height.
+    pub(crate) fn undistorted<const C: usize>(
+        &self,
+        size: [u32; 2],
+        at: impl Fn(u32, u32) -> [f32; C],
+        [source, ideal]: [&Camera; 2],
+        [x, y]: [u32; 2],
+    ) -> [f32; C] {
+        let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        bilinear(size, at, self.source_position(ideal, source, u))
     }
 }
 
@@ -226,14 +224,18 @@ fn border(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
 
 /// The image at a continuous film position, interpolated between the four pixel centres around it,
 /// and constant beyond the outermost centres.
-fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
-    let most = DVec2::new(f64::from(image.width - 1), f64::from(image.height - 1));
-    let at = (u - 0.5).clamp(DVec2::ZERO, most);
-    let low = at.floor();
+fn bilinear<const C: usize>(
+    size: [u32; 2],
+    at: impl Fn(u32, u32) -> [f32; C],
+    u: DVec2,
+) -> [f32; C] {
+    let most = DVec2::new(f64::from(size[0] - 1), f64::from(size[1] - 1));
+    let place = (u - 0.5).clamp(DVec2::ZERO, most);
+    let low = place.floor();
     let high = (low + 1.0).min(most);
-    let f = (at - low).as_vec2();
+    let f = (place - low).as_vec2();
     #[expect(clippy::cast_possible_truncation, reason = "whole numbers inside the image")]
-    let pixel = |x: f64, y: f64| image.at(x as u32, y as u32);
+    let pixel = |x: f64, y: f64| at(x as u32, y as u32);
     let (a, b, c, d) =
         (pixel(low.x, low.y), pixel(high.x, low.y), pixel(low.x, high.y), pixel(high.x, high.y));
     std::array::from_fn(|i| {
@@ -246,6 +248,7 @@ fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use film::Film;
     use glam::DVec3;
     use proptest::prelude::*;
 
@@ -322,6 +325,16 @@ mod tests {
         film
     }
 
+    /// The undistorted photograph.
+    fn undistort(lens: &Lens, image: &Film, source: &Camera, ideal: &Camera) -> Film {
+        let (width, height) = (image.width, image.height);
+        let pixel = |i: u32| {
+            let at = |x, y| image.at(x, y);
+            lens.undistorted([width, height], at, [source, ideal], [i % width, i / width])
+        };
+        Film { width, height, pixels: (0..width * height).map(pixel).collect() }
+    }
+
     fn pattern(p: DVec2) -> [f32; 3] {
         let (x, y) = ((4.0 * p.x).sin(), (3.0 * p.y).cos());
         let rgb = DVec3::new(x, y, 0.8 * (3.0 * p.x * p.y).sin());
@@ -341,7 +354,7 @@ mod tests {
         for lens in lenses {
             assert!(!lens.is_negligible(&camera));
             let ideal = lens.pinhole(&camera).unwrap();
-            let found = lens.undistort(&photograph(&lens, &camera), &camera, &ideal);
+            let found = undistort(&lens, &photograph(&lens, &camera), &camera, &ideal);
             let expected = photograph(&Lens::default(), &ideal);
             let worst = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
             let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
