@@ -4,6 +4,7 @@
 use dataset::View;
 use glam::DVec2;
 use random::{Name, Stream};
+use rayon::prelude::*;
 use render::{Camera, Sample};
 
 use crate::photometry::background::BackgroundModel;
@@ -34,22 +35,15 @@ pub struct Level {
 
 impl Level {
     fn new(cameras: Vec<Camera>, photographs: Vec<Photograph>, model: &BackgroundModel) -> Self {
-        let (mut foreground, mut background) = (Vec::new(), Vec::new());
-        for (view, (camera, photograph)) in cameras.iter().zip(&photographs).enumerate() {
-            let certain = model.certain(view, photograph);
-            let mut certain = certain.into_iter();
-            for y in 0..camera.height as u16 {
-                for x in 0..camera.width as u16 {
-                    let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
-                    let is_background = certain.next() == Some(true) || !meets;
-                    let list = if is_background { &mut background } else { &mut foreground };
-                    let is_used = photograph.is_used(x.into(), y.into());
-                    if is_used && (meets || model.is_trained) {
-                        list.push(Draw { view: view as u32, x, y, count: 1 });
-                    }
-                }
-            }
+        let pixels = cameras.par_iter().zip(&photographs).enumerate();
+        let pixels: Vec<[Vec<Draw>; 2]> = pixels
+            .map(|(view, (camera, photograph))| drawn_pixels(view, camera, photograph, model))
+            .collect();
+        let count = |list: usize| pixels.iter().map(|lists| lists[list].len()).sum();
+        let [mut foreground, mut background] = [0, 1].map(|list| Vec::with_capacity(count(list)));
+        for [own_foreground, own_background] in pixels {
+            foreground.extend(own_foreground);
+            background.extend(own_background);
         }
         Level { cameras, photographs, foreground, background }
     }
@@ -57,7 +51,7 @@ impl Level {
     /// The next level, at half the size.
     fn halved(&self, model: &BackgroundModel) -> Self {
         let photographs: Vec<Photograph> =
-            self.photographs.iter().map(|photograph| photograph.downscaled(2)).collect();
+            self.photographs.par_iter().map(|photograph| photograph.downscaled(2)).collect();
         // If a side is odd, its last pixel averages fewer pixels.
         let cameras = self
             .cameras
@@ -184,6 +178,31 @@ impl Level {
     }
 }
 
+/// The pixels of a view that a level draws: those of the foreground, and those that are certain
+/// background.
+fn drawn_pixels(
+    view: usize,
+    camera: &Camera,
+    photograph: &Photograph,
+    model: &BackgroundModel,
+) -> [Vec<Draw>; 2] {
+    let [mut foreground, mut background] = [Vec::new(), Vec::new()];
+    let mut certain = model.certain(view, photograph).into_iter();
+    for y in 0..camera.height as u16 {
+        for x in 0..camera.width as u16 {
+            let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
+            let is_background = certain.next() == Some(true) || !meets;
+            let list = if is_background { &mut background } else { &mut foreground };
+            let is_used = photograph.is_used(x.into(), y.into());
+            if is_used && (meets || model.is_trained) {
+                list.push(Draw { view: view as u32, x, y, count: 1 });
+            }
+        }
+    }
+    [foreground, background]
+}
+
 /// The image of `i` under a pseudo-random permutation of 0..n: a Feistel network of four rounds on
 /// the next power of four, applied until the result is below n.
 ///
@@ -217,7 +236,7 @@ pub fn pyramid(
     levels: usize,
 ) -> Vec<Level> {
     let cameras = views.iter().map(|v| v.camera).collect();
-    let photographs = views.iter().map(|view| Photograph::new(view, masks)).collect();
+    let photographs = views.par_iter().map(|view| Photograph::new(view, masks)).collect();
     let mut out = vec![Level::new(cameras, photographs, model)];
     while out.len() < levels {
         let last = &out[out.len() - 1];
