@@ -33,6 +33,31 @@ struct Tables {
     display: [f32; 256],
 }
 
+impl Tables {
+    /// Decodes consecutive pixels.
+    fn decode(&self, bytes: &[u8], color: ColorType, pixels: &mut [[f32; 3]]) {
+        let of = |byte: u8| self.linear[usize::from(byte)];
+        match (color.has_color(), color.has_alpha()) {
+            (true, false) => {
+                let (bytes, _) = bytes.as_chunks();
+                pixels
+                    .iter_mut()
+                    .zip(bytes)
+                    .for_each(|(out, [r, g, b])| *out = [*r, *g, *b].map(of));
+            }
+            (true, true) => {
+                let (bytes, _) = bytes.as_chunks();
+                let all = pixels.iter_mut().zip(bytes);
+                all.for_each(|(out, [r, g, b, _])| *out = [*r, *g, *b].map(of));
+            }
+            (false, has_alpha) => {
+                let bytes = bytes.iter().step_by(1 + usize::from(has_alpha));
+                pixels.iter_mut().zip(bytes).for_each(|(out, grey)| *out = [of(*grey); 3]);
+            }
+        }
+    }
+}
+
 /// The number that a byte stands for, from 0 to 1.
 fn of_byte(byte: u8) -> f32 {
     f32::from(byte) / 255.0
@@ -85,6 +110,23 @@ impl StoredImage {
                 }
             }
             Samples::Linear(film, _) => film.at(x, y),
+        }
+    }
+
+    /// Writes row `y` of the image to `row`, in linear RGB: the values of [`at`](Self::at).
+    ///
+    /// # Panics
+    /// If there is no such row, or `row` has another length than the image's width.
+    pub fn write_row(&self, y: u32, row: &mut [[f32; 3]]) {
+        assert_eq!(row.len(), self.width as usize, "one pixel for each column");
+        let first = self.index(0, y);
+        match &self.samples {
+            Samples::Bytes { bytes, color, tables } => {
+                let channels = usize::from(color.channel_count());
+                let bytes = &bytes[first * channels..][..row.len() * channels];
+                tables.decode(bytes, *color, row);
+            }
+            Samples::Linear(film, _) => row.copy_from_slice(&film.pixels[first..][..row.len()]),
         }
     }
 
@@ -146,13 +188,11 @@ impl StoredImage {
         let (width, height) = (self.width, self.height);
         match self.samples {
             Samples::Bytes { bytes, color, tables } => {
-                let decode = |v: u8| tables.linear[usize::from(v)];
+                let mut pixels = vec![[0.0; 3]; width as usize * height as usize];
+                tables.decode(&bytes, color, &mut pixels);
+                let last = |pixel: &[u8]| of_byte(pixel[pixel.len() - 1]);
                 let all = bytes.chunks_exact(color.channel_count().into());
-                let blue = if color.has_color() { 2 } else { 0 };
-                let pixels =
-                    all.clone().map(|p| [p[0], p[blue / 2], p[blue]].map(decode)).collect();
-                let alpha =
-                    color.has_alpha().then(|| all.map(|p| of_byte(p[p.len() - 1])).collect());
+                let alpha = color.has_alpha().then(|| all.map(last).collect());
                 (Film { width, height, pixels }, alpha)
             }
             Samples::Linear(film, alpha) => (film, alpha),

@@ -220,3 +220,59 @@ pub(crate) fn enclosing_sphere(points: &[DVec3], room: f64) -> Option<Sphere<f64
     }
     Some(Sphere { center, radius: (farthest(center)? - center).length() + room })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_ball::{ball, cameras, photograph};
+
+    /// The share of foreground in the box around a film position, counted pixel by pixel.
+    fn counted(view: &View, is_foreground: &[bool], u: DVec2, reach: f64) -> Option<f64> {
+        let [left, top] = (u - reach).floor().to_array().map(|v| v as i64);
+        let [right, bottom] = (u + reach).ceil().to_array().map(|v| v as i64);
+        let (width, height) = (i64::from(view.image.width), i64::from(view.image.height));
+        if left < 0 || top < 0 || right > width || bottom > height {
+            return None;
+        }
+        let rows = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
+        let flags: Vec<bool> = rows.map(|i| is_foreground[i as usize]).collect();
+        Some(flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64)
+    }
+
+    #[test]
+    fn a_cell_is_kept_by_the_rule_over_all_views() {
+        let view = |camera: render::Camera| {
+            let image = photograph(&camera);
+            View { name: String::new(), path: Default::default(), camera, image, mask: None }
+        };
+        let views: Vec<View> = cameras(24).into_iter().map(view).collect();
+        // Two views of 24 show nothing but background: within the dissent.
+        let flags = |(number, view): (usize, &View)| -> Vec<bool> {
+            let empty = view.image.at(0, 0);
+            view.image.pixels.iter().map(|pixel| *pixel != empty && number % 12 != 5).collect()
+        };
+        let flags: Vec<Vec<bool>> = views.iter().enumerate().map(flags).collect();
+        let silhouettes: Vec<Silhouette> =
+            views.iter().zip(&flags).map(|(view, own)| Silhouette::new(view, |i| own[i])).collect();
+        let sphere = ball().scaled(2.0);
+        let grid = Grid { sphere, cell: 2.0 * sphere.radius / GRID as f64 };
+        let mut kept = 0;
+        for i in (0..GRID.pow(3)).step_by(7) {
+            let x = grid.center(i);
+            let share = |(view, own): (&View, &Vec<bool>)| {
+                let r = x - view.camera.eye;
+                let reach =
+                    0.5 * grid.cell * view.camera.focal.max_element() / r.dot(view.camera.forward);
+                counted(view, own, view.camera.project(x)?, reach)
+            };
+            let shares: Vec<f64> = views.iter().zip(&flags).filter_map(share).collect();
+            let dissent = shares.iter().filter(|share| **share < LEAST_FOREGROUND).count();
+            let expected = x.distance(sphere.center) <= sphere.radius
+                && shares.len() >= 12
+                && dissent as f64 <= 0.1 * shares.len() as f64;
+            assert_eq!(grid.is_kept(i, &views, &silhouettes), expected, "cell {i}");
+            kept += usize::from(expected);
+        }
+        assert!((100..20_000).contains(&kept), "{kept}");
+    }
+}

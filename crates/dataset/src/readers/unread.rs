@@ -180,49 +180,54 @@ impl UnreadView {
     pub fn read(self, downscale: u32) -> Result<View> {
         let Photograph { image, mask } = self.read_photograph()?;
         let camera = self.pinhole()?;
-        let image_pixels = match image.has_alpha() {
-            // The colour of a transparent pixel is undefined in many files; over black it is defined.
-            true => self.reduced(&camera, downscale, |x, y| {
-                let alpha = image.alpha_at(x, y);
-                image.at(x, y).map(|c| c * alpha)
-            }),
-            false => self.reduced(&camera, downscale, |x, y| image.at(x, y)),
+        // The colour of a transparent pixel is undefined in many files; over black it is defined.
+        let at = |x, y| image.at(x, y).map(|c| c * image.alpha_at(x, y));
+        let row = |y, row: &mut [[f32; 3]]| {
+            image.write_row(y, row);
+            if image.has_alpha() {
+                let alpha = (0..).map(|x| image.alpha_at(x, y));
+                row.iter_mut().zip(alpha).for_each(|(p, a)| *p = p.map(|c| c * a));
+            }
         };
+        let pixels = self.reduced(&camera, downscale, at, row);
         let mask = mask.map(|(kind, mask)| {
-            let values = match mask {
-                StoredMask::AlphaOfImage => {
-                    self.reduced(&camera, downscale, |x, y| [image.alpha_at(x, y)])
-                }
-                StoredMask::Alpha(mask) => {
-                    self.reduced(&camera, downscale, |x, y| [mask.alpha_at(x, y)])
-                }
-                StoredMask::Shown(mask) => self.reduced(&camera, downscale, |x, y| {
-                    // A mask file holds coverage as display values.
-                    [mask.display_at(x, y).clamp(0.0, 1.0)]
-                }),
+            let number = |x, y| match &mask {
+                StoredMask::AlphaOfImage => image.alpha_at(x, y),
+                StoredMask::Alpha(mask) => mask.alpha_at(x, y),
+                // A mask file holds coverage as display values.
+                StoredMask::Shown(mask) => mask.display_at(x, y).clamp(0.0, 1.0),
             };
+            let row = |y, row: &mut [[f32; 1]]| {
+                row.iter_mut().zip(0..).for_each(|(out, x)| *out = [number(x, y)]);
+            };
+            let values = self.reduced(&camera, downscale, |x, y| [number(x, y)], row);
             Mask { kind, values: values.into_flattened() }
         });
         let [width, height] = self.size().map(|side| side.div_ceil(downscale));
         let camera = if downscale > 1 { camera.reduced(downscale, width, height) } else { camera };
-        let image = Film { width, height, pixels: image_pixels };
+        let image = Film { width, height, pixels };
         Ok(View { name: self.name, path: self.path, camera, image, mask })
     }
 
     /// The pixels of the pinhole camera `ideal` at 1/`n` of its size, row by row. `at` gives those
-    /// of the photograph with its distortion.
+    /// of the photograph with its distortion, and `row` writes a row of them.
     fn reduced<const C: usize>(
         &self,
         ideal: &Camera,
         n: u32,
         at: impl Fn(u32, u32) -> [f32; C] + Sync,
+        row: impl Fn(u32, &mut [[f32; C]]) + Sync,
     ) -> Vec<[f32; C]> {
         let size = self.size();
         let rows = 0..size[1].div_ceil(n);
         if self.lens.is_negligible(&self.camera) {
-            return rows.flat_map(|y| block_row(size, n, y, &at)).collect();
+            return rows.flat_map(|y| block_row(size, n, y, &row)).collect();
         }
-        let undistorted = |x, y| self.lens.undistorted(size, &at, [&self.camera, ideal], [x, y]);
+        let cameras = [&self.camera, ideal];
+        let undistorted = |y, row: &mut [[f32; C]]| {
+            let pixel = |x| self.lens.undistorted(size, &at, cameras, [x, y]);
+            row.iter_mut().zip(0..).for_each(|(out, x)| *out = pixel(x));
+        };
         rows.into_par_iter().flat_map_iter(|y| block_row(size, n, y, undistorted)).collect()
     }
 

@@ -35,16 +35,23 @@ pub struct Level {
 
 impl Level {
     fn new(cameras: Vec<Camera>, photographs: Vec<Photograph>, model: &BackgroundModel) -> Self {
-        let pixels = cameras.par_iter().zip(&photographs).enumerate();
-        let pixels: Vec<[Vec<Draw>; 2]> = pixels
-            .map(|(view, (camera, photograph))| drawn_pixels(view, camera, photograph, model))
-            .collect();
-        let count = |list: usize| pixels.iter().map(|lists| lists[list].len()).sum();
-        let [mut foreground, mut background] = [0, 1].map(|list| Vec::with_capacity(count(list)));
-        for [own_foreground, own_background] in pixels {
-            foreground.extend(own_foreground);
-            background.extend(own_background);
-        }
+        let uses = cameras.par_iter().zip(&photographs).enumerate();
+        let uses =
+            uses.map(|(view, (camera, photograph))| uses_of(view, camera, photograph, model));
+        let uses: Vec<Vec<Use>> = uses.collect();
+        let list = |wanted: Use| {
+            let count = uses.iter().flatten().filter(|own| **own == wanted).count();
+            let mut list = Vec::with_capacity(count);
+            for (view, (own, camera)) in (0..).zip(uses.iter().zip(&cameras)) {
+                let places = (0..camera.height as u16)
+                    .flat_map(|y| (0..camera.width as u16).map(move |x| (x, y)));
+                let wanted = own.iter().zip(places).filter(|(own, _)| **own == wanted);
+                list.extend(wanted.map(|(_, (x, y))| Draw { view, x, y, count: 1 }));
+            }
+            list
+        };
+        let (foreground, background) =
+            rayon::join(|| list(Use::Foreground), || list(Use::Background));
         Level { cameras, photographs, foreground, background }
     }
 
@@ -178,29 +185,35 @@ impl Level {
     }
 }
 
-/// The pixels of a view that a level draws: those of the foreground, and those that are certain
-/// background.
-fn drawn_pixels(
+/// The list of a level that a pixel is in.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Use {
+    None,
+    Foreground,
+    Background,
+}
+
+/// The list of each pixel of a view, row-major.
+fn uses_of(
     view: usize,
     camera: &Camera,
     photograph: &Photograph,
     model: &BackgroundModel,
-) -> [Vec<Draw>; 2] {
-    let [mut foreground, mut background] = [Vec::new(), Vec::new()];
-    let mut certain = model.certain(view, photograph).into_iter();
-    for y in 0..camera.height as u16 {
-        for x in 0..camera.width as u16 {
-            let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
-            let is_background = certain.next() == Some(true) || !meets;
-            let list = if is_background { &mut background } else { &mut foreground };
-            let is_used = photograph.is_used(x.into(), y.into());
-            if is_used && (meets || model.is_trained) {
-                list.push(Draw { view: view as u32, x, y, count: 1 });
-            }
+) -> Vec<Use> {
+    let certain = model.certain(view, photograph).into_iter();
+    let places = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
+    let use_of = |(certain, (x, y)): (bool, (u32, u32))| {
+        let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
+        if !photograph.is_used(x, y) || !(meets || model.is_trained) {
+            Use::None
+        } else if certain || !meets {
+            Use::Background
+        } else {
+            Use::Foreground
         }
-    }
-    [foreground, background]
+    };
+    certain.zip(places).map(use_of).collect()
 }
 
 /// The image of `i` under a pseudo-random permutation of 0..n: a Feistel network of four rounds on
