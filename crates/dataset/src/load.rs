@@ -149,7 +149,7 @@ impl Unread {
     /// has a pinhole camera.
     ///
     /// Images are read in parallel, as many at a time as fit in 512 MiB with the samples of their
-    /// files, at least one. The result does not depend on the number of threads. `progress` gets the share of
+    /// files, or as films where lenses have distortion, at least one. The result does not depend on the number of threads. `progress` gets the share of
     /// the images that are read.
     ///
     /// # Errors

@@ -119,12 +119,16 @@ fn pixels_of_a_stored_image_are_those_of_its_film() {
         assert_eq!((stored.size(), stored.has_alpha()), ([20, 9], alpha.is_some()), "{name}");
         assert_eq!(stored.alpha().map(Iterator::collect::<Vec<f32>>), alpha, "{name}");
         assert_eq!(stored.first_non_finite(), None);
+        let decoded = stored.clone().decoded();
         for (i, pixel) in film.pixels.iter().enumerate() {
             let (x, y) = (i as u32 % 20, i as u32 / 20);
             let mut row = [[0.0; 3]; 20];
             stored.write_row(y, &mut row);
             assert_eq!([stored.at(x, y), row[x as usize]], [*pixel; 2], "{name}");
             assert_eq!(stored.display_at(x, y), srgb_encode(pixel[0]), "{name}");
+            assert_eq!(decoded.at(x, y), *pixel, "{name}");
+            assert_eq!(decoded.display_at(x, y), stored.display_at(x, y), "{name}");
+            assert_eq!(decoded.alpha_at(x, y), stored.alpha_at(x, y), "{name}");
             assert_eq!(stored.alpha_at(x, y), alpha.as_ref().map_or(1.0, |alpha| alpha[i]));
         }
     }

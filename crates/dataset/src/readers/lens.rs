@@ -82,7 +82,31 @@ impl Lens {
         (q, outer * inner)
     }
 
-    /// The map behind the angles of a fisheye lens.
+    /// The map of tangents alone, without its Jacobian: that of each pixel of a photograph.
+    fn distorted(&self, p: DVec2) -> DVec2 {
+        self.distorted_brown(if self.by_angle { to_angles(p).0 } else { p })
+    }
+
+    /// The map of [`distort_brown`](Self::distort_brown), without its Jacobian.
+    #[inline]
+    fn distorted_brown(&self, p: DVec2) -> DVec2 {
+        let ([k1, k2, k3, k4], [d1, d2, d3]) = (self.radial, self.divisor);
+        let [p1, p2] = self.tangential;
+        let r2 = p.length_squared();
+        let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4)));
+        let below = 1.0 + r2 * (d1 + r2 * (d2 + r2 * d3));
+        if below <= 0.0 {
+            return DVec2::NAN;
+        }
+        let xy = p.x * p.y;
+        let tangential = DVec2::new(
+            2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
+            2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
+        );
+        p * (above / below) + tangential + DVec2::from(self.prism) * r2
+    }
+
+    /// The map behind the angles of a fisheye lens, and its Jacobian.
     fn distort_brown(&self, p: DVec2) -> (DVec2, DMat2) {
         let ([k1, k2, k3, k4], [d1, d2, d3]) = (self.radial, self.divisor);
         let ([p1, p2], prism) = (self.tangential, DVec2::from(self.prism));
@@ -98,21 +122,17 @@ impl Lens {
         // The derivative of `radial` by x is this times x; by y, times y.
         let slope = 2.0 * (above_slope - radial * below_slope) / below;
         let xy = p.x * p.y;
-        let tangential = DVec2::new(
-            2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
-            2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
-        );
         let across = slope * xy + 2.0 * (p1 * p.x + p2 * p.y);
         let dx = DVec2::new(radial + slope * p.x * p.x + 2.0 * p1 * p.y + 6.0 * p2 * p.x, across);
         let dy = DVec2::new(across, radial + slope * p.y * p.y + 2.0 * p2 * p.x + 6.0 * p1 * p.y);
         let jacobian = DMat2::from_cols(dx + 2.0 * p.x * prism, dy + 2.0 * p.y * prism);
-        (p * radial + tangential + prism * r2, jacobian)
+        (self.distorted_brown(p), jacobian)
     }
 
     /// Maps a film position `u` of the pinhole camera `ideal` to the film position of the same
     /// point in the photograph; `source` is the pinhole part of the photograph's camera.
     fn source_position(&self, ideal: &Camera, source: &Camera, u: DVec2) -> DVec2 {
-        let (q, _) = self.distort((u - ideal.principal) / ideal.focal);
+        let q = self.distorted((u - ideal.principal) / ideal.focal);
         source.principal + source.focal * q + DVec2::new(self.skew * q.y, 0.0)
     }
 

@@ -52,6 +52,10 @@ enum StoredMask {
 /// A pixel with less alpha is cut out.
 const HALF: f32 = 0.5;
 
+/// Bytes of memory for each pixel of a photograph whose distortion is removed: its values in single
+/// precision.
+const MEMORY_PER_DISTORTED_PIXEL: u64 = 16;
+
 /// Bytes of memory for each pixel of the view that is read: an image in single precision and a
 /// mask.
 const MEMORY_PER_READ_PIXEL: u64 = 16;
@@ -162,15 +166,17 @@ impl UnreadView {
         let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
         let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1);
         let of_files = reading_memory(&self.path) + self.mask.as_ref().map_or(0, of_mask);
+        let of_lens = if self.lens.is_negligible(&self.camera) { 0 } else { 1 };
         let small = self.size().map(|side| side.div_ceil(downscale));
-        pixels(self.size()) * of_files + pixels(small) * MEMORY_PER_READ_PIXEL
+        pixels(self.size()) * (of_files + of_lens * MEMORY_PER_DISTORTED_PIXEL)
+            + pixels(small) * MEMORY_PER_READ_PIXEL
     }
 
     /// Reads the image and the mask, removes the lens distortion, and reduces both to
     /// 1/`downscale` of the size.
     ///
-    /// All of it is done for one row of the result after the other, so that no copy of the full
-    /// size is made.
+    /// All of it is done for one row of the result after the other, so that a photograph without
+    /// distortion needs no film of the full size.
     ///
     /// # Errors
     /// If a file is missing or wrong, or the distortion cannot be removed.
@@ -180,11 +186,18 @@ impl UnreadView {
     pub fn read(self, downscale: u32) -> Result<View> {
         let Photograph { image, mask } = self.read_photograph()?;
         let camera = self.pinhole()?;
+        // The places of a distorted photograph are in no order, and each has four pixels.
+        let is_pinhole = self.lens.is_negligible(&self.camera);
+        let image = if is_pinhole { image } else { image.decoded() };
         // The colour of a transparent pixel is undefined in many files; over black it is defined.
-        let at = |x, y| image.at(x, y).map(|c| c * image.alpha_at(x, y));
+        let has_alpha = image.has_alpha();
+        let at = |x, y| match has_alpha {
+            true => image.at(x, y).map(|c| c * image.alpha_at(x, y)),
+            false => image.at(x, y),
+        };
         let row = |y, row: &mut [[f32; 3]]| {
             image.write_row(y, row);
-            if image.has_alpha() {
+            if has_alpha {
                 let alpha = (0..).map(|x| image.alpha_at(x, y));
                 row.iter_mut().zip(alpha).for_each(|(p, a)| *p = p.map(|c| c * a));
             }
