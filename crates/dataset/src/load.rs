@@ -148,8 +148,8 @@ impl Unread {
     /// Reads the images. Lens distortion and skew are removed from the photographs, so every view
     /// has a pinhole camera.
     ///
-    /// Images are read in parallel, as many at a time as fit in 512 MiB at their full size, at
-    /// least one. The result does not depend on the number of threads. `progress` gets the share of
+    /// Images are read in parallel, as many at a time as fit in 512 MiB with the samples of their
+    /// files, or as films where lenses have distortion, at least one. The result does not depend on the number of threads. `progress` gets the share of
     /// the images that are read.
     ///
     /// # Errors
@@ -200,7 +200,7 @@ fn read_all(
     report: &mut dyn FnMut(usize),
 ) -> Result<Vec<View>, InputError> {
     let mut read = Vec::with_capacity(views.len());
-    let memory: Vec<u64> = views.iter().map(UnreadView::reading_memory).collect();
+    let memory: Vec<u64> = views.iter().map(|view| view.reading_memory(downscale)).collect();
     for length in groups(&memory) {
         let group: Vec<_> = views.drain(..length).collect();
         let group: Vec<_> = group.into_par_iter().map(|view| view.read(downscale)).collect();

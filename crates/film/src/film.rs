@@ -1,5 +1,7 @@
 //! The image type.
 
+use crate::blocks::block_row;
+
 /// An image of linear RGB radiance in `f32`, rows from top to bottom.
 ///
 /// The methods expect height × width pixels. The fields are public, so the caller keeps this true.
@@ -48,26 +50,13 @@ impl Film {
     /// # Panics
     /// If `n` is 0.
     pub fn downscaled(&self, n: u32) -> Film {
-        let mut out = Film::new(self.width.div_ceil(n), self.height.div_ceil(n));
-        let coordinates = (0..out.height).flat_map(|y| (0..out.width).map(move |x| (x, y)));
-        for (pixel, (x, y)) in out.pixels.iter_mut().zip(coordinates) {
-            *pixel = self.block_mean(x, y, n);
-        }
-        out
-    }
-
-    /// The mean of block (x, y) of n × n pixels, as far as it lies in the image.
-    fn block_mean(&self, x: u32, y: u32, n: u32) -> [f32; 3] {
-        let mut sum = [0.0; 3];
-        let mut count = 0.0;
-        for v in (n * y)..(n * y + n).min(self.height) {
-            for u in (n * x)..(n * x + n).min(self.width) {
-                let p = self.at(u, v);
-                sum = std::array::from_fn(|c| sum[c] + p[c]);
-                count += 1.0;
-            }
-        }
-        sum.map(|s| s / count)
+        let (size, height) = ([self.width, self.height], self.height.div_ceil(n));
+        let width = self.width as usize;
+        let row = |y: u32, out: &mut [[f32; 3]]| {
+            out.copy_from_slice(&self.pixels[y as usize * width..][..width]);
+        };
+        let pixels = (0..height).flat_map(|y| block_row(size, n, y, row));
+        Film { width: self.width.div_ceil(n), height, pixels: pixels.collect() }
     }
 }
 

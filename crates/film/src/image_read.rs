@@ -7,14 +7,14 @@ use std::path::Path;
 
 use files::{InputError, check_memory, extension, open, read};
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use crate::exif::{self, FocalLength};
 use crate::film::Film;
 use crate::formats::IMAGE;
 use crate::heif::{refuse, refuse_unconverted};
 use crate::npy::read_npy;
-use crate::srgb::srgb_decode;
+use crate::stored::StoredImage;
 
 /// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
 /// single precision, and its alpha channel.
@@ -23,9 +23,16 @@ const MEMORY_PER_PIXEL: u64 = 48;
 /// The same for a JPEG image: the file, 3 bytes as decoded, and 12 in single precision.
 const MEMORY_PER_JPEG_PIXEL: u64 = 16;
 
-/// Bytes of memory for each pixel while [`read_image`] reads this file, by its extension.
+/// The same for a JPEG image as [`read_stored_image_of`] reads it: the file, 3 bytes as decoded,
+/// and 6 for the coefficients of a progressive image, or 3 for a turned copy.
+const MEMORY_PER_STORED_JPEG_PIXEL: u64 = 10;
+
+/// Bytes of memory for each pixel while [`read_stored_image_of`] reads this file, by its extension.
 pub fn reading_memory(path: &Path) -> u64 {
-    memory_per_pixel(["jpg", "jpeg"].contains(&extension(path).as_str()))
+    match extension(path).as_str() {
+        "jpg" | "jpeg" => MEMORY_PER_STORED_JPEG_PIXEL,
+        _ => MEMORY_PER_PIXEL,
+    }
 }
 
 fn memory_per_pixel(is_jpeg: bool) -> u64 {
@@ -96,11 +103,28 @@ fn read_turned(
     path: &Path,
     expected: Option<(u32, u32)>,
 ) -> Result<(Film, Option<Vec<f32>>), InputError> {
+    read_stored_turned(path, expected).map(StoredImage::into_film)
+}
+
+/// Like [`read_image_of`], without the conversion to single precision: the image takes the memory
+/// of its samples, as the file has them.
+///
+/// # Errors
+/// As [`read_image`]. Another size is no error.
+pub fn read_stored_image_of(path: &Path, size: (u32, u32)) -> Result<StoredImage, InputError> {
+    read_stored_turned(path, Some(size))
+}
+
+/// See [`read_turned`].
+fn read_stored_turned(
+    path: &Path,
+    expected: Option<(u32, u32)>,
+) -> Result<StoredImage, InputError> {
     if extension(path) == "npy" {
-        return read_npy_image(path).map(|film| (film, None));
+        return read_npy_image(path).map(|film| StoredImage::of_film(film, None));
     }
     let (image, format) = decoded_file(path, expected)?;
-    Ok(linear(image, format == Some(ImageFormat::OpenExr)))
+    Ok(StoredImage::of_decoded(image, format == Some(ImageFormat::OpenExr)))
 }
 
 /// Decodes a PNG, JPEG or EXR file, and drops the image.
@@ -208,33 +232,6 @@ pub enum TurnedByExif {
 fn swaps_sides(orientation: Orientation) -> bool {
     use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
     matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
-}
-
-/// The linear film and the alpha channel of a decoded image.
-fn linear(image: DynamicImage, is_linear: bool) -> (Film, Option<Vec<f32>>) {
-    let (width, height, color) = (image.width(), image.height(), image.color());
-    if color.bytes_per_pixel() == color.channel_count() {
-        let (pixels, alpha) = linear_of_bytes(image.as_bytes(), color);
-        return (Film { width, height, pixels }, alpha);
-    }
-    let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
-    let rgba = color.has_alpha().then(|| image.to_rgba32f());
-    let alpha = rgba.map(|rgba| rgba.pixels().map(|p| p.0[3]).collect());
-    let pixels = image.into_rgb32f().pixels().map(|p| p.0.map(decode)).collect();
-    (Film { width, height, pixels }, alpha)
-}
-
-/// The linear pixels and the alpha channel of sRGB samples of 8 bits, without the copies in single
-/// precision that other samples need.
-fn linear_of_bytes(samples: &[u8], color: ColorType) -> (Vec<[f32; 3]>, Option<Vec<f32>>) {
-    let of_byte = |v: u8| f32::from(v) / 255.0;
-    let table: Vec<f32> = (0..=255).map(|v| srgb_decode(of_byte(v))).collect();
-    let decode = |v: u8| table[usize::from(v)];
-    let all = samples.chunks_exact(color.channel_count().into());
-    let blue = if color.has_color() { 2 } else { 0 };
-    let pixels = all.clone().map(|p| [p[0], p[blue / 2], p[blue]].map(decode)).collect();
-    let alpha = color.has_alpha().then(|| all.map(|p| of_byte(p[p.len() - 1])).collect());
-    (pixels, alpha)
 }
 
 /// Whether the end of a PNG or JPEG file is there. Other formats count as whole here; their

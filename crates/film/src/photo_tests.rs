@@ -7,8 +7,8 @@ use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, RgbImage};
 
 use crate::{
-    TurnedByExif, image_size, read_image, read_image_of, refuse_unconverted, srgb_decode,
-    turned_by_exif,
+    TurnedByExif, image_size, read_image, read_image_of, read_stored_image_of, refuse_unconverted,
+    srgb_decode, srgb_encode, turned_by_exif, write_npy,
 };
 
 /// An image of 16 × 8 pixels that is bright in its upper left quarter.
@@ -94,6 +94,48 @@ fn samples_of_8_bits_have_the_values_of_the_general_conversion() {
             assert!((found - expected.0[3]).abs() <= tolerance, "{found} against {expected:?}");
         }
     }
+}
+
+#[test]
+fn pixels_of_a_stored_image_are_those_of_its_film() {
+    let folder = tempfile::tempdir().unwrap();
+    let ramp: Vec<u8> = (0..20 * 9 * 4u32).map(|v| (v * v % 251) as u8).collect();
+    let rgba = DynamicImage::from(image::RgbaImage::from_raw(20, 9, ramp).unwrap());
+    let images = [
+        ("a.png", rgba.clone()),
+        ("b.png", DynamicImage::from(rgba.to_rgb8())),
+        ("c.png", DynamicImage::from(rgba.to_luma8())),
+        ("d.png", DynamicImage::from(rgba.to_luma_alpha8())),
+        ("e.png", DynamicImage::from(rgba.to_rgba16())),
+        ("f.png", DynamicImage::from(rgba.to_luma16())),
+        ("g.jpg", DynamicImage::from(rgba.to_rgb8())),
+        ("h.exr", DynamicImage::from(rgba.to_rgb32f())),
+    ];
+    for (name, image) in images {
+        let path = folder.path().join(name);
+        image.save(&path).unwrap();
+        let stored = read_stored_image_of(&path, (20, 9)).unwrap();
+        let (film, alpha) = read_image(&path).unwrap();
+        assert_eq!((stored.size(), stored.has_alpha()), ([20, 9], alpha.is_some()), "{name}");
+        assert_eq!(stored.alpha().map(Iterator::collect::<Vec<f32>>), alpha, "{name}");
+        assert_eq!(stored.first_non_finite(), None);
+        let decoded = stored.clone().decoded();
+        for (i, pixel) in film.pixels.iter().enumerate() {
+            let (x, y) = (i as u32 % 20, i as u32 / 20);
+            let mut row = [[0.0; 3]; 20];
+            stored.write_row(y, &mut row);
+            assert_eq!([stored.at(x, y), row[x as usize]], [*pixel; 2], "{name}");
+            assert_eq!(stored.display_at(x, y), srgb_encode(pixel[0]), "{name}");
+            assert_eq!(decoded.at(x, y), *pixel, "{name}");
+            assert_eq!(decoded.display_at(x, y), stored.display_at(x, y), "{name}");
+            assert_eq!(decoded.alpha_at(x, y), stored.alpha_at(x, y), "{name}");
+            assert_eq!(stored.alpha_at(x, y), alpha.as_ref().map_or(1.0, |alpha| alpha[i]));
+        }
+    }
+    let path = folder.path().join("i.npy");
+    write_npy(&path, &[2, 2], &[0.0, 1.0, f32::INFINITY, 3.0]).unwrap();
+    let stored = read_stored_image_of(&path, (2, 2)).unwrap();
+    assert_eq!(stored.first_non_finite(), Some(f32::INFINITY));
 }
 
 /// The first bytes of a HEIF file with these brands.

@@ -76,7 +76,8 @@ impl Session {
         self.held_out_psnr
     }
 
-    /// Runs iterations until the budget is spent or `stop` is true, and saves.
+    /// Runs iterations until the budget is spent or `stop` is true, and saves. At the end of the
+    /// budget, it writes the preview first.
     ///
     /// `report` gets the session and the metrics after every iteration; its time counts as time of
     /// the fit. The folders of the checkpoint and of previews must exist in the run folder.
@@ -111,18 +112,25 @@ impl Session {
 
             let FitOptions { preview_every, checkpoint_every, .. } = self.fit.file.options;
             let iteration = self.fit.clock.iteration;
-            if iteration.is_multiple_of(preview_every) {
+            let is_last = self.fit.progress() >= 1.0;
+            if iteration.is_multiple_of(preview_every) && !is_last {
                 self.preview()?;
             }
-            if iteration.is_multiple_of(checkpoint_every) {
+            if iteration.is_multiple_of(checkpoint_every) && !is_last && !stop() {
                 self.save()?;
             }
             self.fit.clock.seconds = before + begin.elapsed().as_secs_f64();
         }
-        if self.fit.progress() >= 1.0 {
-            self.fit.optimiser.take_average(&mut self.fit.model);
-        }
-        Ok(self.save()?)
+        let shown = match self.fit.progress() >= 1.0 {
+            true => {
+                self.fit.optimiser.take_average(&mut self.fit.model);
+                self.preview()
+            }
+            false => Ok(()),
+        };
+        // A picture that fails takes no checkpoint with it.
+        self.save()?;
+        Ok(shown?)
     }
 
     /// Writes the preview picture of the first held-out view, or else of the first view, with at

@@ -2,6 +2,7 @@
 
 use field::Sphere;
 use glam::DVec2;
+use rayon::prelude::*;
 
 use dataset::View;
 use film::{srgb_decode, srgb_encode};
@@ -75,10 +76,17 @@ impl BackgroundEstimate {
     /// a table) count as clutter, which lowers the confidence. If masks leave out nearly all of the
     /// pixels, the confidence is 0.
     pub fn estimate(views: &[View], candidate: &Sphere<f64>) -> Self {
-        let shown: Vec<Option<[f32; 3]>> =
-            views.iter().flat_map(|view| surrounding_pixels(view, candidate)).collect();
-        let least = (LEAST_USED * shown.len() as f64) as usize;
-        let pixels: Vec<[f32; 3]> = shown.into_iter().flatten().collect();
+        let shown: Vec<Surrounding> =
+            views.par_iter().map(|view| Surrounding::of(view, candidate)).collect();
+        Self::of_surroundings(&shown)
+    }
+
+    /// See [`estimate`](Self::estimate), for the pixels of several views.
+    pub(crate) fn of_surroundings(views: &[Surrounding]) -> Self {
+        let all = views.iter().map(|view| view.0.len()).sum::<usize>();
+        let least = (LEAST_USED * all as f64) as usize;
+        let pixels: Vec<[f32; 3]> =
+            views.iter().flat_map(|view| view.0.iter().copied().flatten()).collect();
         if pixels.is_empty() || pixels.len() < least {
             return BackgroundEstimate { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
         }
@@ -113,12 +121,20 @@ impl BackgroundEstimate {
     /// in each channel, the object is uniform over all colours, and both are equally likely before
     /// the pixel is known.
     pub fn probability(&self, rgb: [f32; 3]) -> f32 {
+        self.probabilities()(rgb)
+    }
+
+    /// [`probability`](Self::probability) as a function, for many pixels.
+    pub fn probabilities(&self) -> impl Fn([f32; 3]) -> f32 + Sync + use<> {
         let sigma = self.spread.max(LEAST_SPREAD);
-        let square: f32 = (0..3)
-            .map(|c| ((srgb_encode(rgb[c]) - srgb_encode(self.color[c])) / sigma).powi(2))
-            .sum();
-        let density = (-0.5 * square).exp() / ((2.0 * std::f32::consts::PI).sqrt() * sigma).powi(3);
-        density / (density + 1.0)
+        let color = self.color.map(srgb_encode);
+        move |rgb| {
+            let square: f32 =
+                (0..3).map(|c| ((srgb_encode(rgb[c]) - color[c]) / sigma).powi(2)).sum();
+            let density =
+                (-0.5 * square).exp() / ((2.0 * std::f32::consts::PI).sqrt() * sigma).powi(3);
+            density / (density + 1.0)
+        }
     }
 }
 
@@ -155,14 +171,18 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels that should show background, in display space. `None` stands for a pixel that is left
-/// out.
-fn surrounding_pixels(view: &View, candidate: &Sphere<f64>) -> Vec<Option<[f32; 3]>> {
-    let shown = |(x, y): (u32, u32)| {
-        let is_used = view.is_used((y * view.image.width + x) as usize);
-        is_used.then(|| view.image.at(x, y).map(srgb_encode))
-    };
-    surrounding_places(view, candidate).into_iter().map(shown).collect()
+/// Pixels of a view that should show background, in display space. `None` stands for a pixel that
+/// is left out.
+pub(crate) struct Surrounding(Vec<Option<[f32; 3]>>);
+
+impl Surrounding {
+    pub(crate) fn of(view: &View, candidate: &Sphere<f64>) -> Self {
+        let shown = |(x, y): (u32, u32)| {
+            let is_used = view.is_used((y * view.image.width + x) as usize);
+            is_used.then(|| view.image.at(x, y).map(srgb_encode))
+        };
+        Surrounding(surrounding_places(view, candidate).into_iter().map(shown).collect())
+    }
 }
 
 /// The places, x and y, of pixels that should show background: those whose rays miss the sphere

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::BackgroundEstimate;
 use crate::backdrop::Backdrop;
-use crate::background::UNIFORM;
+use crate::background::{Surrounding, UNIFORM};
 use crate::carve::visual_hull_sphere;
 use crate::cloud::{shown_by_masks, sphere_around, sphere_of_compact, sphere_of_inner};
 use crate::distant::share_of_distant;
@@ -92,9 +92,12 @@ pub struct Surroundings {
 
 impl Surroundings {
     fn new(views: &[View], sphere: Sphere<f64>, source: SphereSource) -> Self {
-        let of_view = |view| BackgroundEstimate::of_view(view, &sphere);
-        let backgrounds = views.par_iter().map(of_view).collect();
-        let background = BackgroundEstimate::estimate(views, &sphere);
+        let of_view = |view| Surrounding::of(view, &sphere);
+        let shown: Vec<Surrounding> = views.par_iter().map(of_view).collect();
+        let (background, backgrounds) = rayon::join(
+            || BackgroundEstimate::of_surroundings(&shown),
+            || shown.par_chunks(1).map(BackgroundEstimate::of_surroundings).collect(),
+        );
         Surroundings { sphere, source, background, backgrounds, distant: 0.0 }
     }
 
@@ -213,8 +216,10 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
     let hull = match rough.is_uniform() {
         true => {
             let backgrounds = rough.of_views();
-            hull_before(views, &wide, |view, i| {
-                backgrounds[view].probability(views[view].image.pixels[i]) < 0.5
+            hull_before(views, &wide, |view| {
+                let probability = backgrounds[view].probabilities();
+                let pixels = views[view].image.pixels.iter();
+                pixels.map(|rgb| probability(*rgb) < 0.5).collect()
             })
         }
         false => hull_before_backdrops(views, &wide),
@@ -230,16 +235,18 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
 }
 
 /// A sphere with room around the visual hull of the pixels that show the object; `None` without
-/// one, or if too many pixels outside its image show the object.
+/// one, or if too many pixels outside its image show the object. `shown` gives a flag for each
+/// pixel of a view.
 fn hull_before(
     views: &[View],
     wide: &Sphere<f64>,
-    is_shown: impl Fn(usize, usize) -> bool + Sync,
+    shown: impl Fn(usize) -> Vec<bool> + Sync,
 ) -> Option<Sphere<f64>> {
+    let shown: Vec<Vec<bool>> = (0..views.len()).into_par_iter().map(&shown).collect();
     // A pixel that is left out may show the object.
-    let is_foreground = |view: usize, i| is_shown(view, i) || !views[view].is_used(i);
+    let is_foreground = |view: usize, i: usize| shown[view][i] || !views[view].is_used(i);
     let hull = with_margin(visual_hull_sphere(views, wide, is_foreground)?);
-    let is_stray = |view: usize, i| is_shown(view, i) && views[view].is_used(i);
+    let is_stray = |view: usize, i: usize| shown[view][i] && views[view].is_used(i);
     (stray(views, &hull, is_stray) <= MOST_STRAY).then_some(hull)
 }
 
@@ -250,8 +257,9 @@ fn hull_before_backdrops(views: &[View], wide: &Sphere<f64>) -> Option<Sphere<f6
         let of_view = |view| Backdrop::of_view(view, candidate);
         let backdrops: Option<Vec<Backdrop>> = views.par_iter().map(of_view).collect();
         let backdrops = backdrops?;
-        hull_before(views, wide, |view, i| {
-            backdrops[view].is_hidden_at(i, views[view].image.pixels[i])
+        hull_before(views, wide, |view| {
+            let pixels = views[view].image.pixels.iter().enumerate();
+            pixels.map(|(i, rgb)| backdrops[view].is_hidden_at(i, *rgb)).collect()
         })
     };
     around(&around(wide)?)

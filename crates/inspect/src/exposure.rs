@@ -78,13 +78,14 @@ pub fn exposure_spread(
             return Some(Exposure { stops: deviation(&stops), from: ExposureSource::Background });
         }
     }
-    let is_object = |number: usize, rgb| {
-        backgrounds.get(number).is_none_or(|background| background.probability(rgb) < 0.5)
-    };
     let measured: Vec<Option<(DVec3, f64)>> = views
         .par_iter()
         .enumerate()
-        .map(|(number, view)| brightness_in(view, bounds, &|rgb| is_object(number, rgb)))
+        .map(|(number, view)| {
+            let probability = backgrounds.get(number).map(BackgroundEstimate::probabilities);
+            let is_object = |rgb| probability.as_ref().is_none_or(|of| of(rgb) < 0.5);
+            brightness_in(view, bounds, &is_object)
+        })
         .collect();
     let (directions, mut stops): (Vec<DVec3>, Vec<f64>) = measured.into_iter().flatten().unzip();
     if stops.len() < LEAST_VIEWS {

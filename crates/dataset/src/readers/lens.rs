@@ -2,8 +2,6 @@
 
 use glam::{DMat2, DVec2};
 
-use film::Film;
-use rayon::prelude::*;
 use render::Camera;
 
 /// Distortion and skew: the difference between a photograph's camera and a pinhole camera.
@@ -84,7 +82,31 @@ impl Lens {
         (q, outer * inner)
     }
 
-    /// The map behind the angles of a fisheye lens.
+    /// The map of tangents alone, without its Jacobian: that of each pixel of a photograph.
+    fn distorted(&self, p: DVec2) -> DVec2 {
+        self.distorted_brown(if self.by_angle { to_angles(p).0 } else { p })
+    }
+
+    /// The map of [`distort_brown`](Self::distort_brown), without its Jacobian.
+    #[inline]
+    fn distorted_brown(&self, p: DVec2) -> DVec2 {
+        let ([k1, k2, k3, k4], [d1, d2, d3]) = (self.radial, self.divisor);
+        let [p1, p2] = self.tangential;
+        let r2 = p.length_squared();
+        let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4)));
+        let below = 1.0 + r2 * (d1 + r2 * (d2 + r2 * d3));
+        if below <= 0.0 {
+            return DVec2::NAN;
+        }
+        let xy = p.x * p.y;
+        let tangential = DVec2::new(
+            2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
+            2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
+        );
+        p * (above / below) + tangential + DVec2::from(self.prism) * r2
+    }
+
+    /// The map behind the angles of a fisheye lens, and its Jacobian.
     fn distort_brown(&self, p: DVec2) -> (DVec2, DMat2) {
         let ([k1, k2, k3, k4], [d1, d2, d3]) = (self.radial, self.divisor);
         let ([p1, p2], prism) = (self.tangential, DVec2::from(self.prism));
@@ -100,21 +122,17 @@ impl Lens {
         // The derivative of `radial` by x is this times x; by y, times y.
         let slope = 2.0 * (above_slope - radial * below_slope) / below;
         let xy = p.x * p.y;
-        let tangential = DVec2::new(
-            2.0 * p1 * xy + p2 * (r2 + 2.0 * p.x * p.x),
-            2.0 * p2 * xy + p1 * (r2 + 2.0 * p.y * p.y),
-        );
         let across = slope * xy + 2.0 * (p1 * p.x + p2 * p.y);
         let dx = DVec2::new(radial + slope * p.x * p.x + 2.0 * p1 * p.y + 6.0 * p2 * p.x, across);
         let dy = DVec2::new(across, radial + slope * p.y * p.y + 2.0 * p2 * p.x + 6.0 * p1 * p.y);
         let jacobian = DMat2::from_cols(dx + 2.0 * p.x * prism, dy + 2.0 * p.y * prism);
-        (p * radial + tangential + prism * r2, jacobian)
+        (self.distorted_brown(p), jacobian)
     }
 
     /// Maps a film position `u` of the pinhole camera `ideal` to the film position of the same
     /// point in the photograph; `source` is the pinhole part of the photograph's camera.
     fn source_position(&self, ideal: &Camera, source: &Camera, u: DVec2) -> DVec2 {
-        let (q, _) = self.distort((u - ideal.principal) / ideal.focal);
+        let q = self.distorted((u - ideal.principal) / ideal.focal);
         source.principal + source.focal * q + DVec2::new(self.skew * q.y, 0.0)
     }
 
@@ -179,18 +197,18 @@ impl Lens {
         (1..=TESTS).all(|i| self.distort(p * (i as f64 / TESTS as f64)).1.determinant() > 0.0)
     }
 
-    /// The image of the pinhole camera `ideal`, by bilinear interpolation in the photograph
-    /// `image`, in linear radiance.
-    pub(crate) fn undistort(&self, image: &Film, source: &Camera, ideal: &Camera) -> Film {
-        let mut out = Film::new(ideal.width, ideal.height);
-        let rows = out.pixels.par_chunks_mut(ideal.width as usize).enumerate();
-        rows.for_each(|(y, row)| {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                let u = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                *pixel = bilinear(image, self.source_position(ideal, source, u));
-            }
-        });
-        out
+    /// Pixel `[x, y]` of the image of the pinhole camera `ideal`, by bilinear interpolation in the
+    /// photograph of the camera `source`, in linear radiance. `at` gives the photograph's pixels,
+    /// and `size` is its width and height.
+    pub(crate) fn undistorted<const C: usize>(
+        &self,
+        size: [u32; 2],
+        at: impl Fn(u32, u32) -> [f32; C],
+        [source, ideal]: [&Camera; 2],
+        [x, y]: [u32; 2],
+    ) -> [f32; C] {
+        let u = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        bilinear(size, at, self.source_position(ideal, source, u))
     }
 }
 
@@ -226,14 +244,18 @@ fn border(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
 
 /// The image at a continuous film position, interpolated between the four pixel centres around it,
 /// and constant beyond the outermost centres.
-fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
-    let most = DVec2::new(f64::from(image.width - 1), f64::from(image.height - 1));
-    let at = (u - 0.5).clamp(DVec2::ZERO, most);
-    let low = at.floor();
+fn bilinear<const C: usize>(
+    size: [u32; 2],
+    at: impl Fn(u32, u32) -> [f32; C],
+    u: DVec2,
+) -> [f32; C] {
+    let most = DVec2::new(f64::from(size[0] - 1), f64::from(size[1] - 1));
+    let place = (u - 0.5).clamp(DVec2::ZERO, most);
+    let low = place.floor();
     let high = (low + 1.0).min(most);
-    let f = (at - low).as_vec2();
+    let f = (place - low).as_vec2();
     #[expect(clippy::cast_possible_truncation, reason = "whole numbers inside the image")]
-    let pixel = |x: f64, y: f64| image.at(x as u32, y as u32);
+    let pixel = |x: f64, y: f64| at(x as u32, y as u32);
     let (a, b, c, d) =
         (pixel(low.x, low.y), pixel(high.x, low.y), pixel(low.x, high.y), pixel(high.x, high.y));
     std::array::from_fn(|i| {
@@ -246,6 +268,7 @@ fn bilinear(image: &Film, u: DVec2) -> [f32; 3] {
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use film::Film;
     use glam::DVec3;
     use proptest::prelude::*;
 
@@ -322,6 +345,16 @@ mod tests {
         film
     }
 
+    /// The undistorted photograph.
+    fn undistort(lens: &Lens, image: &Film, source: &Camera, ideal: &Camera) -> Film {
+        let (width, height) = (image.width, image.height);
+        let pixel = |i: u32| {
+            let at = |x, y| image.at(x, y);
+            lens.undistorted([width, height], at, [source, ideal], [i % width, i / width])
+        };
+        Film { width, height, pixels: (0..width * height).map(pixel).collect() }
+    }
+
     fn pattern(p: DVec2) -> [f32; 3] {
         let (x, y) = ((4.0 * p.x).sin(), (3.0 * p.y).cos());
         let rgb = DVec3::new(x, y, 0.8 * (3.0 * p.x * p.y).sin());
@@ -341,7 +374,7 @@ mod tests {
         for lens in lenses {
             assert!(!lens.is_negligible(&camera));
             let ideal = lens.pinhole(&camera).unwrap();
-            let found = lens.undistort(&photograph(&lens, &camera), &camera, &ideal);
+            let found = undistort(&lens, &photograph(&lens, &camera), &camera, &ideal);
             let expected = photograph(&Lens::default(), &ideal);
             let worst = found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
             let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

@@ -8,8 +8,9 @@ use crate::readers::images::sibling_mask;
 use crate::readers::lens::Lens;
 use crate::readers::{Mask, MaskKind, View};
 use files::InputError;
-use film::{Film, srgb_encode};
-use film::{image_size, read_image_of, reading_memory};
+use film::{Film, StoredImage};
+use film::{block_row, image_size, read_stored_image_of, reading_memory};
+use rayon::prelude::*;
 use render::Camera;
 
 type Result<T> = std::result::Result<T, InputError>;
@@ -32,23 +33,32 @@ pub struct UnreadView {
     pub(crate) full_size: Option<[u32; 2]>,
 }
 
-/// A photograph and its mask, in the geometry of one pinhole camera.
+/// A photograph and its mask as their files store them.
 struct Photograph {
-    camera: Camera,
-    image: Film,
-    /// The mask's numbers as a grey film.
-    mask: Option<(MaskKind, Film)>,
+    image: StoredImage,
+    mask: Option<(MaskKind, StoredMask)>,
+}
+
+/// The place of a mask's numbers.
+enum StoredMask {
+    /// The alpha channel of the photograph.
+    AlphaOfImage,
+    /// The alpha channel of a mask image.
+    Alpha(StoredImage),
+    /// The display values of a mask image.
+    Shown(StoredImage),
 }
 
 /// A pixel with less alpha is cut out.
 const HALF: f32 = 0.5;
 
-/// Bytes of memory for each pixel of a photograph whose distortion is removed: the result.
-const MEMORY_PER_UNDISTORTED_PIXEL: u64 = 12;
+/// Bytes of memory for each pixel of a photograph whose distortion is removed: its values in single
+/// precision.
+const MEMORY_PER_DISTORTED_PIXEL: u64 = 16;
 
-/// Bytes of memory for each pixel of a mask in addition to that of an image: its display values,
-/// and coverage as a film.
-const MEMORY_PER_MASK_PIXEL: u64 = 16;
+/// Bytes of memory for each pixel of the view that is read: an image in single precision and a
+/// mask.
+const MEMORY_PER_READ_PIXEL: u64 = 16;
 
 /// The least and the largest focal length, in parts of the larger side of the photograph: fields of
 /// view of 180 degrees and of a thousandth of a degree.
@@ -152,59 +162,109 @@ impl UnreadView {
     }
 
     /// An estimate of the memory for [`read`](Self::read), in bytes.
-    pub fn reading_memory(&self) -> u64 {
-        let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1) + MEMORY_PER_MASK_PIXEL;
+    pub fn reading_memory(&self, downscale: u32) -> u64 {
+        let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+        let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1);
+        let of_files = reading_memory(&self.path) + self.mask.as_ref().map_or(0, of_mask);
         let of_lens = if self.lens.is_negligible(&self.camera) { 0 } else { 1 };
-        let a_pixel = reading_memory(&self.path)
-            + self.mask.as_ref().map_or(0, of_mask)
-            + of_lens * MEMORY_PER_UNDISTORTED_PIXEL;
-        u64::from(self.camera.width) * u64::from(self.camera.height) * a_pixel
+        let small = self.size().map(|side| side.div_ceil(downscale));
+        pixels(self.size()) * (of_files + of_lens * MEMORY_PER_DISTORTED_PIXEL)
+            + pixels(small) * MEMORY_PER_READ_PIXEL
     }
 
     /// Reads the image and the mask, removes the lens distortion, and reduces both to
     /// 1/`downscale` of the size.
     ///
+    /// All of it is done for one row of the result after the other, so that a photograph without
+    /// distortion needs no film of the full size.
+    ///
     /// # Errors
     /// If a file is missing or wrong, or the distortion cannot be removed.
+    ///
+    /// # Panics
+    /// If `downscale` is 0.
     pub fn read(self, downscale: u32) -> Result<View> {
-        let photograph = self.read_photograph()?;
-        let photograph = self.undistorted(photograph)?;
-        let Photograph { camera, image, mask } = match downscale {
-            2.. => photograph.downscaled(downscale),
-            _ => photograph,
+        let Photograph { image, mask } = self.read_photograph()?;
+        let camera = self.pinhole()?;
+        // The places of a distorted photograph are in no order, and each has four pixels.
+        let is_pinhole = self.lens.is_negligible(&self.camera);
+        let image = if is_pinhole { image } else { image.decoded() };
+        // The colour of a transparent pixel is undefined in many files; over black it is defined.
+        let has_alpha = image.has_alpha();
+        let at = |x, y| match has_alpha {
+            true => image.at(x, y).map(|c| c * image.alpha_at(x, y)),
+            false => image.at(x, y),
         };
-        let mask = mask.map(|(kind, film)| {
-            let values = film.pixels.iter().map(|p| p[0]).collect();
-            Mask { kind, values }
+        let row = |y, row: &mut [[f32; 3]]| {
+            image.write_row(y, row);
+            if has_alpha {
+                let alpha = (0..).map(|x| image.alpha_at(x, y));
+                row.iter_mut().zip(alpha).for_each(|(p, a)| *p = p.map(|c| c * a));
+            }
+        };
+        let pixels = self.reduced(&camera, downscale, at, row);
+        let mask = mask.map(|(kind, mask)| {
+            let number = |x, y| match &mask {
+                StoredMask::AlphaOfImage => image.alpha_at(x, y),
+                StoredMask::Alpha(mask) => mask.alpha_at(x, y),
+                // A mask file holds coverage as display values.
+                StoredMask::Shown(mask) => mask.display_at(x, y).clamp(0.0, 1.0),
+            };
+            let row = |y, row: &mut [[f32; 1]]| {
+                row.iter_mut().zip(0..).for_each(|(out, x)| *out = [number(x, y)]);
+            };
+            let values = self.reduced(&camera, downscale, |x, y| [number(x, y)], row);
+            Mask { kind, values: values.into_flattened() }
         });
+        let [width, height] = self.size().map(|side| side.div_ceil(downscale));
+        let camera = if downscale > 1 { camera.reduced(downscale, width, height) } else { camera };
+        let image = Film { width, height, pixels };
         Ok(View { name: self.name, path: self.path, camera, image, mask })
     }
 
-    /// Reads the image over black, and its mask: the alpha channel, or else the mask image. An
-    /// alpha channel that is at least half opaque everywhere gives way to a mask image.
+    /// The pixels of the pinhole camera `ideal` at 1/`n` of its size, row by row. `at` gives those
+    /// of the photograph with its distortion, and `row` writes a row of them.
+    fn reduced<const C: usize>(
+        &self,
+        ideal: &Camera,
+        n: u32,
+        at: impl Fn(u32, u32) -> [f32; C] + Sync,
+        row: impl Fn(u32, &mut [[f32; C]]) + Sync,
+    ) -> Vec<[f32; C]> {
+        let size = self.size();
+        let rows = 0..size[1].div_ceil(n);
+        if self.lens.is_negligible(&self.camera) {
+            return rows.flat_map(|y| block_row(size, n, y, &row)).collect();
+        }
+        let cameras = [&self.camera, ideal];
+        let undistorted = |y, row: &mut [[f32; C]]| {
+            let pixel = |x| self.lens.undistorted(size, &at, cameras, [x, y]);
+            row.iter_mut().zip(0..).for_each(|(out, x)| *out = pixel(x));
+        };
+        rows.into_par_iter().flat_map_iter(|y| block_row(size, n, y, undistorted)).collect()
+    }
+
+    /// Reads the image and its mask: the alpha channel, or else the mask image. An alpha channel
+    /// that is at least half opaque everywhere gives way to a mask image.
     fn read_photograph(&self) -> Result<Photograph> {
         let UnreadView { path, camera, .. } = self;
-        let (image, alpha) = read_image_of(path, (camera.width, camera.height))?;
+        let image = read_stored_image_of(path, (camera.width, camera.height))?;
         check_size(path, &image, camera, &format!("(from {})", source_of(&self.size_source)))?;
-        if let Some(bad) = image.pixels.as_flattened().iter().find(|v| !v.is_finite()) {
+        if let Some(bad) = image.first_non_finite() {
             return Err(InputError::new(path, "pixels", bad, "finite numbers"));
         }
-        if let Some(bad) = alpha.iter().flatten().find(|a| !(0.0..=1.0).contains(*a)) {
+        let alpha = || image.alpha().into_iter().flatten();
+        if let Some(bad) = alpha().find(|a| !(0.0..=1.0).contains(a)) {
             return Err(InputError::new(path, "alpha", bad, "numbers from 0 to 1"));
         }
-        let image = match &alpha {
-            Some(alpha) => over_black(image, alpha),
-            None => image,
-        };
-        let is_opaque = |alpha: &Vec<f32>| alpha.iter().all(|a| *a >= HALF);
-        let mask = match (alpha, &self.mask) {
-            (Some(alpha), mask) if mask.is_none() || !is_opaque(&alpha) => {
-                Some((MaskKind::Alpha, Film::grey(image.width, image.height, alpha)))
+        let mask = match &self.mask {
+            // Without an alpha channel, none is less than half opaque.
+            Some((kind, mask)) if alpha().all(|a| a >= HALF) => {
+                Some((*kind, read_mask(mask, camera)?))
             }
-            (_, Some((kind, mask))) => Some((*kind, read_mask(mask, camera)?)),
-            (_, None) => None,
+            _ => image.has_alpha().then_some((MaskKind::Alpha, StoredMask::AlphaOfImage)),
         };
-        Ok(Photograph { camera: *camera, image, mask })
+        Ok(Photograph { image, mask })
     }
 
     /// The pinhole camera of the photograph without its distortion.
@@ -216,21 +276,6 @@ impl UnreadView {
             let expected = "a lens whose distortion can be removed from most of the image \
                 (undistort the images first)";
             InputError::new(&self.path, "distortion", format!("{:?}", self.lens), expected)
-        })
-    }
-
-    /// The photograph as a pinhole camera would have taken it.
-    fn undistorted(&self, photograph: Photograph) -> Result<Photograph> {
-        let Photograph { camera, image, mask } = &photograph;
-        if self.lens.is_negligible(camera) {
-            return Ok(photograph);
-        }
-        let ideal = self.pinhole()?;
-        let resample = |film: &Film| self.lens.undistort(film, camera, &ideal);
-        Ok(Photograph {
-            image: resample(image),
-            mask: mask.as_ref().map(|(kind, mask)| (*kind, resample(mask))),
-            camera: ideal,
         })
     }
 }
@@ -249,44 +294,22 @@ fn copy_of_mask(mask: &Path, image: &Path) -> PathBuf {
     copy().unwrap_or_else(|| mask.to_owned())
 }
 
-impl Photograph {
-    /// The photograph at 1/`n` of its width and height, rounded up. A pixel is the mean of n × n
-    /// pixels; at the right and lower border, of those that exist.
-    fn downscaled(self, n: u32) -> Self {
-        let Photograph { camera, image, mask } = self;
-        Photograph {
-            camera: camera.reduced(n, camera.width.div_ceil(n), camera.height.div_ceil(n)),
-            image: image.downscaled(n),
-            mask: mask.map(|(kind, mask)| (kind, mask.downscaled(n))),
-        }
-    }
-}
-
-/// The image times its alpha channel.
-///
-/// The colour of a transparent pixel is undefined in many files; over black it is defined.
-fn over_black(image: Film, alpha: &[f32]) -> Film {
-    let pixels = image.pixels.iter().zip(alpha).map(|(p, a)| p.map(|c| c * a)).collect();
-    Film { pixels, ..image }
-}
-
 /// Reads a mask image: white, or opaque, is the object, or a pixel to use.
-fn read_mask(path: &Path, camera: &Camera) -> Result<Film> {
-    let (mask, alpha) = read_image_of(path, (camera.width, camera.height))?;
+fn read_mask(path: &Path, camera: &Camera) -> Result<StoredMask> {
+    let mask = read_stored_image_of(path, (camera.width, camera.height))?;
     check_size(path, &mask, camera, "(the photograph's size)")?;
-    // A mask file holds coverage as display values, so the decoding of `read_image_of` is inverted.
-    let shown: Vec<f32> = mask.pixels.iter().map(|p| srgb_encode(p[0]).clamp(0.0, 1.0)).collect();
     // If the mask is in the alpha channel, the colours of the mask file are not used.
-    let in_alpha = alpha.filter(|a| a.iter().any(|a| *a < 1.0));
-    Ok(Film::grey(mask.width, mask.height, in_alpha.unwrap_or(shown)))
+    let is_in_alpha = mask.alpha().into_iter().flatten().any(|a| a < 1.0);
+    Ok(if is_in_alpha { StoredMask::Alpha(mask) } else { StoredMask::Shown(mask) })
 }
 
 /// Refuses an image whose size differs from the camera's.
-fn check_size(path: &Path, image: &Film, camera: &Camera, source: &str) -> Result<()> {
-    if (image.width, image.height) == (camera.width, camera.height) {
+fn check_size(path: &Path, image: &StoredImage, camera: &Camera, source: &str) -> Result<()> {
+    let [width, height] = image.size();
+    if (width, height) == (camera.width, camera.height) {
         return Ok(());
     }
-    let found = format!("{} x {}", image.width, image.height);
+    let found = format!("{width} x {height}");
     let expected = format!("{} x {} {source}", camera.width, camera.height);
     Err(InputError::new(path, "size", found, expected))
 }

@@ -24,6 +24,93 @@ fn downscaled_images_are_averaged_in_linear_radiance() {
     assert!(load(folder.path(), &LoadOptions { downscale: 0 }).is_err());
 }
 
+/// The mean of each block of n × n pixels of a row-major image, as far as it lies in the image.
+fn means(width: usize, values: &[f32], n: usize) -> Vec<f32> {
+    let height = values.len() / width;
+    let mut out = Vec::new();
+    for y in (0..height).step_by(n) {
+        for x in (0..width).step_by(n) {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for v in y..(y + n).min(height) {
+                for u in x..(x + n).min(width) {
+                    sum += values[v * width + u];
+                    count += 1.0;
+                }
+            }
+            out.push(sum / count);
+        }
+    }
+    out
+}
+
+/// A channel of an image.
+fn channel(image: &Film, c: usize) -> Vec<f32> {
+    image.pixels.iter().map(|pixel| pixel[c]).collect()
+}
+
+/// An image with noise in all channels. Alpha is below a half in some pixels.
+fn noise() -> image::RgbaImage {
+    let noise = |x: u32, y: u32| [x * 37 + y * 101, x * 91 + y * 17, x * y, 90 * x + 7 * y];
+    image::RgbaImage::from_fn(WIDTH, HEIGHT, |x, y| {
+        image::Rgba(noise(x, y).map(|v| (v % 256) as u8))
+    })
+}
+
+#[test]
+fn whole_images_have_the_values_of_their_films_times_alpha() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut root = write_nerf(folder.path(), "transforms.json", &cameras(4));
+    let image = image::DynamicImage::from(noise());
+    let files = ["a.png", "b.jpg", "c.png", "d.png"].map(|name| folder.path().join(name));
+    image.save(&files[0]).unwrap();
+    image.to_rgb8().save(&files[1]).unwrap();
+    image.to_luma16().save(&files[2]).unwrap();
+    image.to_rgba16().save(&files[3]).unwrap();
+    for (i, file) in files.iter().enumerate() {
+        root["frames"][i]["file_path"] = json!(file);
+    }
+    write_json(&folder.path().join("transforms.json"), &root);
+    let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+    for (view, file) in in_order(&dataset).into_iter().zip(&files) {
+        let (film, alpha) = film::read_image(file).unwrap();
+        assert_eq!(view.mask.as_ref().map(|mask| &mask.values), alpha.as_ref());
+        for c in 0..3 {
+            let mut expected = channel(&film, c);
+            let scaled = expected.iter_mut().zip(alpha.iter().flatten());
+            scaled.for_each(|(value, alpha)| *value *= alpha);
+            assert_eq!(channel(&view.image, c), expected, "{}", file.display());
+        }
+    }
+}
+
+#[test]
+fn reduced_views_are_the_means_of_the_whole_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let mut root = write_nerf(folder.path(), "transforms.json", &cameras(4));
+    let image = image::DynamicImage::from(noise());
+    image.save(folder.path().join("transforms_1.png")).unwrap();
+    image.to_luma8().save(folder.path().join("mask.png")).unwrap();
+    root["frames"][2]["mask_path"] = json!("mask.png");
+    image.to_rgb16().save(folder.path().join("transforms_3.png")).unwrap();
+    for distortion in [0.0, 0.2] {
+        root["k1"] = json!(distortion);
+        write_json(&path, &root);
+        let whole = load(&path, &LoadOptions::default()).unwrap();
+        for n in [2, 3, 7, 100] {
+            let reduced = load(&path, &LoadOptions { downscale: n }).unwrap();
+            for (a, b) in in_order(&whole).into_iter().zip(in_order(&reduced)) {
+                let (width, n) = (WIDTH as usize, n as usize);
+                for c in 0..3 {
+                    assert_eq!(means(width, &channel(&a.image, c), n), channel(&b.image, c));
+                }
+                let of_whole = a.mask.as_ref().map(|mask| means(width, &mask.values, n));
+                assert_eq!(of_whole, b.mask.as_ref().map(|mask| mask.values.clone()));
+            }
+        }
+    }
+}
+
 #[test]
 fn masks_come_from_alpha_a_key_or_the_masks_folder() {
     let folder = tempfile::tempdir().unwrap();

@@ -36,23 +36,18 @@ impl BackgroundModel {
         &self.estimates[view.min(self.estimates.len() - 1)]
     }
 
-    /// The probability, 0 to 1, that pixel (x, y) of a view shows the background.
-    pub fn probability(&self, view: usize, photograph: &Photograph, x: u32, y: u32) -> f32 {
-        match &photograph.coverage {
-            Some(coverage) => 1.0 - coverage.at(x, y)[0],
-            None => self.estimate(view).probability(photograph.image.at(x, y)),
-        }
-    }
-
     /// For each pixel, row-major, whether it and all pixels in the margin around it are certain
     /// background.
     pub fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
         let (width, height) = (photograph.image.width, photograph.image.height);
-        let known = self.estimate(view).confidence > KNOWN || photograph.coverage.is_some();
-        let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let certain: Vec<bool> = all()
-            .map(|(x, y)| known && self.probability(view, photograph, x, y) > CERTAIN)
-            .collect();
+        let certain: Vec<bool> = match &photograph.coverage {
+            Some(coverage) => coverage.pixels.iter().map(|c| 1.0 - c[0] > CERTAIN).collect(),
+            None if self.estimate(view).confidence > KNOWN => {
+                let probability = self.estimate(view).probabilities();
+                photograph.image.pixels.iter().map(|rgb| probability(*rgb) > CERTAIN).collect()
+            }
+            None => return vec![false; photograph.image.pixels.len()],
+        };
         with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
     }
 }

@@ -13,7 +13,10 @@ pub(crate) fn with_margin(flags: &[bool], [width, height]: [u32; 2], margin: u32
     let all = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let near = |v: u32, side: u32| near(v, margin, side);
     // A square is a row of columns: test the columns first, then the rows.
-    let columns: Vec<bool> =
-        all().map(|(x, y)| near(y, height).all(|y| flags[(y * width + x) as usize])).collect();
-    all().map(|(x, y)| near(x, width).all(|x| columns[(y * width + x) as usize])).collect()
+    // The square contains the pixel itself.
+    let is_in = |flags: &[bool], x: u32, y: u32| flags[(y * width + x) as usize];
+    let column = |(x, y)| is_in(flags, x, y) && near(y, height).all(|y| is_in(flags, x, y));
+    let columns: Vec<bool> = all().map(column).collect();
+    let square = |(x, y)| is_in(&columns, x, y) && near(x, width).all(|x| is_in(&columns, x, y));
+    all().map(square).collect()
 }

@@ -25,11 +25,11 @@ impl Photograph {
     pub fn new(view: &View, masks: MaskUse) -> Self {
         let (width, height) = (view.image.width, view.image.height);
         let coverage = view.coverage().filter(|_| masks == MaskUse::Coverage);
-        let used = view.used().map(|used| f32::from(u8::from(used)));
+        let used = || view.used().map(|used| f32::from(u8::from(used)));
         Photograph {
             image: view.image.clone(),
             coverage: coverage.map(|values| Film::grey(width, height, values.iter().copied())),
-            used: (masks == MaskUse::LeaveOut).then(|| Film::grey(width, height, used)),
+            used: (masks == MaskUse::LeaveOut).then(|| Film::grey(width, height, used())),
         }
     }
 

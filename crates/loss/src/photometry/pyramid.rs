@@ -4,6 +4,7 @@
 use dataset::View;
 use glam::DVec2;
 use random::{Name, Stream};
+use rayon::prelude::*;
 use render::{Camera, Sample};
 
 use crate::photometry::background::BackgroundModel;
@@ -34,30 +35,30 @@ pub struct Level {
 
 impl Level {
     fn new(cameras: Vec<Camera>, photographs: Vec<Photograph>, model: &BackgroundModel) -> Self {
-        let (mut foreground, mut background) = (Vec::new(), Vec::new());
-        for (view, (camera, photograph)) in cameras.iter().zip(&photographs).enumerate() {
-            let certain = model.certain(view, photograph);
-            let mut certain = certain.into_iter();
-            for y in 0..camera.height as u16 {
-                for x in 0..camera.width as u16 {
-                    let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
-                    let is_background = certain.next() == Some(true) || !meets;
-                    let list = if is_background { &mut background } else { &mut foreground };
-                    let is_used = photograph.is_used(x.into(), y.into());
-                    if is_used && (meets || model.is_trained) {
-                        list.push(Draw { view: view as u32, x, y, count: 1 });
-                    }
-                }
+        let uses = cameras.par_iter().zip(&photographs).enumerate();
+        let uses =
+            uses.map(|(view, (camera, photograph))| uses_of(view, camera, photograph, model));
+        let uses: Vec<Vec<Use>> = uses.collect();
+        let list = |wanted: Use| {
+            let count = uses.iter().flatten().filter(|own| **own == wanted).count();
+            let mut list = Vec::with_capacity(count);
+            for (view, (own, camera)) in (0..).zip(uses.iter().zip(&cameras)) {
+                let places = (0..camera.height as u16)
+                    .flat_map(|y| (0..camera.width as u16).map(move |x| (x, y)));
+                let wanted = own.iter().zip(places).filter(|(own, _)| **own == wanted);
+                list.extend(wanted.map(|(_, (x, y))| Draw { view, x, y, count: 1 }));
             }
-        }
+            list
+        };
+        let (foreground, background) =
+            rayon::join(|| list(Use::Foreground), || list(Use::Background));
         Level { cameras, photographs, foreground, background }
     }
 
     /// The next level, at half the size.
     fn halved(&self, model: &BackgroundModel) -> Self {
         let photographs: Vec<Photograph> =
-            self.photographs.iter().map(|photograph| photograph.downscaled(2)).collect();
+            self.photographs.par_iter().map(|photograph| photograph.downscaled(2)).collect();
         // If a side is odd, its last pixel averages fewer pixels.
         let cameras = self
             .cameras
@@ -184,6 +185,37 @@ impl Level {
     }
 }
 
+/// The list of a level that a pixel is in.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Use {
+    None,
+    Foreground,
+    Background,
+}
+
+/// The list of each pixel of a view, row-major.
+fn uses_of(
+    view: usize,
+    camera: &Camera,
+    photograph: &Photograph,
+    model: &BackgroundModel,
+) -> Vec<Use> {
+    let certain = model.certain(view, photograph).into_iter();
+    let places = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
+    let use_of = |(certain, (x, y)): (bool, (u32, u32))| {
+        let center = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let meets = model.bounds.clip(camera.eye, camera.direction(center)).is_some();
+        if !photograph.is_used(x, y) || !(meets || model.is_trained) {
+            Use::None
+        } else if certain || !meets {
+            Use::Background
+        } else {
+            Use::Foreground
+        }
+    };
+    certain.zip(places).map(use_of).collect()
+}
+
 /// The image of `i` under a pseudo-random permutation of 0..n: a Feistel network of four rounds on
 /// the next power of four, applied until the result is below n.
 ///
@@ -217,7 +249,7 @@ pub fn pyramid(
     levels: usize,
 ) -> Vec<Level> {
     let cameras = views.iter().map(|v| v.camera).collect();
-    let photographs = views.iter().map(|view| Photograph::new(view, masks)).collect();
+    let photographs = views.par_iter().map(|view| Photograph::new(view, masks)).collect();
     let mut out = vec![Level::new(cameras, photographs, model)];
     while out.len() < levels {
         let last = &out[out.len() - 1];

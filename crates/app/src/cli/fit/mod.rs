@@ -134,7 +134,10 @@ pub(super) fn fit(
              a longer --time, or --stereo none",
         );
     }
-    session.preview()?;
+    // At the end of the budget, there is one.
+    if session.fit.progress() < 1.0 {
+        session.preview()?;
+    }
     drop(lock);
     refuse_empty(&session.fit, run)?;
     let mut report = FitReport {
@@ -150,7 +153,9 @@ pub(super) fn fit(
         as_fitted(run, model, file, &mut photographs.dataset, false, global)?;
         let Fitting { model, file, photographs, .. } = &session.fit;
         let dataset = &photographs.dataset;
-        let errors = compare_views(model, file, &dataset.test, SAMPLES, None, &|_| {})?;
+        let bar = global.progress("held-out views");
+        let errors = compare_views(model, file, &dataset.test, SAMPLES, None, &bar.mover())?;
+        bar.finish_and_clear();
         report.psnr = errors.psnr.or(report.psnr);
         let verdict = examine(model, file, dataset)?;
         if let Some(live) = live {
