@@ -235,6 +235,52 @@ fn accuracy_and_completeness_are_those_of_concentric_spheres() {
     refuse_wrong_points(&folder, &run, [&mesh, &text], &header("ascii").replace("60000", "0"));
 }
 
+/// The points of the data set are a sphere of radius 0.6, and some outside of the bounding sphere.
+#[test]
+fn points_of_the_data_set_have_distances_to_the_surface() {
+    let folder = Folder::new();
+    let run = fit_two_iterations(&folder);
+    let eval = ["eval", &run, "--resolution", "64", "--points", "auto"];
+    refused(&eval, 2, &["points: found 0 points", "COLMAP"]);
+
+    let point = |i: u32| {
+        let radius = if i < 2000 { 0.6 } else { 5.0 };
+        let z = 1.0 - (f64::from(i % 2000) + 0.5) / 1000.0;
+        let (sin, cos) = (2.4 * f64::from(i)).sin_cos();
+        radius * DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
+    };
+    let lines: String =
+        (0..3000).map(point).map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
+    let header = "ply\nformat ascii 1.0\nelement vertex 3000\nproperty float x\n\
+                  property float y\nproperty float z\nend_header\n";
+    fs::write(folder.path("points.ply"), header.to_owned() + &lines).unwrap();
+    let file = folder.path("transforms.json");
+    let mut cameras: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    cameras["ply_file_path"] = json!("points.ply");
+    fs::write(&file, cameras.to_string()).unwrap();
+
+    let report = dsdf_json(&eval);
+    assert_eq!(report["points"], json!(2000), "{report}");
+    // By another route: vertices of the mesh have the radius of the surface.
+    let mesh = folder.path("mesh.obj");
+    dsdf_ok(&["mesh", &run, "-o", &mesh, "--resolution", "64"]);
+    let radius_of = |line: &str| {
+        let square = |n: &str| n.parse::<f64>().unwrap().powi(2);
+        line.strip_prefix("v ").map(|n| n.split(' ').take(3).map(square).sum::<f64>().sqrt())
+    };
+    let text = fs::read_to_string(&mesh).unwrap();
+    let radii: Vec<f64> = text.lines().filter_map(radius_of).collect();
+    // The bounding radius is 1.
+    let expected = 0.6 - radii.iter().sum::<f64>() / radii.len() as f64;
+    for key in ["points_median", "points_mean"] {
+        let found = report[key].as_f64().unwrap_or_else(|| panic!("no {key} in {report}"));
+        assert!((found - expected).abs() < 0.003, "{key}: {found} and {expected}");
+    }
+    let text = String::from_utf8(dsdf(&eval).stdout).unwrap();
+    assert!(text.contains("points of the data set, median"), "{text}");
+    refused(&[&eval[..], &["--point-cap", "1"]].concat(), 2, &["--points", "auto", "--point-cap"]);
+}
+
 /// Refusals of `eval --points` for a run with a mesh and a cloud; `empty` is a cloud of no points.
 fn refuse_wrong_points(folder: &Folder, run: &str, [mesh, text]: [&str; 2], empty: &str) {
     let refuse = |options: &[&str], words: &[&str]| {

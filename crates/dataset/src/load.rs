@@ -169,8 +169,8 @@ impl Unread {
         let (of_train, all) = (train.len(), (train.len() + test.len()) as f64);
         let train = read_all(train, n, &mut |done| progress(done as f64 / all))?;
         let test = read_all(test, n, &mut |done| progress((of_train + done) as f64 / all))?;
-        let Recognised { format, bounds, points, notes, .. } = recognised;
-        let mut dataset = Dataset { path, format, train, test, bounds, points, notes };
+        let Recognised { format, bounds, points, is_sure, notes, .. } = recognised;
+        let mut dataset = Dataset { path, format, train, test, bounds, points, is_sure, notes };
         recognise_used(&mut dataset);
         Ok(dataset)
     }

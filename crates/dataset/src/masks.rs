@@ -67,6 +67,7 @@ mod tests {
             test: Vec::new(),
             bounds: None,
             points: Vec::new(),
+            is_sure: Vec::new(),
             notes: Vec::new(),
         }
     }

@@ -105,6 +105,7 @@ fn start(iterations: u64, soft: f64) -> Fit {
         test: Vec::new(),
         bounds: None,
         points: Vec::new(),
+        is_sure: Vec::new(),
         notes: Vec::new(),
     };
     let options = FitOptions {

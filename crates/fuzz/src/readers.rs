@@ -172,6 +172,7 @@ fn one_view() -> Option<Dataset> {
         test: Vec::new(),
         bounds: None,
         points: Vec::new(),
+        is_sure: Vec::new(),
         notes: Vec::new(),
     })
 }

@@ -69,6 +69,7 @@ pub(crate) fn photographed(cameras: &[Camera]) -> Dataset {
         test: every(true).map(view).collect(),
         bounds: None,
         points: Vec::new(),
+        is_sure: Vec::new(),
         notes: Vec::new(),
     }
 }

@@ -36,6 +36,7 @@ fn dataset() -> Dataset {
         test,
         bounds: None,
         points: Vec::new(),
+        is_sure: Vec::new(),
         notes: Vec::new(),
     }
 }

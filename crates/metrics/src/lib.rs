@@ -13,4 +13,4 @@ pub use cloud::{CloudComparison, Distances, compare_to_cloud, points_drawn};
 pub use image::{mask_iou, psnr, psnr_where};
 pub use sample::{SurfacePoint, sample_surface};
 pub use ssim::ssim;
-pub use surface::{Comparison, compare, compare_to_field};
+pub use surface::{Comparison, compare, compare_to_field, distances_to_surface};

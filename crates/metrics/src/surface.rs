@@ -1,6 +1,7 @@
 //! Distances between surfaces: from points on one to the nearest point of the other's triangles.
 
 use field::{Field, Real, Sphere};
+use glam::DVec3;
 use mesh::{Components, Mesh, extract_with};
 use rayon::prelude::*;
 
@@ -35,6 +36,13 @@ pub struct Comparison {
     /// The standard error of `chamfer` that the finite number of points leaves. It is an upper
     /// bound: it takes the points for independent, but they are stratified.
     pub standard_error: f64,
+}
+
+/// The distance from each point to the nearest point of a mesh's triangles, world units; infinite
+/// for a mesh without faces. The points are relative to the mesh's origin.
+pub fn distances_to_surface(points: &[DVec3], mesh: &Mesh) -> Vec<f64> {
+    let tree = FaceTree::new(mesh);
+    points.par_iter().map(|point| tree.nearest(*point).0).collect()
 }
 
 /// Compares two surfaces by `samples` points on each (at least one), uniform by area. Faces without

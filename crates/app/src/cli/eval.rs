@@ -81,7 +81,8 @@ impl Eval {
                 report.add_mesh(&mesh, &truth, radius);
             }
             if let Some(points) = points {
-                self.reference.compare(&mesh, points, file.sphere().radius, &mut report)?;
+                let place = (&dataset, &file.sphere());
+                self.reference.compare(&mesh, points, place, &mut report)?;
             }
         }
         // The images are the background alone, whatever their PSNR is.

@@ -22,6 +22,8 @@ pub struct Recognised {
     pub bounds: Option<Sphere<f64>>,
     /// Points on the scene's surfaces, if the data set has any.
     pub points: Vec<DVec3>,
+    /// Whether each of them is sure; see [`Dataset::is_sure`](crate::Dataset::is_sure).
+    pub is_sure: Vec<bool>,
     /// One sentence for each thing that a user should know: images that are missing, models that
     /// are not read, photographs that are cut.
     pub notes: Vec<String>,

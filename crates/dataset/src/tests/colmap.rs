@@ -40,6 +40,16 @@ fn points() -> Vec<DVec3> {
     on_ball.chain((0..50).map(|i| DVec3::new(9.0, f64::from(i), 5.0))).collect()
 }
 
+/// The error of a point, and the number of images that see it. The sixth part is sure.
+fn track(i: usize) -> (f64, usize) {
+    (if i % 3 == 0 { 0.4 } else { 0.9 }, 2 + i % 4)
+}
+
+/// Whether each point is sure.
+fn is_sure() -> Vec<bool> {
+    (0..250).map(|i| i % 3 == 0 && i % 4 >= 2).collect()
+}
+
 fn write_text(folder: &Path, cameras: &[Camera], model: &str, parameters: &[f64]) {
     std::fs::create_dir_all(folder).unwrap();
     let numbers = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
@@ -62,7 +72,10 @@ fn write_text(folder: &Path, cameras: &[Camera], model: &str, parameters: &[f64]
     let lines = points()
         .iter()
         .enumerate()
-        .map(|(i, p)| format!("{i} {} 1 2 3 0.5 1 2 3 4\n", numbers(&p.to_array())))
+        .map(|(i, p)| {
+            let (error, views) = track(i);
+            format!("{i} {} 1 2 3 {error}{}\n", numbers(&p.to_array()), " 1 2".repeat(views))
+        })
         .collect::<String>();
     std::fs::write(folder.join("points3D.txt"), lines).unwrap();
 }
@@ -100,9 +113,10 @@ fn write_binary(folder: &Path, cameras: &[Camera], model: u32, parameters: &[f64
         bytes.extend((i as u64).to_le_bytes());
         put(&mut bytes, &point.to_array());
         bytes.extend([1, 2, 3]);
-        put(&mut bytes, &[0.5]);
-        bytes.extend(2u64.to_le_bytes());
-        bytes.extend([0; 16]);
+        let (error, views) = track(i);
+        put(&mut bytes, &[error]);
+        bytes.extend((views as u64).to_le_bytes());
+        bytes.resize(bytes.len() + 8 * views, 0);
     }
     std::fs::write(folder.join("points3D.bin"), bytes).unwrap();
 }
@@ -132,6 +146,8 @@ fn text_and_binary_models_are_read_from_every_folder() {
                     dataset.format
                 );
                 assert_eq!(dataset.points.len(), 250);
+                assert_eq!(dataset.is_sure, is_sure());
+                assert_eq!(dataset.sure_points().count(), 42);
                 for (i, view) in in_order(&dataset).into_iter().enumerate() {
                     assert_eq!(view.name, format!("{i:02} a.png"));
                     assert_same_camera(&view.camera, &all[i], 1e-9);

@@ -1,4 +1,4 @@
-//! `dsdf eval --points`: DTU's protocol.
+//! `dsdf eval --points`: DTU's protocol, or the data set's own points.
 
 use std::path::PathBuf;
 
@@ -8,8 +8,10 @@ use glam::DVec3;
 use super::report::EvalReport;
 use crate::cli::common::ARGUMENTS;
 use ::mesh::{Mesh, read_points};
+use dataset::Dataset;
+use field::Sphere;
 use files::{InputError, check_memory};
-use metrics::{compare_to_cloud, points_drawn};
+use metrics::{compare_to_cloud, distances_to_surface, points_drawn};
 
 /// The default spacing, in bounding radii. That of NeuS's cameras on DTU is about 165 mm, so this
 /// is DTU's 0.2 mm there.
@@ -25,8 +27,9 @@ const MEMORY_PER_POINT: u64 = 192;
 #[derive(Args, Debug)]
 pub(super) struct PointOptions {
     /// Reference points (.ply without faces), in the units of the data set: accuracy, completeness
-    /// and their mean as for DTU, and medians
-    #[arg(long, help_heading = "Shape")]
+    /// and their mean as for DTU, and medians. Or `auto`: the data set's own points that at least
+    /// four photographs see within 0.7 pixels; mean and median distance to the surface
+    #[arg(long, help_heading = "Shape", value_name = "POINTS.ply|auto")]
     pub(super) points: Option<PathBuf>,
     /// Least distance of the points on the reconstruction, in data set units; DTU: 0.2 mm
     /// [default: 1/800 of the bounding radius]
@@ -46,21 +49,60 @@ fn length(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "expected a length from 1e-12 to 1e12".to_owned())
 }
 
+/// The value of `--points` for the points of the data set.
+const AUTO: &str = "auto";
+
+/// Points to compare a reconstruction with.
+pub(super) enum Reference {
+    /// Points of a file, in the units of the data set.
+    File(Vec<DVec3>),
+    /// The points of the data set.
+    Dataset,
+}
+
 impl PointOptions {
-    /// The reference points, in the units of the data set.
+    /// The reference points; `None` if none are wanted.
     ///
     /// # Errors
     /// If they cannot be read.
-    pub(super) fn read(&self) -> Result<Option<Vec<DVec3>>, InputError> {
-        self.points.as_deref().map(read_points).transpose()
+    pub(super) fn read(&self) -> Result<Option<Reference>, InputError> {
+        let read = |path: &PathBuf| match path.as_os_str() == AUTO {
+            true if self.point_spacing.is_none() && self.point_cap.is_none() => {
+                Ok(Reference::Dataset)
+            }
+            true => {
+                let expected = "a file (.ply) with --point-spacing and --point-cap";
+                Err(InputError::new(ARGUMENTS, "--points", AUTO, expected))
+            }
+            false => read_points(path).map(Reference::File),
+        };
+        self.points.as_ref().map(read).transpose()
     }
 
-    /// Adds the comparison of a mesh with these points to a report. `radius` is the bounding
+    /// Adds the comparison of a mesh with reference points to a report. The positions of mesh,
+    /// `dataset` and `sphere`, the bounding sphere of the run, are relative to the same origin.
+    ///
+    /// # Errors
+    /// If the spacing needs more memory than there is, or the data set has no points.
+    pub(super) fn compare(
+        &self,
+        mesh: &Mesh,
+        reference: Reference,
+        (dataset, sphere): (&Dataset, &Sphere<f64>),
+        report: &mut EvalReport,
+    ) -> Result<(), InputError> {
+        match reference {
+            Reference::File(points) => self.compare_to_file(mesh, points, sphere.radius, report),
+            Reference::Dataset => compare_to_dataset(mesh, dataset, sphere, report),
+        }
+    }
+
+    /// Adds the comparison of a mesh with the points of a file to a report. `radius` is the bounding
     /// radius. A mesh without faces leaves the metrics `None`.
     ///
     /// # Errors
     /// If the spacing needs more memory than there is.
-    pub(super) fn compare(
+    fn compare_to_file(
         &self,
         mesh: &Mesh,
         mut points: Vec<DVec3>,
@@ -86,4 +128,37 @@ impl PointOptions {
         }
         Ok(())
     }
+}
+
+/// Adds the distances from the sure points of a data set inside the bounding sphere to a mesh.
+///
+/// # Errors
+/// If there are no such points.
+fn compare_to_dataset(
+    mesh: &Mesh,
+    dataset: &Dataset,
+    sphere: &Sphere<f64>,
+    report: &mut EvalReport,
+) -> Result<(), InputError> {
+    let is_inside = |x: &DVec3| x.distance(sphere.center) <= sphere.radius;
+    let points: Vec<DVec3> = dataset.sure_points().filter(is_inside).collect();
+    if points.is_empty() {
+        let found =
+            format!("{} points, none of them sure and inside the sphere", dataset.points.len());
+        let expected =
+            "a data set with points that four photographs see (COLMAP), or --points FILE";
+        return Err(InputError::new(&dataset.path, "points", found, expected));
+    }
+    report.points = Some(points.len());
+    if mesh.faces.is_empty() {
+        return Ok(());
+    }
+    let mut distances = distances_to_surface(&points, mesh);
+    distances.sort_by(f64::total_cmp);
+    let count = distances.len();
+    let median = 0.5 * (distances[(count - 1) / 2] + distances[count / 2]);
+    let mean = distances.iter().sum::<f64>() / count as f64;
+    report.points_median = Some(median / sphere.radius);
+    report.points_mean = Some(mean / sphere.radius);
+    Ok(())
 }

@@ -43,6 +43,12 @@ pub(in crate::cli) struct EvalReport {
     pub(super) accuracy_beyond_cap: Option<f64>,
     /// The part of the reference points beyond the cap, 0 to 1.
     pub(super) completeness_beyond_cap: Option<f64>,
+    /// The number of points of the data set that were compared, of `--points auto`.
+    pub(super) points: Option<usize>,
+    /// The median distance from these points to the surface, in bounding radii.
+    pub(super) points_median: Option<f64>,
+    /// The mean of these distances, in bounding radii.
+    pub(super) points_mean: Option<f64>,
     /// Number of held-out views.
     pub(super) views: usize,
     /// The errors of each held-out view.
@@ -115,8 +121,19 @@ impl EvalReport {
             ("completeness, beyond the cap", self.completeness_beyond_cap.map(|c| 100.0 * c), "%"),
             ("overall", self.overall, units),
         ];
+        let percent = |value: Option<f64>| value.map(|part| 100.0 * part);
+        let of_dataset = [
+            (
+                "points of the data set, median distance",
+                percent(self.points_median),
+                "% of the radius",
+            ),
+            ("points of the data set, mean distance", percent(self.points_mean), "% of the radius"),
+        ];
         let is_compared = self.accuracy_beyond_cap.is_some();
+        let has_points = self.points.is_some();
         let rows = rows.iter().chain(of_points.iter().filter(|_| is_compared));
+        let rows = rows.chain(of_dataset.iter().filter(|_| has_points));
         let line = |(name, value, unit): &(&str, Option<f64>, &str)| {
             let value = value.map_or("-".to_owned(), |v| format!("{v:.4}"));
             format!("{name:<38} {value:>10} {unit}")

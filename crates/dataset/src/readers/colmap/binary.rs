@@ -86,12 +86,11 @@ impl<'a> Bytes<'a> {
         Ok(text)
     }
 
-    /// Skips a list: its length, then records of `size` bytes each.
-    fn skip_list(&mut self, size: usize, item: &str) -> Result<()> {
-        let count = self.u64(item)?;
-        let bytes =
-            usize::try_from(count).ok().and_then(|n| n.checked_mul(size)).unwrap_or(usize::MAX);
-        self.take(bytes, item).map(|_| ())
+    /// Skips a list: its length, then records of `size` bytes each. Returns the length.
+    fn skip_list(&mut self, size: usize, item: &str) -> Result<usize> {
+        let count = usize::try_from(self.u64(item)?).unwrap_or(usize::MAX);
+        self.take(count.checked_mul(size).unwrap_or(usize::MAX), item)?;
+        Ok(count)
     }
 
     /// The error of the item just read.
@@ -137,7 +136,7 @@ pub(super) fn images(file: &Path) -> Result<Vec<ImageRecord>> {
         .collect()
 }
 
-/// Reads `points3D.bin`: id, position and error; colour and track are skipped.
+/// Reads `points3D.bin`: id, position and error; colour is skipped, and of the track all but its length.
 pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of points")?;
@@ -147,8 +146,8 @@ pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
             let position = bytes.vector("a point")?;
             bytes.take(3, "a point's colour")?;
             let error = Some(bytes.f64("a point's error")?);
-            bytes.skip_list(8, "a point's track")?;
-            Ok(PointRecord { position, error })
+            let views = bytes.skip_list(8, "a point's track")?;
+            Ok(PointRecord { position, error, views })
         })
         .collect()
 }

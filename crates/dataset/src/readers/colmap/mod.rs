@@ -30,7 +30,7 @@ use crate::readers::unread::UnreadView;
 use files::InputError;
 use model::Model;
 use models::Candidates;
-use records::{CameraRecord, ImageRecord};
+use records::{CameraRecord, ImageRecord, PointRecord};
 use render::Camera;
 
 /// The camera models that a pinhole and a [`Lens`] describe.
@@ -80,8 +80,10 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
         if model.binary { "binary" } else { "text" }
     );
     let notes = note.into_iter().collect();
-    let points = model.points()?.iter().map(|p| p.position).collect();
-    Ok(Recognised { points, notes, ..Recognised::new(&format, views) })
+    let points = model.points()?;
+    let is_sure = points.iter().map(PointRecord::is_sure).collect();
+    let points = points.iter().map(|point| point.position).collect();
+    Ok(Recognised { points, is_sure, notes, ..Recognised::new(&format, views) })
 }
 
 /// The folder of the images: the first that has one of them.

@@ -29,4 +29,20 @@ pub(super) struct PointRecord {
     pub(super) position: DVec3,
     /// Its mean distance in the images from the places where it was found, in pixels.
     pub(super) error: Option<f64>,
+    /// The number of images in which it was found.
+    pub(super) views: usize,
+}
+
+/// The least number of images of a sure point: COLMAP makes points of two and three images also
+/// from wrong matches.
+const SURE_VIEWS: usize = 4;
+
+/// The largest error of a sure point, in pixels.
+const SURE_ERROR: f64 = 0.7;
+
+impl PointRecord {
+    /// Whether enough images agree about the point.
+    pub(super) fn is_sure(&self) -> bool {
+        self.views >= SURE_VIEWS && self.error.is_some_and(|error| error < SURE_ERROR)
+    }
 }

@@ -110,7 +110,9 @@ pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
             let _: u64 = line.number("a point's number")?;
             let position = line.vector("a point")?;
             let error = line.words.nth(3).and_then(|word| word.parse().ok());
-            Ok(PointRecord { position, error })
+            // An image and the number of a point in it, for each view.
+            let views = line.words.count() / 2;
+            Ok(PointRecord { position, error, views })
         })
         .collect()
 }
