@@ -67,14 +67,18 @@ fn the_errors_of_each_view_follow_from_its_picture() {
     assert_eq!(dsdf_json(&["eval", &run]), report);
 }
 
-/// A run of two iterations on nine photographs without a split of their own, so that every eighth
-/// is held out: the folder of the data set, its camera file with its content, and the run.
+/// A run of two iterations on nine photographs without a split of their own, of which three are held
+/// out: the folder of the data set, its camera file with its content, and the run.
 fn run_of_nine(folder: &Folder) -> (String, String, Value, String) {
     let (data, run) = (ball(folder, "9"), folder.path("run"));
     let file = format!("{data}/transforms.json");
     fs::rename(format!("{data}/transforms_train.json"), &file).unwrap();
     fs::remove_file(format!("{data}/transforms_test.json")).unwrap();
-    dsdf_ok(&["fit", &data, "-o", &run, "--iterations", "2", "--batch", "64"]);
+    let fit = ["fit", &data, "-o", &run, "--iterations", "2", "--batch", "64", "--held-out"];
+    let words = ["held-out views: found 8, expected at most 7"];
+    refused(&[&fit[..], &["8"]].concat(), 2, &words);
+    refused(&[&fit[..], &["some"]].concat(), 2, &["--held-out", "none or a number"]);
+    dsdf_ok(&[&fit[..], &["3"]].concat());
     let cameras = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
     (data, file, cameras, run)
 }
@@ -84,8 +88,8 @@ fn views_stay_held_out_when_photographs_come_or_go() {
     let folder = Folder::new();
     let (data, file, cameras, run) = run_of_nine(&folder);
     let before = dsdf_json(&["eval", &run]);
-    assert_eq!(before["views"], 2);
-    // Another photograph in front: every eighth view would be another one.
+    assert_eq!(before["views"], 3);
+    // Another photograph in front: the split by number would be another one.
     let mut more = cameras.clone();
     let frames = more["frames"].as_array_mut().unwrap();
     let mut first = frames[4].clone();
@@ -122,7 +126,7 @@ fn a_data_set_may_move_and_its_poses_may_not_change() {
     fs::rename(&data, &moved).unwrap();
     refused(&["eval", &run], 2, &["data set: found no such file or folder", "--resume"]);
     dsdf_ok(&["fit", &moved, "--resume", "-o", &run, "--iterations", "4"]);
-    assert_eq!(dsdf_json(&["eval", &run])["views"], 2);
+    assert_eq!(dsdf_json(&["eval", &run])["views"], 3);
     // The same photographs with poses of another scale, as a second reconstruction has them.
     for frame in cameras["frames"].as_array_mut().unwrap() {
         for row in 0..3 {

@@ -9,6 +9,6 @@ mod tests;
 mod view;
 
 pub use crate::readers::{ALL_USED, Distortion, Mask, MaskKind, View};
-pub use load::{LoadOptions, Unread, load, open};
-pub use split::HELD_OUT;
+pub use load::{LoadOptions, Unread, load, open, open_with};
+pub use split::{HELD_OUT, HeldOut};
 pub use view::Dataset;

@@ -9,7 +9,7 @@ use render::Camera;
 use crate::readers::{Distortion, Recognised, UnreadView, recognise};
 
 use crate::masks::recognise_used;
-use crate::split::{Placed, every_eighth, place};
+use crate::split::{HeldOut, Placed, place};
 use crate::{Dataset, View};
 
 /// Options of [`load`].
@@ -43,15 +43,23 @@ pub struct Unread {
     recognised: Recognised,
 }
 
+/// Reads the cameras of a data set, and holds views out by [`HeldOut::Auto`]; see [`open_with`].
+///
+/// # Errors
+/// As there.
+pub fn open(path: &Path) -> Result<Unread, InputError> {
+    open_with(path, HeldOut::Auto)
+}
+
 /// Reads the cameras of a data set and recognises its format ([`crate::readers::recognise`]).
 ///
 /// `path` is the folder, or a `.json` or `.xml` camera file in it. Views are in the order of the
 /// camera file, those of COLMAP in the order of their names. Views without an image are left out.
 ///
 /// # Errors
-/// If no format is recognised, or if a file is missing or wrong: an [`InputError`] with the file
-/// and the place in it.
-pub fn open(path: &Path) -> Result<Unread, InputError> {
+/// If no format is recognised, if there are too few views to hold out that many, or if a file is
+/// missing or wrong: an [`InputError`] with the file and the place in it.
+pub fn open_with(path: &Path, held_out: HeldOut) -> Result<Unread, InputError> {
     let folder = match path.parent().filter(|_| path.is_file()) {
         Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
         Some(parent) => parent,
@@ -59,10 +67,11 @@ pub fn open(path: &Path) -> Result<Unread, InputError> {
     };
     let mut recognised = recognise(folder, path)?;
     let train = std::mem::take(&mut recognised.train);
-    let (train, test) = match recognised.test.take() {
-        Some(test) => (train, test),
-        None => every_eighth(train),
-    };
+    let own = recognised.test.take();
+    let (train, test) = held_out.split(train, own).map_err(|most| {
+        let expected = format!("at most {most}, because two or more are fitted");
+        InputError::new(path, "held-out views", held_out, expected)
+    })?;
     if train.is_empty() {
         return Err(InputError::new(path, "views", "none to fit", "two photographs or more"));
     }

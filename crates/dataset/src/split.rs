@@ -1,19 +1,109 @@
 //! The training/held-out split: that of data sets that have none of their own, and that of a run.
 
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
 /// One view of this many is held out, the first of each group.
 pub const HELD_OUT: usize = 8;
 
-/// Splits views into those to fit and those held out: views 0, 8, 16, … are held out. A set of one
-/// or two views is fitted whole.
-pub(crate) fn every_eighth<T>(views: Vec<T>) -> (Vec<T>, Vec<T>) {
-    if views.len() < 3 {
-        return (views, Vec::new());
+/// Data sets with fewer views are fitted whole: each view shows a part that the others do not.
+const FEW: usize = 20;
+
+/// The least number of views to fit.
+const LEAST_FITTED: usize = 2;
+
+/// The views to hold out: as text `auto`, `none` or a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum HeldOut {
+    /// Those of the data set's own split. Without one, views 0, 8, 16, … of 20 views and more, and
+    /// none of fewer.
+    #[default]
+    Auto,
+    /// None: all views are fitted, also those that the data set holds out.
+    None,
+    /// This many of all views, evenly spread over their order.
+    Count(usize),
+}
+
+impl HeldOut {
+    const EXPECTED: &'static str = "auto, none or a number of views";
+
+    /// Splits the views of a data set into those to fit and those held out. `own` are those that the
+    /// data set holds out, if it does.
+    ///
+    /// # Errors
+    /// The largest number that can be held out, if there are too few views.
+    pub(crate) fn split<T>(
+        self,
+        views: Vec<T>,
+        own: Option<Vec<T>>,
+    ) -> Result<(Vec<T>, Vec<T>), usize> {
+        let count = match (self, &own) {
+            (HeldOut::Auto, Some(_)) => return Ok((views, own.unwrap_or_default())),
+            (HeldOut::Auto, None) if views.len() < FEW => 0,
+            (HeldOut::Auto, None) => return Ok(split_at(views, |i| i % HELD_OUT == 0)),
+            (HeldOut::None, _) => 0,
+            (HeldOut::Count(count), _) => count,
+        };
+        let all: Vec<T> = views.into_iter().chain(own.into_iter().flatten()).collect();
+        let (len, most) = (all.len(), all.len().saturating_sub(LEAST_FITTED));
+        if count > most {
+            return Err(most);
+        }
+        // The i-th of the held-out views is number i len/count, rounded down.
+        Ok(split_at(all, |i| count > 0 && (i * count).div_ceil(len) * len / count == i))
     }
+}
+
+/// The other views, and those with these numbers.
+fn split_at<T>(views: Vec<T>, is_held_out: impl Fn(usize) -> bool) -> (Vec<T>, Vec<T>) {
     let (mut train, mut test) = (Vec::new(), Vec::new());
     for (i, view) in views.into_iter().enumerate() {
-        if i % HELD_OUT == 0 { test.push(view) } else { train.push(view) }
+        if is_held_out(i) { test.push(view) } else { train.push(view) }
     }
     (train, test)
+}
+
+impl From<HeldOut> for String {
+    fn from(choice: HeldOut) -> String {
+        choice.to_string()
+    }
+}
+
+impl TryFrom<String> for HeldOut {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse().map_err(|_| format!("{text:?}, which is not {}", Self::EXPECTED))
+    }
+}
+
+impl fmt::Display for HeldOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            HeldOut::Auto => f.write_str("auto"),
+            HeldOut::None => f.write_str("none"),
+            HeldOut::Count(count) => count.fmt(f),
+        }
+    }
+}
+
+impl FromStr for HeldOut {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(HeldOut::Auto),
+            "none" => Ok(HeldOut::None),
+            _ => {
+                let count = text.parse().map(HeldOut::Count);
+                count.map_err(|_| format!("expected {}", Self::EXPECTED))
+            }
+        }
+    }
 }
 
 /// Views in the order of the names of a run.
@@ -84,9 +174,32 @@ mod tests {
     }
 
     #[test]
-    fn every_eighth_view_is_held_out() {
-        let (train, test) = every_eighth((0..16).collect());
-        assert_eq!((train.len(), test), (14, vec![0, 8]));
-        assert_eq!(every_eighth(vec![1, 2]), (vec![1, 2], vec![]));
+    fn views_are_held_out_as_chosen() {
+        let views = |count: usize| (0..count).collect::<Vec<usize>>();
+        let split = |choice: HeldOut, count| choice.split(views(count), None).unwrap();
+        assert_eq!(split(HeldOut::Auto, 20).1, [0, 8, 16]);
+        assert_eq!(split(HeldOut::Auto, 19), (views(19), vec![]));
+        assert_eq!(split(HeldOut::None, 50), (views(50), vec![]));
+        assert_eq!(split(HeldOut::Count(2), 9), (vec![1, 2, 3, 5, 6, 7, 8], vec![0, 4]));
+        assert_eq!(HeldOut::Count(8).split(views(9), None), Err(7));
+        assert_eq!(HeldOut::Count(1).split(views(1), None), Err(0));
+        for (len, count) in [(3, 1), (7, 5), (100, 13), (1000, 998)] {
+            assert_eq!(split(HeldOut::Count(count), len).1.len(), count, "{count} of {len}");
+        }
+        // A split of the data set's own.
+        let own = || Some(vec![7, 8]);
+        assert_eq!(HeldOut::Auto.split(views(5), own()), Ok((views(5), vec![7, 8])));
+        assert_eq!(HeldOut::None.split(views(2), own()), Ok((vec![0, 1, 7, 8], vec![])));
+        assert_eq!(HeldOut::Count(2).split(views(2), own()), Ok((vec![1, 8], vec![0, 7])));
+    }
+
+    #[test]
+    fn choices_are_read_as_they_are_written() {
+        for choice in [HeldOut::Auto, HeldOut::None, HeldOut::Count(0), HeldOut::Count(12)] {
+            assert_eq!(choice.to_string().parse(), Ok(choice));
+        }
+        for wrong in ["", "-1", "1.5", "some"] {
+            assert!(wrong.parse::<HeldOut>().unwrap_err().contains("number of views"), "{wrong}");
+        }
     }
 }

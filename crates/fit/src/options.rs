@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use dataset::HeldOut;
 use estimate::record::Pass;
 use estimate::{Baseline, EstimatorOptions, Registry, SampleCounts};
 use field::{Check, Sphere};
@@ -52,6 +53,11 @@ pub struct FitOptions {
     #[arg(long, help_heading = PHOTOGRAPHS, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub downscale: Option<u32>,
+    /// Photographs to hold out, to measure the fit on: a number, none, or auto: those that the data
+    /// set holds out, or else every eighth of 20 and more
+    #[arg(help_heading = PHOTOGRAPHS, hide_short_help = true)]
+    #[arg(long, value_name = "N", default_value_t = Self::default().held_out)]
+    pub held_out: HeldOut,
     /// Use of masks and alpha channels
     #[arg(help_heading = PHOTOGRAPHS)]
     #[arg(long, value_name = "CHOICE", value_enum,
@@ -201,6 +207,7 @@ impl Default for FitOptions {
             time: None,
             seed: 0,
             downscale: None,
+            held_out: HeldOut::Auto,
             masks: MaskChoice::Auto,
             background: BackgroundChoice::Auto,
             refine_cameras: RefineCameras::Auto,

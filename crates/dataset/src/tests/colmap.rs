@@ -282,7 +282,7 @@ fn other_image_folders_are_read() {
     let text = std::fs::read_to_string(&model).unwrap();
     std::fs::write(&model, text.replace(".png", ".HEIC")).unwrap();
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!((dataset.train.len(), dataset.notes.len()), (7, 0));
+    assert_eq!((dataset.train.len(), dataset.notes.len()), (9, 0));
     std::fs::write(&model, text).unwrap();
     std::fs::remove_dir_all(at("input")).unwrap();
     std::fs::create_dir(at("images_2")).unwrap();

@@ -23,15 +23,15 @@ fn data_sets_are_read_with_their_own_split() {
 #[test]
 fn without_held_out_images_the_usual_split_is_made() {
     let folder = tempfile::tempdir().unwrap();
-    let all = cameras(20);
-    write_nerf(folder.path(), "transforms_train.json", &all[..9]);
-    write_nerf(folder.path(), "transforms_test.json", &all[9..]);
+    let all = cameras(31);
+    write_nerf(folder.path(), "transforms_train.json", &all[..20]);
+    write_nerf(folder.path(), "transforms_test.json", &all[20..]);
     for i in 0..11 {
         std::fs::remove_file(folder.path().join(format!("transforms_test_{i}.png"))).unwrap();
     }
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!((dataset.train.len(), dataset.test.len()), (7, 2));
-    assert!(dataset.notes[0].starts_with("11 of 20 images are missing"), "{:?}", dataset.notes);
+    assert_eq!((dataset.train.len(), dataset.test.len()), (17, 3));
+    assert!(dataset.notes[0].starts_with("11 of 31 images are missing"), "{:?}", dataset.notes);
 }
 
 #[test]
@@ -49,12 +49,12 @@ fn names_outside_the_folder_and_converted_images_are_found_and_are_no_masks() {
     std::fs::write(folder.path().join("transforms_1.HEIC"), "\0\0\0\x18ftypheic").unwrap();
     write_json(&folder.path().join("transforms.json"), &root);
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!((dataset.train.len(), dataset.test.len()), (2, 1));
+    assert_eq!((dataset.train.len(), dataset.test.len()), (3, 0));
     let views = || dataset.train.iter().chain(&dataset.test);
     assert!(views().all(|view| view.mask.is_none()), "a photograph is no mask");
     std::fs::copy(&path, folder.path().join("masks/transforms_1.png")).unwrap();
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert!(dataset.train[0].mask.is_some() && dataset.train[1].mask.is_none());
+    assert!(dataset.train[1].mask.is_some() && dataset.train[2].mask.is_none());
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn focal_length_and_principal_point_have_defaults() {
     root["camera_angle_x"] = json!(0.6);
     write_json(&folder.path().join("transforms.json"), &root);
     let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-    assert_eq!((dataset.train.len(), dataset.test.len()), (7, 2));
+    assert_eq!((dataset.train.len(), dataset.test.len()), (9, 0));
     let camera = dataset.train[0].camera;
     assert_relative_eq!(camera.focal, DVec2::splat(24.0 / 0.3f64.tan()), epsilon = 1e-12);
     assert_eq!(camera.principal, DVec2::new(24.0, 20.0));
@@ -129,7 +129,7 @@ fn an_error_names_the_place_in_the_file() {
         (
             "/w",
             json!(50),
-            vec!["transforms_1.png", "found 48 x 40", "expected 50 x 40 (from transforms.json)"],
+            vec!["transforms_0.png", "found 48 x 40", "expected 50 x 40 (from transforms.json)"],
         ),
         ("/w", json!(-48), vec!["w:", "found -48"]),
         ("/w", json!("wide"), vec!["w:", "found \"wide\"", "a finite number"]),

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::options::Fit;
 use super::prepare_run::absolute;
 use crate::cli::common::{ARGUMENTS, Global, with_flag};
-use dataset::{Dataset, LoadOptions, Unread};
+use dataset::{Dataset, LoadOptions, Unread, open_with};
 use files::InputError;
 use fit::{FitOptions, MaskChoice, RunFile};
 
@@ -36,7 +36,7 @@ pub(in crate::cli) fn new_run(
     options: &FitOptions,
     global: &Global,
 ) -> anyhow::Result<(Dataset, RunFile, String)> {
-    let (dataset, downscale) = read_for(dataset::open(path)?, options, global)?;
+    let (dataset, downscale) = read_for(open_with(path, options.held_out)?, options, global)?;
     let dataset = match options.masks {
         MaskChoice::Ignore => dataset.with_all_pixels(),
         MaskChoice::Auto | MaskChoice::Use => dataset,

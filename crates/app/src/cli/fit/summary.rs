@@ -16,7 +16,11 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
     let [x, y, z, radius] = file.bounds;
     let [width, height] = report.image_size;
     let (train, test) = (report.train_views, report.test_views);
-    global.say(&format!("views: {train} to fit, {test} held out, {width} x {height} pixels"));
+    let held_out = match test {
+        0 => "none held out (see --held-out)".to_owned(),
+        some => format!("{some} held out"),
+    };
+    global.say(&format!("views: {train} to fit, {held_out}, {width} x {height} pixels"));
     global.say(&format!("sphere: centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, {source}"));
     modelled(dataset, file).iter().for_each(|line| global.say(line));
     let exposures = match file.exposure_model {
