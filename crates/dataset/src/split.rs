@@ -25,7 +25,7 @@ pub enum HeldOut {
     /// None: all views are fitted, also those that the data set holds out.
     None,
     /// This many of all views, evenly spread over their order.
-    Count(usize),
+    Count(u32),
 }
 
 impl HeldOut {
@@ -46,7 +46,7 @@ impl HeldOut {
             (HeldOut::Auto, None) if views.len() < FEW => 0,
             (HeldOut::Auto, None) => return Ok(split_at(views, |i| i % HELD_OUT == 0)),
             (HeldOut::None, _) => 0,
-            (HeldOut::Count(count), _) => count,
+            (HeldOut::Count(count), _) => count as usize,
         };
         let all: Vec<T> = views.into_iter().chain(own.into_iter().flatten()).collect();
         let (len, most) = (all.len(), all.len().saturating_sub(LEAST_FITTED));
@@ -184,7 +184,8 @@ mod tests {
         assert_eq!(HeldOut::Count(8).split(views(9), None), Err(7));
         assert_eq!(HeldOut::Count(1).split(views(1), None), Err(0));
         for (len, count) in [(3, 1), (7, 5), (100, 13), (1000, 998)] {
-            assert_eq!(split(HeldOut::Count(count), len).1.len(), count, "{count} of {len}");
+            let found = split(HeldOut::Count(count), len).1.len();
+            assert_eq!(found, count as usize, "{count} of {len}");
         }
         // A split of the data set's own.
         let own = || Some(vec![7, 8]);

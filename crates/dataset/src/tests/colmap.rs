@@ -42,12 +42,12 @@ fn points() -> Vec<DVec3> {
 
 /// The error of a point, and the number of images that see it. The sixth part is sure.
 fn track(i: usize) -> (f64, usize) {
-    (if i % 3 == 0 { 0.4 } else { 0.9 }, 2 + i % 4)
+    (if i.is_multiple_of(3) { 0.4 } else { 0.9 }, 2 + i % 4)
 }
 
 /// Whether each point is sure.
 fn is_sure() -> Vec<bool> {
-    (0..250).map(|i| i % 3 == 0 && i % 4 >= 2).collect()
+    (0..250).map(|i: usize| i.is_multiple_of(3) && i % 4 >= 2).collect()
 }
 
 fn write_text(folder: &Path, cameras: &[Camera], model: &str, parameters: &[f64]) {

@@ -89,7 +89,7 @@ impl<'a> Bytes<'a> {
     /// Skips a list: its length, then records of `size` bytes each. Returns the length.
     fn skip_list(&mut self, size: usize, item: &str) -> Result<usize> {
         let count = usize::try_from(self.u64(item)?).unwrap_or(usize::MAX);
-        self.take(count.checked_mul(size).unwrap_or(usize::MAX), item)?;
+        self.take(count.saturating_mul(size), item)?;
         Ok(count)
     }
 
