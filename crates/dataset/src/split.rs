@@ -29,6 +29,11 @@ pub enum HeldOut {
 }
 
 impl HeldOut {
+    /// Whether this is the choice without an option; a file of a run may leave it out.
+    pub fn is_auto(&self) -> bool {
+        *self == HeldOut::Auto
+    }
+
     const EXPECTED: &'static str = "auto, none or a number of views";
 
     /// Splits the views of a data set into those to fit and those held out. `own` are those that the

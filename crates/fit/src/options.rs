@@ -57,6 +57,7 @@ pub struct FitOptions {
     /// set holds out, or else every eighth of 20 and more
     #[arg(help_heading = PHOTOGRAPHS, hide_short_help = true)]
     #[arg(long, value_name = "N", default_value_t = Self::default().held_out)]
+    #[serde(skip_serializing_if = "HeldOut::is_auto")]
     pub held_out: HeldOut,
     /// Use of masks and alpha channels
     #[arg(help_heading = PHOTOGRAPHS)]

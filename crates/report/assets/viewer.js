@@ -164,8 +164,12 @@ function orbitOf({ center, radius, up }, views, reach) {
     return add(level.map((x) => x * Math.cos(pitch)), up, Math.sin(pitch));
   };
   const directions = views.map(({ camera }) => unit(add(camera.eye, center, -1)));
-  // Near the first camera, and as far as can be from all: a camera would cover the surface.
-  const first = directions.length ? directions[0] : u;
+  // Near the camera in the middle of those that look from one side, or else near the first, and as
+  // far as can be from all: a camera would cover the surface.
+  const mean = directions.reduce((sum, direction) => add(sum, direction), [0, 0, 0]);
+  const isOneSided = dot(mean, mean) > (0.5 * directions.length) ** 2;
+  const middle = (a, b) => (isOneSided && dot(b, mean) > dot(a, mean) ? b : a);
+  const first = directions.length ? directions.reduce(middle) : u;
   const pitch = Math.asin(Math.max(-0.9, Math.min(0.9, dot(first, up))));
   const around = Math.atan2(dot(first, v), dot(first, u));
   const nearest = (yaw) => Math.max(...directions.map((direction) => dot(direction, outwards(yaw, pitch))));

@@ -22,6 +22,9 @@ pub struct SurfaceShares {
     pub seen_above_table: f64,
     /// Seen by no photograph: behind other parts of the surface, from behind, or off all films.
     pub unseen: f64,
+    /// Seen by no photograph, of the part that a capture of a thing on a table could show: it does
+    /// not face down, and lies neither below the table nor on the bounding sphere.
+    pub unseen_sides: f64,
 }
 
 /// Grid cells of the mesh along the diameter of the bounding sphere.
@@ -33,6 +36,10 @@ const SURFACE_POINTS: usize = 2000;
 /// A point is on the bounding sphere if it is this close, in bounding radii: one and a half cells
 /// of the mesh. Solids that leave the sphere are cut off there.
 const ON_SPHERE: f64 = 0.03;
+
+/// The cosine between a normal and the upward direction below which a point faces down: by 30
+/// degrees.
+const DOWN: f64 = -0.5;
 
 /// A point is visible if the hit of its ray lies at most this far in front of it, in bounding
 /// radii: the width of a cell, which is more than the error of the mesh.
@@ -60,7 +67,7 @@ pub fn surface_shares(
     let on_sphere = |p: &SurfacePoint| {
         (p.position - sphere.center).length() > (1.0 - ON_SPHERE) * sphere.radius
     };
-    let table = table(scene, sphere, cameras, &points, &seen);
+    let table = table(scene, sphere, cameras.clone(), &points, &seen);
     let is_above = |p: &SurfacePoint| {
         table.as_ref().is_none_or(|t| t.plane.height(p.position) > ON_SPHERE * sphere.radius)
     };
@@ -68,11 +75,15 @@ pub fn surface_shares(
         let count = points.iter().zip(&seen).filter(|(p, seen)| holds(p, **seen)).count();
         count as f64 / points.len() as f64
     };
+    let up = upwards(&scene.cameras[cameras], sphere.center);
+    let is_side = |p: &SurfacePoint| p.normal.dot(up) > DOWN && is_above(p) && !on_sphere(p);
+    let sides = share(&|p, _| is_side(p)).max(f64::MIN_POSITIVE);
     Ok(Some(SurfaceShares {
         on_sphere: share(&|p, _| on_sphere(p)),
         seen_on_sphere: share(&|p, seen| seen && on_sphere(p)),
         seen_above_table: share(&|p, seen| seen && on_sphere(p) && is_above(p)),
         unseen: share(&|_, seen| !seen),
+        unseen_sides: share(&|p, seen| !seen && is_side(p)) / sides,
     }))
 }
 

@@ -128,7 +128,7 @@ const LEAST_PSNR_OF_EXPOSURES: f64 = 26.0;
 /// The PSNR of training views below which they are not matched, dB.
 const LEAST_PSNR: f64 = 23.5;
 
-/// The unseen share of the surface above which it is reported.
+/// The unseen share of the sides and the top of a surface above which it is reported.
 const MOST_UNSEEN: f64 = 0.3;
 
 impl Fault {
@@ -145,7 +145,7 @@ impl Fault {
     /// 5. a PSNR of training views below 23.5 dB;
     /// 6. before another background, more than 10 % of the surface lies on the bounding sphere, in
     ///    view of a photograph and above the table, which every sphere cuts;
-    /// 7. more than 30 % of the surface is unseen, or no sampled pixel of a training view counts.
+    /// 7. more than 30 % of the sides and the top of the surface is unseen, or no sampled pixel of a training view counts.
     pub fn of(evidence: &Evidence) -> Option<Fault> {
         let Some(surface) = &evidence.surface else { return Some(Fault::NoSurface) };
         if surface.seen_on_sphere > MOST_ON_SPHERE && evidence.uniform_background {
@@ -171,7 +171,7 @@ impl Fault {
             return Some(Fault::SmallSphere);
         }
         let no_view_shows_it = evidence.training_match.is_none();
-        (surface.unseen > MOST_UNSEEN || no_view_shows_it).then_some(Fault::Unseen)
+        (surface.unseen_sides > MOST_UNSEEN || no_view_shows_it).then_some(Fault::Unseen)
     }
 
     /// The fault and the option to try, in one sentence.

@@ -15,6 +15,7 @@ fn good() -> Evidence {
             seen_on_sphere: 0.0,
             seen_above_table: 0.0,
             unseen: 0.05,
+            unseen_sides: 0.05,
         }),
         training_match: Some(32.0),
         held_out_match: Some(31.0),
@@ -23,7 +24,13 @@ fn good() -> Evidence {
 
 fn shares(seen_on_sphere: f64, unseen: f64) -> Option<SurfaceShares> {
     let (on_sphere, seen_above_table) = (seen_on_sphere, seen_on_sphere);
-    Some(SurfaceShares { on_sphere, seen_on_sphere, seen_above_table, unseen })
+    Some(SurfaceShares {
+        on_sphere,
+        seen_on_sphere,
+        seen_above_table,
+        unseen,
+        unseen_sides: unseen,
+    })
 }
 
 #[test]
@@ -84,6 +91,7 @@ fn the_text_has_the_numbers_and_an_option() {
             seen_on_sphere: 0.25,
             seen_above_table: 0.25,
             unseen: 0.125,
+            unseen_sides: 0.1,
         }),
         held_out_match: None,
         ..good()

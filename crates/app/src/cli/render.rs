@@ -8,6 +8,7 @@ use field::{Counted, Evaluations, SLOPE_POINTS};
 use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, PrecisionArg, RENDER_BYTES, check_film, option_error};
+use export::bake::SeenOnly;
 use files::InputError;
 use film::write_image;
 use fit::{Model, RunFile, Solid};
@@ -127,7 +128,9 @@ impl Render {
         let cameras = around(&bounds, &training, up, views as usize, size);
         let solid = Solid::new(&model, &file);
         let bar = global.progress("turntable");
-        let sheet = turntable(&solid.scene(&cameras), self.spp, &bar.mover())?;
+        let seen = SeenOnly::of(&solid.scene(&training))?;
+        let scene = Scene { shader: &seen, ..solid.scene(&cameras) };
+        let sheet = turntable(&scene, self.spp, &bar.mover())?;
         bar.finish_and_clear();
         write_image(&self.output, &sheet)?;
         let (width, height) = (sheet.width, sheet.height);
