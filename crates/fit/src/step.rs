@@ -63,11 +63,12 @@ impl Fit {
     }
 
     /// Makes a lattice of the field, if it is time: rays of a sharp surface skip empty space by it.
+    /// It trusts the change of f between two times, so these are always as far apart.
     fn refresh_lattice(&mut self) {
         let is_sharp = sharpness(self.progress(), self.file.options.soft()).is_none();
         if !is_sharp || self.estimator.reach().is_none() {
             self.lattice = None;
-        } else if self.clock.iteration.is_multiple_of(PERIOD) || self.lattice.is_none() {
+        } else if self.clock.iteration.is_multiple_of(PERIOD) {
             let (last, ball) = (self.lattice.take(), self.ball());
             self.lattice = Some(FieldLattice::after(last, &self.model, &ball));
         }

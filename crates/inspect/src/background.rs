@@ -83,10 +83,10 @@ impl BackgroundEstimate {
 
     /// See [`estimate`](Self::estimate), for the pixels of several views.
     pub(crate) fn of_surroundings(views: &[Surrounding]) -> Self {
-        let all = views.iter().map(|view| view.0.len()).sum::<usize>();
+        let all = views.iter().map(|view| view.all).sum::<usize>();
         let least = (LEAST_USED * all as f64) as usize;
         let pixels: Vec<[f32; 3]> =
-            views.iter().flat_map(|view| view.0.iter().copied().flatten()).collect();
+            views.iter().flat_map(|view| view.used.iter().copied()).collect();
         if pixels.is_empty() || pixels.len() < least {
             return BackgroundEstimate { color: [0.0; 3], spread: LEAST_SPREAD, confidence: 0.0 };
         }
@@ -171,9 +171,13 @@ fn with_tail(distances: &[f32], spread: f32) -> f32 {
     spread
 }
 
-/// Pixels of a view that should show background, in display space. `None` stands for a pixel that
-/// is left out.
-pub(crate) struct Surrounding(Vec<Option<[f32; 3]>>);
+/// Pixels of a view that should show background.
+pub(crate) struct Surrounding {
+    /// Their number.
+    all: usize,
+    /// Those that masks do not leave out, in display space.
+    used: Vec<[f32; 3]>,
+}
 
 impl Surrounding {
     pub(crate) fn of(view: &View, candidate: &Sphere<f64>) -> Self {
@@ -181,7 +185,8 @@ impl Surrounding {
             let is_used = view.is_used((y * view.image.width + x) as usize);
             is_used.then(|| view.image.at(x, y).map(srgb_encode))
         };
-        Surrounding(surrounding_places(view, candidate).into_iter().map(shown).collect())
+        let places = surrounding_places(view, candidate);
+        Surrounding { all: places.len(), used: places.into_iter().filter_map(shown).collect() }
     }
 }
 

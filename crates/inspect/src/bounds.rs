@@ -94,10 +94,9 @@ impl Surroundings {
     fn new(views: &[View], sphere: Sphere<f64>, source: SphereSource) -> Self {
         let of_view = |view| Surrounding::of(view, &sphere);
         let shown: Vec<Surrounding> = views.par_iter().map(of_view).collect();
-        let (background, backgrounds) = rayon::join(
-            || BackgroundEstimate::of_surroundings(&shown),
-            || shown.par_chunks(1).map(BackgroundEstimate::of_surroundings).collect(),
-        );
+        // One after the other: each copies its pixels.
+        let background = BackgroundEstimate::of_surroundings(&shown);
+        let backgrounds = shown.par_chunks(1).map(BackgroundEstimate::of_surroundings).collect();
         Surroundings { sphere, source, background, backgrounds, distant: 0.0 }
     }
 

@@ -228,12 +228,13 @@ fn all_cells() -> impl Iterator<Item = usize> {
     rows.flat_map(|row| row..row + CELLS)
 }
 
-/// For each node, the root of the sum over axes of the squared second differences of f around it.
-/// At the ends of an axis, that of the node beside counts; without a value, none.
+/// For each node, the sum over axes of the sizes of the second differences of f around it: the
+/// errors along the axes add up at the tip of a small solid. At the ends of an axis, the difference
+/// of the node beside counts; without a value, none.
 fn second_differences<R: Real>(f: &[R]) -> Vec<R> {
-    let mut squares = vec![R::zero(); f.len()];
+    let mut sums = vec![R::zero(); f.len()];
     for beside in BESIDE {
-        for (number, square) in squares.iter_mut().enumerate() {
+        for (number, sum) in sums.iter_mut().enumerate() {
             let place = number / beside % NODES;
             let middle = match place {
                 0 => number + beside,
@@ -242,12 +243,11 @@ fn second_differences<R: Real>(f: &[R]) -> Vec<R> {
             };
             let difference = f[middle - beside] + f[middle + beside] - (f[middle] + f[middle]);
             if !difference.is_nan() {
-                *square += difference * difference;
+                *sum += difference.abs();
             }
         }
     }
-    squares.iter_mut().for_each(|square| *square = square.sqrt());
-    squares
+    sums
 }
 
 /// The largest difference of f between neighbouring nodes.

@@ -147,3 +147,44 @@ fn a_field_that_has_grown_is_seen() {
     let ratio = compare("grown", &grown, &lattice.with_drift(0.1), 1.0);
     assert!(ratio < 1.0);
 }
+
+/// Solids far smaller than a cell, anywhere in a cell: alone, and beside a large one. Their fields
+/// have a kink along all axes at once.
+#[test]
+fn solids_smaller_than_a_cell_are_hit() {
+    let octahedron = |x: DVec3| (x.x.abs() + x.y.abs() + x.z.abs()) / 3f64.sqrt();
+    let cube = |x: DVec3| x.abs().max_element();
+    let norms: [(&str, &(dyn Fn(DVec3) -> f64 + Send + Sync)); 3] =
+        [("ball", &|x| x.length()), ("octahedron", &octahedron), ("cube", &cube)];
+    let cell = Lattice::<f64>::cell(&BOUNDS);
+    for (name, norm) in norms {
+        for i in 0..60 {
+            // The middle of a cell first, then other places by an additive recurrence.
+            let place = [0.819_17, 0.671_04, 0.549_70].map(|s| (0.5 + f64::from(i) * s).fract());
+            let center = BOUNDS.center + (DVec3::from(place) + DVec3::new(3.0, -5.0, 2.0)) * cell;
+            for (radius, other) in [(0.2, None), (0.05, None), (0.05, Some(0.4)), (0.01, Some(0.4))]
+            {
+                let radius = radius * cell;
+                let large =
+                    |x: DVec3| other.map_or(f64::INFINITY, |r| (x - BOUNDS.center).length() - r);
+                let field = Of(|x: DVec3| (norm(x - center) - radius).min(large(x)));
+                let lattice = Lattice::new(&field, &BOUNDS);
+                let ray = |ray: Ray<f64>| {
+                    // Through the solid, and beside it.
+                    let through = center + ray.direction.any_orthonormal_vector() * 0.4 * radius;
+                    let ray = Ray::enter(ray.origin, (through - ray.origin).normalize(), &BOUNDS)?;
+                    Some(Ray { reach: 0.0, ..ray })
+                };
+                let rays: Vec<Ray<f64>> = rays().into_iter().take(40).filter_map(ray).collect();
+                let (expected, _) = trace(&field, None, &rays, 1.0);
+                let (found, _) = trace(&field, Some(&lattice), &rays, 1.0);
+                for (found, expected) in found.iter().zip(&expected) {
+                    let what = format!("{name} of {radius} at {place:?}, other {other:?}");
+                    assert_eq!(found.outcome, expected.outcome, "{what}");
+                    let is_hit = expected.outcome == Outcome::Hit;
+                    assert!(!is_hit || (found.t - expected.t).abs() < 1e-9, "{what}");
+                }
+            }
+        }
+    }
+}
