@@ -38,8 +38,9 @@ const MOST_STEPS: usize = 128;
 /// Values of f on a cubic lattice around a ball.
 ///
 /// [`intersect_rows`](crate::intersect_rows) starts rays near the surface with it. Between the
-/// nodes, f is interpolated, and the second differences of the values bound the error. A part of
-/// the solid that no node shows, thinner than a cell, can be missed. Rays do not trust a lattice
+/// nodes, f is interpolated, and the second differences of the values bound the error: also at the
+/// tip of the distance to a small solid. In a field that is no distance, a part of the solid that no
+/// node shows, thinner than a cell, can be missed. Rays do not trust a lattice
 /// whose bound an evaluation violates: they are traced again without it.
 #[derive(Clone, Debug)]
 pub struct Lattice<R: Real> {
