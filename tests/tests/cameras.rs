@@ -94,11 +94,12 @@ fn a_fit_refines_disturbed_poses() {
     // bending term hides another.
     let options = ["--iterations", "600", "--batch", "192", "--grid", "none", "--bending", "0"];
     let options = [&options[..], &["--refine-cameras"]].concat();
-    // What is left of the errors hangs on the axes and on the rounding of a build: 0.72 to 1.0 in six
-    // cases. So the mean of three cases counts.
+    // What is left of the errors hangs on the axes and on the random numbers of a build: 0.72 to 1.04
+    // in ten cases, with the mean 0.87 and its standard error 0.03. So the mean of ten cases counts;
+    // without refinement it is 1.
     let mut left = Vec::new();
     let (mut report, mut cameras) = (Value::Null, Value::Null);
-    for seed in [3, 2, 1] {
+    for seed in (1..=10).rev() {
         fs::write(&transforms, &exact).unwrap();
         let truth = disturb(&data, 1.0, seed);
         let given = poses(&read(&transforms)["frames"], "transform_matrix");
@@ -112,7 +113,7 @@ fn a_fit_refines_disturbed_poses() {
         left.push(after / before);
     }
     // A rotation and a shift of the eye that move the image in the same way are hard to tell apart.
-    assert!(left.iter().sum::<f64>() < 0.9 * left.len() as f64, "{left:?} of the errors are left");
+    assert!(left.iter().sum::<f64>() < 0.95 * left.len() as f64, "{left:?} of the errors are left");
     let without = folder.path("without");
     let fit = [&["fit", &data, "-o", &without], &options[..], &["none"]].concat();
     let [with, without] =
