@@ -147,9 +147,9 @@ fn number(value: &Value) -> f64 {
 }
 
 /// Whether a point of the unit sphere is at an angle of less than acos(`cosine`) to the direction
-/// of a training camera.
+/// of a camera.
 fn is_seen(x: DVec3, cosine: f64) -> bool {
-    cameras()[1..].iter().any(|camera| x.dot(camera[2]) > cosine)
+    cameras().iter().any(|camera| x.dot(camera[2]) > cosine)
 }
 
 /// The area of the points of the unit sphere that `holds` accepts, by 40,000 of them.
@@ -175,9 +175,8 @@ fn the_table_is_cut_off_by_its_plane_and_the_unseen_part_by_the_cameras() {
     let (disc, cap) = (pi * (1.0 - HEIGHT * HEIGHT), 2.0 * pi * (1.0 - HEIGHT));
     let solid = 4.0 * 3f64.sqrt() * REACH * REACH;
     let total = disc + cap + solid;
-    // View 0 is held out. The others see the points of the cap at which the normal is at an angle
-    // of less than acos(1/4) to their direction: they are at the distance 4. Of the disc and the
-    // octahedron they see all.
+    // The views see the points of the cap at which the normal is at an angle of less than acos(1/4)
+    // to their direction: they are at the distance 4. Of the disc and the octahedron they see all.
     let seen_cap = total_of_sphere(|x| x.dot(normal()) < -HEIGHT && is_seen(x, 0.25));
     let seen_area = disc + seen_cap + solid;
     assert!((number(&whole["area"]) / total - 1.0).abs() < 0.01, "{whole} and {total}");
@@ -185,7 +184,7 @@ fn the_table_is_cut_off_by_its_plane_and_the_unseen_part_by_the_cameras() {
     let (above, path) = mesh(&folder, &run, "above.obj", &["--above", "auto"]);
     let cut = step(&above, "above");
     let plane = &cut["plane"];
-    let up = cameras()[1..].iter().map(|camera| camera[1]).sum::<DVec3>().normalize();
+    let up = cameras().iter().map(|camera| camera[1]).sum::<DVec3>().normalize();
     let degrees = up.dot(normal()).acos().to_degrees();
     assert!((number(&plane["degrees"]) - degrees).abs() < 0.1, "{plane} and {degrees}");
     let found = [0, 1, 2].map(|k| number(&plane["normal"][k]));

@@ -183,7 +183,8 @@ fn a_resumed_fit_keeps_its_metrics_and_removes_temporary_files() {
     folder.write("transforms.json", &dataset(&folder));
     let (data, run) = (folder.path(""), folder.path("run"));
     let options = ["--batch", "16", "--bounds", "0,0,0,1", "--iterations", "6"];
-    let every = ["--preview-every", "2", "--checkpoint-every", "2", "--stop-after", "3"];
+    let every = ["--preview-every", "2", "--checkpoint-every", "2"];
+    let every = [&every[..], &["--stop-after", "3", "--held-out", "1"]].concat();
     dsdf_ok(&[&["fit", &data, "-o", &run], &options[..], &every[..]].concat());
     // A line of a crash, with a byte that is no text.
     let metrics = folder.path("run/metrics.jsonl");
@@ -237,7 +238,8 @@ fn a_fit_without_a_surface_says_so_and_keeps_its_files() {
     camera.as_object().unwrap().iter().for_each(|(key, value)| root[key] = value.clone());
     folder.write("transforms.json", &root);
     let (data, run) = (folder.path(""), folder.path("run"));
-    let options = ["--iterations", "300", "--batch", "256", "--bounds", "0,0,0,1"];
+    let options =
+        ["--iterations", "300", "--batch", "256", "--bounds", "0,0,0,1", "--held-out", "1"];
     refused(
         &[&["fit", &data, "-o", &run], &options[..]].concat(),
         1,

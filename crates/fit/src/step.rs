@@ -25,6 +25,9 @@ const CAMERA_RATE: f64 = 0.01;
 /// The learning rate of the logarithms of exposures, times the fit's schedule.
 const GAIN_RATE: f64 = 0.01;
 
+/// Steps of the length of a ray in the ball, per bounding radius.
+const WAY_STEPS: f64 = 64.0;
+
 /// Pixels that a thread draws at a time, at least.
 const DRAWS: usize = 64;
 
@@ -145,13 +148,14 @@ fn draw(fit: &Fit) -> DrawnPixels {
         .with_min_len(DRAWS)
         .map(|i| pixels.draw(fit.clock.iteration * count + i as u64, every, stream))
         .collect();
-    // A ray takes about as long as its way through the ball.
+    // A ray takes about as long as its way through the ball. In whole steps, so that the rounding of
+    // a distant place does not change the order.
     let ball = fit.file.sphere();
     let way = |draw: &Draw| {
         let camera = &pixels.cameras[draw.view as usize];
         let u = DVec2::new(f64::from(draw.x) + 0.5, f64::from(draw.y) + 0.5);
         let ends = ball.clip(camera.eye, camera.direction(u));
-        ends.map_or(0.0, |(near, far)| far - near)
+        ends.map_or(0.0, |(near, far)| ((far - near) / ball.radius * WAY_STEPS).round())
     };
     let draws = balanced(&draws, way);
     DrawnPixels { level, draws, pixel_count: pixels.count_of(count, every) as f32 }
