@@ -82,14 +82,19 @@ impl Distances {
             return Distances { points: from.len(), ..Distances::default() };
         }
         let cloud = Cloud::new(to);
-        let all: Vec<f64> = from.par_iter().map(|x| cloud.distance(*x)).collect();
+        Distances::of(from.par_iter().map(|x| cloud.distance(*x)).collect(), cap)
+    }
+
+    /// The distances of some points, at least one.
+    pub(crate) fn of(all: Vec<f64>, cap: f64) -> Self {
+        let points = all.len();
         let mut near: Vec<f64> = all.into_iter().filter(|d| *d <= cap).collect();
         let count = near.len();
         let mean = (count > 0).then(|| near.iter().sum::<f64>() / count as f64);
         near.sort_by(f64::total_cmp);
         let median = (count > 0).then(|| 0.5 * (near[(count - 1) / 2] + near[count / 2]));
-        let beyond = 1.0 - count as f64 / from.len() as f64;
-        Distances { mean, median, beyond, points: from.len() }
+        let beyond = 1.0 - count as f64 / points as f64;
+        Distances { mean, median, beyond, points }
     }
 }
 

@@ -5,6 +5,7 @@ use glam::DVec3;
 use mesh::{Components, Mesh, extract_with};
 use rayon::prelude::*;
 
+use crate::cloud::Distances;
 use crate::nearest::FaceTree;
 use crate::sample_surface;
 
@@ -38,11 +39,12 @@ pub struct Comparison {
     pub standard_error: f64,
 }
 
-/// The distance from each point to the nearest point of a mesh's triangles, world units; infinite
-/// for a mesh without faces. The points are relative to the mesh's origin.
-pub fn distances_to_surface(points: &[DVec3], mesh: &Mesh) -> Vec<f64> {
+/// The distances from points, at least one, to the nearest points of a mesh's triangles, without a
+/// cap; `None` for a mesh without faces. The points are relative to the mesh's origin.
+pub fn distances_to_surface(points: &[DVec3], mesh: &Mesh) -> Option<Distances> {
     let tree = FaceTree::new(mesh);
-    points.par_iter().map(|point| tree.nearest(*point).0).collect()
+    let distances = || points.par_iter().map(|point| tree.nearest(*point).0).collect();
+    (!mesh.faces.is_empty()).then(|| Distances::of(distances(), f64::INFINITY))
 }
 
 /// Compares two surfaces by `samples` points on each (at least one), uniform by area. Faces without

@@ -150,15 +150,9 @@ fn compare_to_dataset(
         return Err(InputError::new(&dataset.path, "points", found, expected));
     }
     report.points = Some(points.len());
-    if mesh.faces.is_empty() {
-        return Ok(());
-    }
-    let mut distances = distances_to_surface(&points, mesh);
-    distances.sort_by(f64::total_cmp);
-    let count = distances.len();
-    let median = 0.5 * (distances[(count - 1) / 2] + distances[count / 2]);
-    let mean = distances.iter().sum::<f64>() / count as f64;
-    report.points_median = Some(median / sphere.radius);
-    report.points_mean = Some(mean / sphere.radius);
+    let found = distances_to_surface(&points, mesh).unwrap_or_default();
+    let in_radii = |distance: Option<f64>| distance.map(|distance| distance / sphere.radius);
+    report.points_median = in_radii(found.median);
+    report.points_mean = in_radii(found.mean);
     Ok(())
 }

@@ -100,13 +100,14 @@ impl EvalReport {
     /// The report as a table, one metric per line.
     pub(in crate::cli) fn table(&self) -> String {
         let units = "data set units";
+        let percent = |value: Option<f64>| value.map(|part| 100.0 * part);
         let rows = [
             ("PSNR", self.psnr, "dB"),
             ("PSNR in the masks", self.psnr_masked, "dB"),
             ("SSIM", self.ssim, ""),
             ("mask IoU", self.mask_iou, ""),
             ("Chamfer", self.chamfer, units),
-            ("Chamfer / bounding radius", self.chamfer_relative.map(|c| 100.0 * c), "%"),
+            ("Chamfer / bounding radius", percent(self.chamfer_relative), "%"),
             ("F-score at 1 % of the bounding radius", self.f_score, ""),
             ("normal consistency", self.normal_consistency, ""),
             ("normal error", self.normal_error, "degrees"),
@@ -115,13 +116,12 @@ impl EvalReport {
         let of_points = [
             ("accuracy, to points", self.accuracy, units),
             ("accuracy, median", self.accuracy_median, units),
-            ("accuracy, beyond the cap", self.accuracy_beyond_cap.map(|c| 100.0 * c), "%"),
+            ("accuracy, beyond the cap", percent(self.accuracy_beyond_cap), "%"),
             ("completeness, from points", self.completeness, units),
             ("completeness, median", self.completeness_median, units),
-            ("completeness, beyond the cap", self.completeness_beyond_cap.map(|c| 100.0 * c), "%"),
+            ("completeness, beyond the cap", percent(self.completeness_beyond_cap), "%"),
             ("overall", self.overall, units),
         ];
-        let percent = |value: Option<f64>| value.map(|part| 100.0 * part);
         let of_dataset = [
             (
                 "points of the data set, median distance",
