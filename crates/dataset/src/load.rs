@@ -158,8 +158,8 @@ impl Unread {
     /// has a pinhole camera.
     ///
     /// Images are read in parallel, as many at a time as fit in 512 MiB with the samples of their
-    /// files, or as films where lenses have distortion, at least one. The result does not depend on the number of threads. `progress` gets the share of
-    /// the images that are read.
+    /// files, or as films where lenses have distortion, at least one. The result does not depend on
+    /// the number of threads. `progress` gets the share of the images that are read.
     ///
     /// # Errors
     /// If a file is missing or wrong, or if `downscale` is 0: an [`InputError`] with the file and

@@ -44,8 +44,9 @@ impl Dataset {
 
     /// The points that the data set vouches for; all of them if it does not say.
     pub fn sure_points(&self) -> impl Iterator<Item = DVec3> {
-        let sure = self.is_sure.iter().copied().chain(std::iter::repeat(self.is_sure.is_empty()));
-        self.points.iter().zip(sure).filter(|(_, is_sure)| *is_sure).map(|(point, _)| *point)
+        let is_sure = |i: usize| self.is_sure.get(i).is_none_or(|is_sure| *is_sure);
+        let points = self.points.iter().enumerate();
+        points.filter(move |(i, _)| is_sure(*i)).map(|(_, point)| *point)
     }
 
     /// The same data set with positions relative to `origin`, a point in its own units.

@@ -123,12 +123,9 @@ fn simulated(iterations: &[Vec<Task>], workers: usize) -> Result<serde_json::Val
         ]
         .map(|of| median(of).unwrap_or(0.0));
         let [ms, longest_ms] = [seconds, longest].map(|seconds| seconds * 1e3);
-        json!({
-            "stage": format!("{stage:?}"),
-            "tasks": tasks,
-            "ms": ms,
-            "longest_ms": longest_ms,
-        })
+        let name = format!("{stage:?}");
+        (tasks > 0.0)
+            .then(|| json!({"stage": name, "tasks": tasks, "ms": ms, "longest_ms": longest_ms}))
     };
     Ok(json!({
         "workers": workers,
@@ -138,7 +135,7 @@ fn simulated(iterations: &[Vec<Task>], workers: usize) -> Result<serde_json::Val
         "simulated_ms": end * 1e3,
         "speed_up": all / end,
         "efficiency": all / end / workers as f64,
-        "stages": STAGES.map(of_stage).to_vec(),
+        "stages": STAGES.into_iter().filter_map(of_stage).collect::<Vec<_>>(),
     }))
 }
 

@@ -1,13 +1,13 @@
 //! One iteration of a fit: the way of a pixel from its draw to a step of the parameters.
 
 use field::Evaluations;
-use glam::DVec2;
 use loss::photometry::Draw;
 use loss::schedule::{background_group, batch_share, learning_rate, pyramid_level, sharpness};
 use loss::{Gradient, Stage, Workspace, balanced};
 use multiview::calibrate::CameraDecision;
 use random::{Name, Stream};
 use rayon::prelude::*;
+use render::Sample;
 
 use crate::camera_trial::start_refinement;
 use crate::error::FitError;
@@ -152,8 +152,8 @@ fn draw(fit: &Fit) -> DrawnPixels {
     // a distant place does not change the order.
     let ball = fit.file.sphere();
     let way = |draw: &Draw| {
-        let camera = &pixels.cameras[draw.view as usize];
-        let u = DVec2::new(f64::from(draw.x) + 0.5, f64::from(draw.y) + 0.5);
+        let Sample { camera, u } = draw.center();
+        let camera = &pixels.cameras[camera];
         let ends = ball.clip(camera.eye, camera.direction(u));
         ends.map_or(0.0, |(near, far)| ((far - near) / ball.radius * WAY_STEPS).round())
     };

@@ -7,8 +7,8 @@ use crate::objective::Objective;
 use crate::sums::{PIECE, PartSums, Piece, pieces, sizes};
 
 /// A stage of [`gradient`](crate::gradient()). Threads share the tasks of a stage, and the next
-/// stage begins when all are done; but `Deal`, `Reverse` and `Backward` of a sharp surface go on beside
-/// `Record`.
+/// stage begins when all are done; but `Deal`, `Reverse` and `Backward` of a sharp surface go on
+/// beside `Record`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Sums of zero for all parts.

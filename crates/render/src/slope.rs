@@ -9,8 +9,8 @@ use crate::scene::{Scene, Tracing};
 const CHUNK: usize = 32;
 
 impl<R: Real> Scene<'_, R> {
-    /// The scene with a relaxation that suits the [`slope`](field::slope) of its field, taken at `points` points:
-    /// 1/slope times that of its options.
+    /// The scene with a relaxation that suits the [`slope`](field::slope) of its field, taken at
+    /// `points` points: 1/slope times that of its options.
     ///
     /// Rays start with the slope 1/relaxation. A ray that starts with less than the slope of the
     /// field can step over a part of the solid before it sees the slope.

@@ -145,7 +145,8 @@ impl Fault {
     /// 5. a PSNR of training views below 23.5 dB;
     /// 6. before another background, more than 10 % of the surface lies on the bounding sphere, in
     ///    view of a photograph and above the table, which every sphere cuts;
-    /// 7. more than 30 % of the sides and the top of the surface is unseen, or no sampled pixel of a training view counts.
+    /// 7. more than 30 % of the sides and the top of the surface is unseen, or no sampled pixel of a
+    ///    training view counts.
     pub fn of(evidence: &Evidence) -> Option<Fault> {
         let Some(surface) = &evidence.surface else { return Some(Fault::NoSurface) };
         if surface.seen_on_sphere > MOST_ON_SPHERE && evidence.uniform_background {

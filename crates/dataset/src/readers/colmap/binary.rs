@@ -136,7 +136,8 @@ pub(super) fn images(file: &Path) -> Result<Vec<ImageRecord>> {
         .collect()
 }
 
-/// Reads `points3D.bin`: id, position and error; colour is skipped, and of the track all but its length.
+/// Reads `points3D.bin`: id, position and error; colour is skipped, and of the track all but its
+/// length.
 pub(super) fn points(file: &Path) -> Result<Vec<PointRecord>> {
     let mut bytes = Bytes::open(file)?;
     let count = bytes.u64("the number of points")?;
