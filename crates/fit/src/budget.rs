@@ -13,7 +13,7 @@ const ITERATIONS_PER_SECOND: f64 = 50.0;
 /// The most threads that this number is multiplied by.
 const MOST_THREADS: usize = 16;
 
-/// The share of the budget with a soft surface. docs/rooms.md has other shares.
+/// The share of the budget with a soft surface. docs/captures-compared.md has other shares.
 const SOFT: f64 = 0.5;
 
 /// In front of a uniform background, the surface is soft for about this many iterations, and for

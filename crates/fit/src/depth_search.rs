@@ -29,7 +29,7 @@ const LARGEST_SHARES: [f64; 2] = [0.15, 0.3];
 const MOST_PIXELS: u64 = 1 << 23;
 
 /// Adjustments of the cameras, each by the planes that the search finds with those of the one
-/// before. docs/rooms.md compares numbers of them.
+/// before. docs/captures-compared.md compares numbers of them.
 const ROUNDS: usize = 2;
 
 impl FitOptions {

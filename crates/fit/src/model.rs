@@ -32,7 +32,7 @@ const HEAD_LAYERS: usize = 3;
 /// Octaves of the frequency encoding of the position in the radiance head.
 pub(crate) const HEAD_BANDS: usize = 6;
 /// Cells along the side of the grids of details in the radiance head, in front of a trained
-/// background; see docs/rooms.md.
+/// background; see docs/captures-compared.md.
 const DETAILS: [usize; 4] = [32, 64, 128, 256];
 
 /// The grids of details of a run's radiance head. Octaves explain renders in front of a uniform background, and an iteration takes less time without grids.

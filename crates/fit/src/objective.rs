@@ -2,11 +2,11 @@
 
 use field::{BackgroundPerCamera, Counted, Evaluations};
 use film::srgb_decode;
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use loss::photometry::{Draw, MaskUse, without_gains};
 use loss::schedule::{is_carving, sharpness};
 use loss::{
-    Gradient, Objective, Regulariser, Stage, Surface, Targets, Wanted, Workspace, gradient,
+    Gradient, Objective, Patches, Regulariser, Stage, Surface, Targets, Wanted, Workspace, gradient,
 };
 use multiview::calibrate::Calibration;
 use random::{Name, Stream};
@@ -68,6 +68,10 @@ pub(crate) fn differentiate(
             pass: options.pass(),
         },
     };
+    // The comparison of patches has no lens.
+    let is_pinhole = cameras.iter().all(|camera| camera.radial == DVec2::ZERO);
+    let consistency = photographs.consistency.as_ref().filter(|_| is_pinhole);
+    let consistency = consistency.map(|own| own.with_cameras(&cameras));
     let objective = Objective {
         scene: Scene { field: &counted, background, ..scene },
         targets: Targets {
@@ -83,6 +87,9 @@ pub(crate) fn differentiate(
             Regulariser::Bending(options.bending_weight(progress) as f32),
         ],
         carving: depths.filter(|_| is_carving(progress, options.soft())),
+        patches: consistency
+            .as_ref()
+            .map(|own| Patches { consistency: own, weight: file.patch_weight() as f32 }),
         wanted: Wanted {
             background: file.background_kind.is_trained(),
             cameras: calibration.is_some() && photographs.corrections.adjusted().is_none(),

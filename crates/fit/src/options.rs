@@ -167,6 +167,11 @@ pub struct FitOptions {
     #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
     pub stereo: StereoChoice,
+    /// Weight of the term of patches: photographs must agree about points of the sharp surface; 0
+    /// for none [default: 4 in front of a trained background, else 0]
+    #[arg(long, help_heading = SHAPE, hide_short_help = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patches: Option<f64>,
     /// Iterations between checkpoints
     #[arg(help_heading = FILES, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().checkpoint_every)]
@@ -197,6 +202,9 @@ const SAMPLE_LIMIT: f64 = 1.0;
 /// Clipping by the norm: Pascanu, Mikolov and Bengio, "On the difficulty of training recurrent
 /// neural networks", ICML 2013.
 const CLIP: f64 = 3.0;
+
+/// The default weight of the term of patches. docs/captures-compared.md compares weights.
+const PATCHES: f64 = 4.0;
 
 /// The number of iterations without `--iterations` and without `--time`.
 pub(crate) const DEFAULT_ITERATIONS: u64 = 6000;
@@ -235,6 +243,7 @@ impl Default for FitOptions {
             schedule_threads: None,
             soft: None,
             stereo: StereoChoice::Auto,
+            patches: None,
             checkpoint_every: 200,
             preview_every: 500,
         }
@@ -347,11 +356,17 @@ impl FitOptions {
             Check::new("clip", self.clip, self.clip > 1.0, "a number above 1, or inf"),
             Check::weight("eikonal", self.eikonal),
             Check::weight("bending", self.bending),
+            Check::weight("patches", self.patches.unwrap_or(0.0)),
             Check::new("soft", soft, (0.0..1.0).contains(&soft), "at least 0, below 1"),
             Check::at_least_one("schedule_threads", self.schedule_threads.unwrap_or(1) as u64),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
             Check::at_least_one("preview_every", self.preview_every),
         ]
+    }
+
+    /// The weight of the term of patches, for a background that is trained or not.
+    pub(crate) fn patch_weight(&self, is_trained: bool) -> f64 {
+        self.patches.unwrap_or(if is_trained { PATCHES } else { 0.0 })
     }
 
     /// The options of the estimator.

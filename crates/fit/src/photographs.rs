@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use dataset::{Dataset, View};
-use field::BackgroundPerCamera;
+use field::{BackgroundPerCamera, Sphere};
 use files::{InputError, check_memory};
 use glam::{DVec3, Vec3};
-use loss::photometry::{ExposureModel, Gains, Level, MEMORY_PER_PIXEL, pyramid};
+use loss::photometry::{ExposureModel, Gains, Level, MEMORY_PER_PIXEL, Photograph, pyramid};
 use multiview::calibrate::{Calibration, CameraDecision, Freedom};
-use multiview::stereo::Guide;
+use multiview::stereo::{Consistency, Guide, View as StereoView};
 
 use crate::camera_corrections::Corrections;
 use crate::cameras::{calibration, freedom_by_matches};
@@ -40,6 +40,8 @@ pub struct Photographs {
     pub(crate) corrections: Corrections<Calibration>,
     /// The decision about the cameras that was made before the next iteration.
     pub(crate) decision: Option<CameraDecision>,
+    /// The photographs whose patches are compared, once the surface is sharp.
+    pub(crate) consistency: Option<Consistency>,
     /// The depths of the training views, once they were looked for.
     pub(crate) depths: Option<Depths>,
 }
@@ -80,6 +82,7 @@ impl Photographs {
             gains: is_per_view.then(|| Gains::new(dataset.train.len())),
             corrections: Corrections::Undecided,
             decision: None,
+            consistency: None,
             depths: None,
             dataset,
         })
@@ -93,6 +96,19 @@ impl Photographs {
     /// The depths that guide an iteration on a level of the pyramid.
     pub(crate) fn guide(&self, level: usize) -> Option<Guide<'_>> {
         self.depths.as_ref()?.guide(level)
+    }
+
+    /// Makes ready the comparison of patches of an object in `ball`, at full size.
+    pub(crate) fn prepare_consistency(&mut self, ball: &Sphere<f64>) {
+        if self.consistency.is_none() {
+            let Level { cameras, photographs, .. } = &self.levels[0];
+            let view = |(camera, photograph)| {
+                let photograph: &Photograph = photograph;
+                StereoView { camera, image: &photograph.image }
+            };
+            let views: Vec<StereoView<'_>> = cameras.iter().zip(photographs).map(view).collect();
+            self.consistency = Some(Consistency::new(&views, ball));
+        }
     }
 
     /// The exposures as they are fitted so far; `None` if they are equal.

@@ -49,6 +49,11 @@ pub struct RunFile {
 }
 
 impl RunFile {
+    /// The weight of the term of patches.
+    pub(crate) fn patch_weight(&self) -> f64 {
+        self.options.patch_weight(self.background_kind.is_trained())
+    }
+
     /// The input of a new run on the data set at `path`: its bounding sphere, the use of its masks
     /// and the model for its background; and the evidence for the sphere.
     ///

@@ -52,6 +52,8 @@ impl Fit {
         survey_surface(self)?;
         work.run(Stage::Caller, || self.refresh_lattice());
 
+        work.run(Stage::Caller, || self.prepare_patches());
+
         let drawn = work.run(Stage::Caller, || draw(self));
 
         let stream = Stream::of_seed(self.file.options.seed).named(ITERATION);
@@ -63,6 +65,16 @@ impl Fit {
         let metrics = self.metrics(&added, evaluations, drawn.level, norm, trial);
         work.reuse(added.parameters);
         Ok(metrics)
+    }
+
+    /// Makes ready the comparison of patches, once the surface is sharp at full size.
+    fn prepare_patches(&mut self) {
+        let (progress, options) = (self.progress(), &self.file.options);
+        let is_sharp = sharpness(progress, options.soft()).is_none();
+        let level = pyramid_level(progress, self.photographs.levels.len());
+        if is_sharp && level == 0 && self.file.patch_weight() > 0.0 {
+            self.photographs.prepare_consistency(&self.file.sphere());
+        }
     }
 
     /// Makes a lattice of the field, if it is time: rays of a sharp surface skip empty space by it.

@@ -8,6 +8,7 @@ mod drawn;
 mod eikonal;
 mod objective;
 pub mod opacity;
+mod patches;
 pub mod photometry;
 mod regularisers;
 mod reversed;
@@ -20,7 +21,7 @@ mod total;
 mod workspace;
 
 pub use drawn::{ROUND, balanced};
-pub use objective::{Objective, Regulariser, Surface, Targets, Wanted};
+pub use objective::{Objective, Patches, Regulariser, Surface, Targets, Wanted};
 pub use stats::BatchStats;
 pub use total::{Gradient, gradient};
 pub use workspace::{Observer, Stage, Workspace};

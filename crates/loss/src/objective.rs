@@ -3,7 +3,7 @@
 use estimate::record::Pass;
 use estimate::{Estimator, SampleCounts};
 use glam::Vec3;
-use multiview::stereo::Guide;
+use multiview::stereo::{Consistency, Guide};
 use random::Stream;
 use render::Scene;
 
@@ -31,10 +31,21 @@ pub struct Objective<'a> {
     /// Depths of the photographs, if surface that contradicts the photographs is removed. A surface
     /// at a known depth stays.
     pub carving: Option<Guide<'a>>,
+    /// The comparison of photographs at the points of a sharp surface, if there is one.
+    pub patches: Option<Patches<'a>>,
     /// The derivatives that are wanted beside those of field and radiance.
     pub wanted: Wanted,
     /// The random numbers of this iteration.
     pub stream: Stream,
+}
+
+/// The term of patches; see the file `patches.rs`.
+#[derive(Clone, Copy, Debug)]
+pub struct Patches<'a> {
+    /// The photographs, with the cameras of the scene.
+    pub consistency: &'a Consistency,
+    /// The weight of the term.
+    pub weight: f32,
 }
 
 /// Photographs at one size as the target of an objective.
@@ -115,7 +126,7 @@ impl std::fmt::Debug for Surface<'_> {
 
 impl<'a> Objective<'a> {
     /// The photometric loss of these pixels alone, each with the same weight: no regularisers, no
-    /// exposures, no carving, and the derivatives of field and radiance.
+    /// exposures, no carving, no patches, and the derivatives of field and radiance.
     pub fn photometric(
         scene: Scene<'a, f32>,
         level: &'a Level,
@@ -130,6 +141,7 @@ impl<'a> Objective<'a> {
             surface,
             regularisers: &[],
             carving: None,
+            patches: None,
             wanted: Wanted::default(),
             stream: Stream::of_seed(0),
         }

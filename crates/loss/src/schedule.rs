@@ -7,7 +7,7 @@ use optim::Schedule;
 // (24 views of 128 × 128 pixels), two seeds each, before fits had a soft surface. "Distance" is the
 // geometric mean of the four Chamfer distances, relative to that of the values in the code; its
 // standard error is about 0.05. So a value within 0.9 to 1.1 cannot be told apart from the chosen
-// one. docs/rooms.md compares the soft part, its sharpness, the levels and the octaves.
+// one. docs/captures-compared.md compares the soft part, its sharpness, the levels and the octaves.
 
 /// The progress at which each finer level of the pyramid starts, the finest last: the shape must be
 /// fine while the surface is soft.
@@ -32,7 +32,7 @@ pub fn background_group(progress: f64) -> usize {
 
 /// The shares of the sharp part at which the surface is surveyed: pixels far from it become certain
 /// background, if the background is trained, and nodes of fine grids near it become free. The
-/// surface has moved in between. docs/rooms.md has fits with and without such pixels.
+/// surface has moved in between. docs/captures-compared.md has fits with and without such pixels.
 const SURVEYS: [f64; 3] = [0.0, 0.2, 0.6];
 
 /// The progress at which the surface is sharp at full size.

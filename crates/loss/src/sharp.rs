@@ -16,9 +16,11 @@ use crate::carve::carve;
 use crate::coverage::TypicalLosses;
 use crate::drawn::{Drawn, NearPoint, PARTS, pixels_of, portion};
 use crate::objective::{Objective, PixelLoss};
+use crate::patches::patches;
 use crate::photometry::Draw;
 use crate::regularisers::regularise;
 use crate::reversed::Reversed;
+use crate::stats::BatchStats;
 use crate::sums::PartSums;
 
 const FIT_SILHOUETTES: Name = Name::new("samples of a fit's pixels with silhouettes", 16);
@@ -128,6 +130,18 @@ impl Compared {
         })
     }
 
+    /// Adds the term of patches to the hits of pixels that no silhouette may cross.
+    fn compare_patches(&mut self, objective: &Objective<'_>, stats: &mut BatchStats) {
+        let Compared { record, draws, losses } = self;
+        for area in &mut record.area {
+            let own = |sample: usize| {
+                let pixel = area.weights[sample].pixel as usize;
+                losses[pixel].map(|_| &draws[pixel])
+            };
+            area.of_hits = patches(objective, &area.primary, own, stats);
+        }
+    }
+
     /// Adds the losses of these pixels, and the adjoints of their record.
     fn reverse(self, objective: &Objective<'_>, pass: Pass<f32>, out: &mut Reversed) {
         let Compared { record, draws, losses } = self;
@@ -224,7 +238,7 @@ impl<'a> SmoothPart<'a> {
     /// silhouette may cross. `sums` are zero, and `pushes` has one number for each pixel of the
     /// round, or is empty.
     pub(crate) fn reverse(self, pass: Pass<f32>, sums: PartSums, pushes: &[f32]) -> Reversed {
-        let SmoothPart { drawn, compared } = self;
+        let SmoothPart { drawn, mut compared } = self;
         let mut out = Reversed::new(&drawn, sums);
         out.stats.pixels += pixels_of(drawn.draws);
 
@@ -235,6 +249,7 @@ impl<'a> SmoothPart<'a> {
         let near = compared.hits().map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
         regularise(&drawn, &near.collect::<Vec<NearPoint>>(), &mut out);
 
+        compared.compare_patches(drawn.objective, &mut out.stats);
         compared.reverse(drawn.objective, pass, &mut out);
         out
     }

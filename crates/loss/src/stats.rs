@@ -15,6 +15,8 @@ pub struct BatchStats {
     pub squared_error: f64,
     /// The number of pixels that a silhouette may cross.
     pub edge_pixels: u64,
+    /// The term of patches without its weight, over the pixels.
+    pub patches: f64,
     /// The number of traced rays.
     pub rays: u64,
 }
@@ -28,6 +30,7 @@ impl BatchStats {
         self.eikonal_points += o.eikonal_points;
         self.squared_error += o.squared_error;
         self.edge_pixels += o.edge_pixels;
+        self.patches += o.patches;
         self.rays += o.rays;
     }
 }

@@ -6,7 +6,7 @@
 use field::Sphere;
 use film::Film;
 use glam::{DVec2, DVec3};
-use multiview::stereo::{DepthMap, Stereo, View};
+use multiview::stereo::{Consistency, DepthMap, PointConsistency, Stereo, View};
 use random::Stream;
 use render::Camera;
 
@@ -54,10 +54,9 @@ fn ray(camera: &Camera, i: usize) -> DVec3 {
     camera.direction(DVec2::new((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
 }
 
-/// The depth maps of photographs whose pixels have the values `seen`, by the number of the camera,
-/// its eye and the direction of the ray.
-fn maps_of(seen: &dyn Fn(usize, DVec3, DVec3) -> f32) -> Vec<DepthMap> {
-    let cameras = cameras();
+/// Photographs whose pixels have the values `seen`, by the number of the camera, its eye and the
+/// direction of the ray.
+fn photographs(cameras: &[Camera], seen: &dyn Fn(usize, DVec3, DVec3) -> f32) -> Vec<Film> {
     let photograph = |(number, camera): (usize, &Camera)| {
         let mut image = Film::new(SIDE, SIDE);
         for (i, pixel) in image.pixels.iter_mut().enumerate() {
@@ -71,7 +70,13 @@ fn maps_of(seen: &dyn Fn(usize, DVec3, DVec3) -> f32) -> Vec<DepthMap> {
         }
         image
     };
-    let images: Vec<Film> = cameras.iter().enumerate().map(photograph).collect();
+    cameras.iter().enumerate().map(photograph).collect()
+}
+
+/// The depth maps of these photographs.
+fn maps_of(seen: &dyn Fn(usize, DVec3, DVec3) -> f32) -> Vec<DepthMap> {
+    let cameras = cameras();
+    let images = photographs(&cameras, seen);
     let views: Vec<View<'_>> =
         cameras.iter().zip(&images).map(|(camera, image)| View { camera, image }).collect();
     Stereo::new(&views, &BALL, Stream::of_seed(3)).depth_maps()
@@ -161,4 +166,98 @@ fn distances_do_not_depend_on_the_number_of_threads() {
         pool.install(|| maps(&[SLANTED], &pattern, false))
     };
     assert_eq!(of(1), of(3));
+}
+
+/// The consistency of photographs of a wall with this gain of each at points of another plane: the
+/// losses of a grid of pixels of the third photograph, and the middles of these pixels.
+struct OnWall {
+    consistency: Consistency,
+    camera: Camera,
+}
+
+impl OnWall {
+    fn new(wall: Wall) -> Self {
+        let cameras = cameras();
+        let images = photographs(&cameras, &|number, eye, direction| {
+            let x = eye + direction * wall.distance(eye, direction);
+            (0.7 + 0.1 * number as f32) * pattern(x)
+        });
+        let views: Vec<View<'_>> =
+            cameras.iter().zip(&images).map(|(camera, image)| View { camera, image }).collect();
+        OnWall { consistency: Consistency::new(&views, &BALL), camera: cameras[2] }
+    }
+
+    /// The consistency at the point of `plane` that a pixel shows.
+    fn at(&self, pixel: [u32; 2], plane: Wall) -> Option<(PointConsistency, DVec3)> {
+        let ray = self.camera.direction(DVec2::from(pixel.map(f64::from)) + 0.5);
+        let x = self.camera.eye + ray * plane.distance(self.camera.eye, ray);
+        let found = self.consistency.at(2, pixel, x.as_vec3(), plane.normal.as_vec3())?;
+        Some((found, x))
+    }
+}
+
+fn pixels() -> impl Iterator<Item = [u32; 2]> {
+    (8..SIDE - 8).step_by(5).flat_map(|y| (8..SIDE - 8).step_by(5).map(move |x| [x, y]))
+}
+
+#[test]
+fn photographs_are_most_consistent_on_the_wall_that_they_show() {
+    let normal = DVec3::new(0.1, 0.2, 1.0).normalize();
+    let wall = Wall { normal, offset: 0.1 };
+    let on_wall = OnWall::new(wall);
+    let moved = |by: f64| Wall { offset: wall.offset + by, ..wall };
+    let turned = |by: DVec3, x: DVec3| {
+        let normal = (normal + by).normalize();
+        Wall { normal, offset: normal.dot(x) }
+    };
+    let mut right = 0;
+    let mut found = 0;
+    for pixel in pixels() {
+        let Some((here, x)) = on_wall.at(pixel, wall) else { continue };
+        assert!(here.loss < 0.02, "{pixel:?}: {}", here.loss);
+        let loss = |plane| on_wall.at(pixel, plane).map_or(1.0, |(own, _)| own.loss);
+        let others = [moved(0.08), moved(-0.08), turned(DVec3::X, x), turned(DVec3::Y * 0.9, x)];
+        found += 1;
+        right += usize::from(others.into_iter().all(|other| loss(other) > here.loss));
+    }
+    println!("{right} of {found} pixels are most consistent on the wall");
+    assert!(found > 60 && right * 100 > found * 97, "{right} of {found}");
+}
+
+#[test]
+fn the_adjoints_of_consistency_match_differences() {
+    let normal = DVec3::new(-0.2, 0.1, 1.0).normalize();
+    let on_wall = OnWall::new(Wall { normal, offset: 0.1 });
+    // Off the wall, so that the derivatives are not small.
+    let plane = Wall { normal: (normal + DVec3::new(0.1, -0.1, 0.0)).normalize(), offset: 0.14 };
+    let loss = |pixel, x: DVec3, normal: DVec3| {
+        let own = on_wall.consistency.at(2, pixel, x.as_vec3(), normal.as_vec3())?;
+        Some(f64::from(own.loss))
+    };
+    let (mut errors, mut sizes) = (Vec::new(), Vec::new());
+    for pixel in pixels() {
+        let Some((here, x)) = on_wall.at(pixel, plane) else { continue };
+        let h = 3e-3;
+        for (by_point, bar) in [(true, here.x), (false, here.normal)] {
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let at = |h: f64| match by_point {
+                    true => loss(pixel, x + axis * h, plane.normal),
+                    false => loss(pixel, x, plane.normal + axis * h),
+                };
+                let (Some(after), Some(before)) = (at(h), at(-h)) else { continue };
+                let difference = (after - before) / (2.0 * h);
+                errors.push((difference - f64::from(bar.dot(axis.as_vec3()))).abs());
+                sizes.push(difference.abs());
+            }
+        }
+        // The length of the normal does not count.
+        let along = here.normal.dot(plane.normal.as_vec3());
+        assert!(along.abs() < 1e-3 * here.normal.length() + 1e-5, "{along}");
+    }
+    // Interpolated photographs have kinks in the middles of pixels, which some differences cross.
+    errors.sort_by(f64::total_cmp);
+    let mean = sizes.iter().sum::<f64>() / sizes.len() as f64;
+    let at = |part: f64| errors[(part * errors.len() as f64) as usize] / mean;
+    println!("errors over the mean derivative: {:.4} in the middle, 80 % {:.4}", at(0.5), at(0.8));
+    assert!(errors.len() > 400 && at(0.5) < 0.015 && at(0.8) < 0.04);
 }

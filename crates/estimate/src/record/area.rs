@@ -3,13 +3,14 @@
 use field::RayAdjoint;
 use field::{PartialSum, Real, Vector3};
 use render::{Primary, Scene, retain_flagged};
+use trace::hit_vjp;
 
 use crate::record::adjoints::{Adjoints, PointAdjoint};
 use crate::record::cameras::CameraAdjoints;
 use crate::record::film_warp::FilmWarpWithDivergence;
 use crate::record::parts::PixelParts;
 use crate::record::pass::Pass;
-use crate::record::surface::{SurfaceCoefficients, surface_vjp};
+use crate::record::surface::{HitBar, SurfaceCoefficients, surface_vjp};
 
 /// The pixel of a sample, and its weight there.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +30,10 @@ pub struct Area<R: Real> {
     pub weights: Vec<PixelWeight<R>>,
     /// The warp at every sample.
     pub warp: Option<AreaWarp<R>>,
+    /// The adjoints of the hits by losses beside the pixels' radiance; one per hit, or none. They
+    /// do not count for cameras: a loss that compares photographs depends on these by other ways
+    /// too.
+    pub of_hits: Vec<HitBar<R>>,
 }
 
 /// A warp at film samples.
@@ -65,7 +70,7 @@ impl<R: Real> Area<R> {
         let weight = R::one() / R::of(f64::from(spp));
         let in_pixel = |i: usize| PixelWeight { pixel: i as u32 / spp, weight };
         let weights = (0..primary.samples.len()).map(in_pixel).collect();
-        Area { primary, weights, warp: None }
+        Area { primary, weights, warp: None, of_hits: Vec::new() }
     }
 
     /// VJP of θ ↦ the part of these samples in the pixel values; see [`crate::record::Record::vjp`] for the
@@ -81,7 +86,7 @@ impl<R: Real> Area<R> {
         let delta: Vec<R::Vec3> =
             self.weights.iter().map(|s| delta[s.pixel as usize] * s.weight).collect();
         let adjoint: Vec<R::Vec3> = self.primary.hits.iter().map(|hit| delta[hit.sample]).collect();
-        let surface = surface_vjp(scene, &self.primary, &adjoint, shader);
+        let surface = surface_vjp(scene, &self.primary, &adjoint, &self.of_hits, shader);
         let mut adjoints = self.sample_adjoints(&delta, &surface);
         if scene.background.uniform().is_none() {
             self.add_background_du(scene, &delta, &mut adjoints.film);
@@ -207,12 +212,19 @@ impl<R: Real> Area<R> {
     ) -> Vec<R> {
         let Pass::Limited(limit) = pass else { return vec![R::one(); delta.len()] };
         let SampleAdjoints { divergence, film, total } = adjoints;
+        // A loss of the hit itself may have the coefficient that it has on a plane.
+        let mut allowed = vec![R::zero(); delta.len()];
+        let directions = &self.primary.surface.direction;
+        for ((hit, d), bar) in self.primary.hits.iter().zip(directions).zip(&self.of_hits) {
+            allowed[hit.sample] =
+                hit_vjp::<R>(hit.gradient, *d, bar.x, R::Vec3::zero()).alpha.abs();
+        }
         if let Some(warp) = &self.warp {
             warp.film_warp.add_area_totals(divergence, film, total);
         }
         (0..delta.len())
             .map(|i| {
-                let limit = limit * self.silhouette_coefficient(scene, i, delta[i]);
+                let limit = limit * self.silhouette_coefficient(scene, i, delta[i]) + allowed[i];
                 limit / total[i].abs().max(limit).max(R::min_positive_value())
             })
             .collect()
@@ -246,7 +258,7 @@ impl<R: Real> Area<R> {
         let of_pixel = |in_pixel: &PixelWeight<R>| parts.of(in_pixel.pixel);
         let of_sample: Vec<usize> = self.weights.iter().map(of_pixel).collect();
         let dealt = self.primary.deal(parts.count(), &of_sample);
-        let own = |primary| Area { primary, weights: Vec::new(), warp: None };
+        let own = |primary| Area { primary, weights: Vec::new(), warp: None, of_hits: Vec::new() };
         let mut out: Vec<Self> = dealt.into_iter().map(own).collect();
         for (in_pixel, part) in self.weights.into_iter().zip(of_sample) {
             out[part]

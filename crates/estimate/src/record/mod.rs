@@ -27,4 +27,4 @@ pub use ordered_sum::ordered_sum;
 pub use pass::Pass;
 pub use silhouettes::{SilhouettePoint, Silhouettes};
 pub use smooth_part::{Stratification, add_smooth_part};
-pub use surface::{SurfaceCoefficients, surface_vjp};
+pub use surface::{HitBar, SurfaceCoefficients, surface_vjp};

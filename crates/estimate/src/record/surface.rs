@@ -19,14 +19,25 @@ pub struct SurfaceCoefficients<R: Real> {
     pub ray: RayAdjoint<R>,
 }
 
-/// VJP of (θ; shader parameters) ↦ radiance at the hits of a batch.
+/// The adjoints of a hit by a loss that depends on the surface itself, and not by its radiance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HitBar<R: Real> {
+    /// The adjoint of the hit point, per world unit.
+    pub x: R::Vec3,
+    /// The adjoint of the unit normal.
+    pub normal: R::Vec3,
+}
+
+/// VJP of (θ; shader parameters) ↦ radiance at the hits of a batch, and points and normals of the
+/// hits.
 ///
-/// `adjoint` has one element per hit, and so has the result. The adjoint of the shader's parameters
-/// is added to `shader`.
+/// `adjoint` has one element per hit, and so has the result. `of_hits` has one element per
+/// hit, or none. The adjoint of the shader's parameters is added to `shader`.
 pub fn surface_vjp<R: Real>(
     scene: &Scene<'_, R>,
     primary: &Primary<R>,
     adjoint: &[R::Vec3],
+    of_hits: &[HitBar<R>],
     shader: &mut PartialSum<R>,
 ) -> Vec<SurfaceCoefficients<R>> {
     let n = primary.hits.len();
@@ -35,6 +46,10 @@ pub fn surface_vjp<R: Real>(
     }
     let mut bars = SurfaceAdjoint::zeros(n);
     scene.shader.add_vjp(&primary.surface.batch(), adjoint, &mut bars, shader);
+    for (i, own) in of_hits.iter().enumerate() {
+        bars.x[i] += own.x;
+        bars.normal[i] += own.normal;
+    }
     if bars.is_zero() {
         // The radiance does not depend on the hit points.
         let zero = R::zero();

@@ -2,7 +2,7 @@
 
 use field::Sphere;
 use film::Film;
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use random::{Name, Stream};
 use rayon::prelude::*;
 use render::Camera;
@@ -119,13 +119,24 @@ impl Stereo {
     /// The photographs whose cameras are nearest to that of `own` by angle, without those that are
     /// too near or too far.
     pub(crate) fn nearest(&self, own: usize, count: usize) -> Vec<usize> {
-        let direction = |i: usize| (self.photos[i].eye - self.ball.center).normalize_or_zero();
-        let angle = |i: usize| direction(own).angle_between(direction(i)).to_degrees();
-        let others = (0..self.photos.len()).filter(|i| *i != own).map(|i| (angle(i), i));
-        let mut all: Vec<(f32, usize)> =
-            others.filter(|(angle, _)| *angle > ANGLES[0] && *angle < ANGLES[1]).collect();
-        all.sort_by(|a, b| a.0.total_cmp(&b.0));
-        all.truncate(count);
-        all.into_iter().map(|(_, i)| i).collect()
+        nearest_views(&self.photos, self.ball.center, own, count)
     }
+}
+
+/// The photographs whose cameras are nearest to that of `own` by the angle at `center`, without
+/// those that are too near or too far.
+pub(crate) fn nearest_views(
+    photos: &[Photo],
+    center: Vec3,
+    own: usize,
+    count: usize,
+) -> Vec<usize> {
+    let direction = |i: usize| (photos[i].eye - center).normalize_or_zero();
+    let angle = |i: usize| direction(own).angle_between(direction(i)).to_degrees();
+    let others = (0..photos.len()).filter(|i| *i != own).map(|i| (angle(i), i));
+    let mut all: Vec<(f32, usize)> =
+        others.filter(|(angle, _)| *angle > ANGLES[0] && *angle < ANGLES[1]).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.truncate(count);
+    all.into_iter().map(|(_, i)| i).collect()
 }

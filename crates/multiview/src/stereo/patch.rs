@@ -7,6 +7,9 @@ use crate::stereo::photo::Photo;
 /// Half of the side of a patch, in pixels: 7 × 7 pixels, of which every second is compared.
 const HALF_SIDE: i32 = 3;
 
+/// The same as the margin of a patch around its pixel.
+pub const PATCH_HALF_SIDE: u32 = HALF_SIDE as u32;
+
 /// The number of compared pixels of a patch.
 const PIXELS: usize = 25;
 
@@ -26,7 +29,7 @@ const LEAST_VARIANCE: f32 = 1e-5;
 /// The least share of the pattern across its main direction: 4 det/trace² of the structure tensor,
 /// 0 for stripes and 1 for a pattern without a direction.
 ///
-/// On the skull of docs/rooms.md, this leaves out a fifth of the depths, and all of its outline.
+/// On the skull of docs/captures-compared.md, this leaves out a fifth of the depths, and all of its outline.
 const LEAST_ACROSS: f32 = 0.18;
 
 /// The cost of a comparison that is not possible: that of opposite patterns.
@@ -153,6 +156,61 @@ impl Patch {
         })
     }
 
+    /// The variance of the grey values.
+    pub(crate) fn variance(&self) -> f32 {
+        self.variance
+    }
+
+    /// The agreement of the patch with its image in another photograph, through the plane of all
+    /// points `photo.eye + r / (w·r)`. `None` where the plane faces away, the image leaves the
+    /// film, is too large or too small, or has no pattern.
+    pub(crate) fn agreement(&self, photo: &Photo, other: &Photo, w: Vec3) -> Option<Agreement> {
+        let [right, below] = photo.pixel_steps();
+        let ray = photo.ray(self.middle);
+        let [middle, across, down] = [ray, right, below].map(|r| other.turned(r));
+        let shift = other.turned(photo.eye - other.eye);
+        let (a, b, c) = (w.dot(ray), w.dot(right), w.dot(below));
+        if a - HALF_SIDE as f32 * (b.abs() + c.abs()) <= 0.0 {
+            return None;
+        }
+
+        // Homogeneous film positions: one plane motion for all pixels.
+        let [h, h_across, h_down] = [middle + shift * a, across + shift * b, down + shift * c];
+        let at = |k: usize| h + h_across * self.x[k] + h_down * self.y[k];
+        let depth: [f32; PADDED_PIXELS] = std::array::from_fn(|k| at(k).z);
+        if depth.iter().any(|z| *z <= f32::EPSILON) {
+            return None;
+        }
+        let place = |h: Vec3| Vec2::from(other.on_film(h.x / h.z, h.y / h.z));
+        let u: [f32; PADDED_PIXELS] = std::array::from_fn(|k| place(at(k)).x);
+        let v: [f32; PADDED_PIXELS] = std::array::from_fn(|k| place(at(k)).y);
+        let (right, below) = (place(h + h_across) - place(h), place(h + h_down) - place(h));
+        let (area, side) = (right.perp_dot(below).abs(), right.abs().max(below.abs()));
+        let fits = area > AREAS[0] && area < AREAS[1] && side.max_element() < MAX_PIXEL_SIDE;
+        if !fits || !(0..PADDED_PIXELS).all(|k| other.has_around(Vec2::new(u[k], v[k]), 0.0)) {
+            return None;
+        }
+
+        let values = other.sample(&u, &v);
+        let (mut mean, mut square, mut product) = (0.0, 0.0, 0.0);
+        for ((value, weight), weighted) in values.iter().zip(&self.weights).zip(&self.weighted) {
+            mean += weight * value;
+            square += weight * value * value;
+            product += weighted * value;
+        }
+        let variance = square - mean * mean;
+        let scale = (variance * self.variance).sqrt();
+        (variance > LEAST_VARIANCE).then(|| Agreement {
+            correlation: (product / scale).clamp(-1.0, 1.0),
+            mean,
+            ratio: (self.variance / variance).sqrt(),
+            scale,
+            places: [u, v],
+            depth,
+            shift,
+        })
+    }
+
     /// The cost of a plane: 1 less the mean of the largest normalised cross-correlations of the
     /// patch with its images in the neighbours, 0 (equal) to 2 (opposite).
     pub(crate) fn cost(&self, photo: &Photo, neighbours: &[&Photo], plane: &Plane) -> f32 {
@@ -208,5 +266,45 @@ impl Patch {
             [means, squares, products].map(|[a, b, c, d]: [f32; 4]| (a + b) + (c + d));
         let variance = (square - mean * mean).max(LEAST_VARIANCE);
         (1.0 - product / (variance * self.variance).sqrt()).clamp(0.0, WORST)
+    }
+}
+
+/// The agreement of a patch with its image in another photograph, and what its derivative needs.
+pub(crate) struct Agreement {
+    /// The normalised cross-correlation, −1 to 1.
+    pub(crate) correlation: f32,
+    /// The weighted mean of the image's grey values.
+    mean: f32,
+    /// The ratio of the deviations: that of the patch over that of its image.
+    ratio: f32,
+    /// The product of the deviations.
+    scale: f32,
+    /// The film positions of the pixels.
+    places: [[f32; PADDED_PIXELS]; 2],
+    /// Their homogeneous coordinates along the optical axis.
+    depth: [f32; PADDED_PIXELS],
+    /// From the other eye to that of the patch, in the axes of the other camera.
+    shift: Vec3,
+}
+
+impl Agreement {
+    /// The derivative of the correlation with `other` by the w of [`Patch::agreement`].
+    pub(crate) fn slope(&self, photo: &Photo, other: &Photo, patch: &Patch) -> Vec3 {
+        let [u, v] = &self.places;
+        let (values, [du, dv]) = other.sample_with_slope(u, v);
+        let t = other.in_pixels(self.shift);
+        let (mut sum, mut across, mut down) = (0.0, 0.0, 0.0);
+        for k in 0..PADDED_PIXELS {
+            let own = patch.weights[k] * (values[k] - self.mean) * self.ratio;
+            let by_value = (patch.weighted[k] - self.correlation * own) / self.scale;
+            let [x, y] = other.off_axis([u[k], v[k]]);
+            let along =
+                (du[k] * (t.x - x * t.z) + dv[k] * (t.y - y * t.z)) * by_value / self.depth[k];
+            sum += along;
+            across += along * patch.x[k];
+            down += along * patch.y[k];
+        }
+        let [right, below] = photo.pixel_steps();
+        photo.ray(patch.middle) * sum + right * across + below * down
     }
 }

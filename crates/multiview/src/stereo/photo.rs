@@ -1,5 +1,7 @@
 //! Photographs as the search reads them: a pinhole in single precision and grey values.
 
+use std::sync::Arc;
+
 use film::{Film, srgb_encode};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -9,7 +11,7 @@ use render::Camera;
 const ROUNDING: f32 = 0.01;
 
 /// A photograph of a view.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Photo {
     pub(crate) eye: Vec3,
     right: Vec3,
@@ -20,12 +22,17 @@ pub(crate) struct Photo {
     pub(crate) width: usize,
     pub(crate) height: usize,
     /// Grey values in display units, row-major.
-    grey: Vec<f32>,
+    grey: Arc<[f32]>,
 }
 
 impl Photo {
     pub(crate) fn new(camera: &Camera, image: &Film) -> Self {
         let grey = |p: &[f32; 3]| srgb_encode(p.iter().sum::<f32>() / 3.0);
+        let grey: Vec<f32> = image.pixels.par_iter().map(grey).collect();
+        Self::of_grey(camera, [image.width, image.height].map(|side| side as usize), grey.into())
+    }
+
+    fn of_grey(camera: &Camera, [width, height]: [usize; 2], grey: Arc<[f32]>) -> Self {
         Photo {
             eye: camera.eye.as_vec3(),
             right: camera.right.as_vec3(),
@@ -33,10 +40,15 @@ impl Photo {
             forward: camera.forward.as_vec3(),
             focal: camera.focal.as_vec2(),
             principal: camera.principal.as_vec2(),
-            width: image.width as usize,
-            height: image.height as usize,
-            grey: image.pixels.par_iter().map(grey).collect(),
+            width,
+            height,
+            grey,
         }
+    }
+
+    /// The same photograph by another camera.
+    pub(crate) fn with_camera(&self, camera: &Camera) -> Self {
+        Self::of_grey(camera, [self.width, self.height], Arc::clone(&self.grey))
     }
 
     /// The number of a pixel in row-major order.
@@ -53,6 +65,31 @@ impl Photo {
     pub(crate) fn ray(&self, u: Vec2) -> Vec3 {
         let p = (u - self.principal) / self.focal;
         self.forward + self.right * p.x + self.down * p.y
+    }
+
+    /// The changes of [`ray`](Self::ray) over one pixel to the right, and over one pixel down.
+    pub(crate) fn pixel_steps(&self) -> [Vec3; 2] {
+        [self.right / self.focal.x, self.down / self.focal.y]
+    }
+
+    /// A vector in the axes of the camera: to the right, down, and along the optical axis.
+    pub(crate) fn turned(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.dot(self.right), v.dot(self.down), v.dot(self.forward))
+    }
+
+    /// The film position of a point in the axes of the camera, at depth 1.
+    pub(crate) fn on_film(&self, x: f32, y: f32) -> [f32; 2] {
+        [self.principal.x + self.focal.x * x, self.principal.y + self.focal.y * y]
+    }
+
+    /// A vector in the axes of the camera, with its first two components in pixels at depth 1.
+    pub(crate) fn in_pixels(&self, v: Vec3) -> Vec3 {
+        v * self.focal.extend(1.0)
+    }
+
+    /// A film position relative to the optical axis, in pixels.
+    pub(crate) fn off_axis(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        [x - self.principal.x, y - self.principal.y]
     }
 
     /// The film position of a point, if it is in front of the camera.
@@ -108,5 +145,27 @@ impl Photo {
             let lower = r[k] + a[k] * (s[k] - r[k]);
             upper + b[k] * (lower - upper)
         })
+    }
+
+    /// The same values, and their derivatives by the film position, per pixel.
+    pub(crate) fn sample_with_slope<const N: usize>(
+        &self,
+        x: &[f32; N],
+        y: &[f32; N],
+    ) -> ([f32; N], [[f32; N]; 2]) {
+        let (mut values, mut slope) = ([0.0; N], [[0.0; N]; 2]);
+        for k in 0..N {
+            let (x, y) = (x[k] - 0.5, y[k] - 0.5);
+            let (i, j) = (x as i32, y as i32);
+            let (a, b) = (x - i as f32, y - j as f32);
+            let at = self.index(i as usize, j as usize);
+            let [p, q] = [self.grey[at], self.grey[at + 1]];
+            let [r, s] = [self.grey[at + self.width], self.grey[at + self.width + 1]];
+            let (upper, lower) = (p + a * (q - p), r + a * (s - r));
+            values[k] = upper + b * (lower - upper);
+            slope[0][k] = (1.0 - b) * (q - p) + b * (s - r);
+            slope[1][k] = lower - upper;
+        }
+        (values, slope)
     }
 }
