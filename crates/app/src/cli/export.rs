@@ -87,6 +87,9 @@ impl Up {
     }
 }
 
+/// The share of a surface that no photograph sees, above which a sentence says how to cut it.
+const MUCH_UNSEEN: f64 = 0.1;
+
 /// The colours and the direction of a file.
 #[derive(Serialize)]
 pub(super) struct Exported {
@@ -118,8 +121,9 @@ impl Exported {
         let of = if self.texture.is_some() { "the texture" } else { "the vertices" };
         let color =
             self.color_cameras.zip(self.unseen).map_or(String::new(), |(cameras, unseen)| {
+                let cut = if unseen > MUCH_UNSEEN { "; --cull seen cuts such parts" } else { "" };
                 let unseen = 100.0 * unseen;
-                format!(", colours of {cameras} cameras ({unseen:.1} % of {of} unseen)")
+                format!(", colours of {cameras} cameras ({unseen:.1} % of {of} unseen{cut})")
             });
         let texture =
             self.texture.map_or(String::new(), |TextureReport { size, charts, .. }| {
