@@ -57,7 +57,7 @@ enum Command {
     /// Before the first iteration, standard error gets a summary of the photographs and the
     /// warnings of `dsdf inspect`. At the end, the result has a verdict: the most likely fault, and
     /// the option to try. `dsdf inspect RUN` gives it again.
-    Fit(fit::Fit),
+    Fit(Box<fit::Fit>),
     /// Render a data set of posed images of a scene, and write its true mesh
     Synth(synth::Synth),
     /// Show the cameras, units and bounding sphere of a data set, or the verdict on a run
