@@ -67,7 +67,7 @@ fn reverse(file: &SceneFile, u: DVec2, adjoint: DVec3) -> Option<(Vec<f64>, [f64
             return None;
         }
         let mut shader = PartialSum::zero(scene.shader.parameter_count(), 0..0);
-        let surface = surface_vjp(scene, &primary, &[adjoint], &mut shader)[0];
+        let surface = surface_vjp(scene, &primary, &[adjoint], &[], &mut shader)[0];
         let mut gradient = vec![0.0; scene.field.parameter_count()];
         let x = &primary.surface.x;
         scene.field.parameter_vjp(x, &[surface.alpha], &[surface.c], &mut gradient);
