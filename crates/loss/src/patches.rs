@@ -18,7 +18,7 @@ use crate::stats::BatchStats;
 /// The term is evaluated at one of this many hits, with this many times its weight.
 const EVERY: usize = 2;
 
-const PATCH_HITS: Name = Name::new("hits of the term of patches", 36);
+const PATCH_HITS: Name = Name::new("hits of the term of patches", 35);
 
 /// The adjoints of hits by the term, if there is one. `draw` gives the draw of a sample, unless a
 /// silhouette may cross its pixel.
