@@ -7,33 +7,24 @@
 use estimate::record::HitBar;
 use glam::Vec3;
 use multiview::stereo::PATCH_HALF_SIDE;
-use random::Name;
 use render::{Hit, Primary};
 
-use crate::drawn::Drawn;
-use crate::objective::Patches;
+use crate::objective::{Objective, Patches};
 use crate::photometry::Draw;
 use crate::stats::BatchStats;
-
-/// The term is evaluated at one of this many hits, with this many times its weight.
-const EVERY: usize = 2;
-
-const PATCH_HITS: Name = Name::new("hits of the term of patches", 35);
 
 /// The adjoints of hits by the term, if there is one. `draw` gives the draw of a sample, unless a
 /// silhouette may cross its pixel.
 pub(crate) fn patches<'d>(
-    Drawn { objective, stream, .. }: &Drawn<'_>,
+    objective: &Objective<'_>,
     primary: &Primary<f32>,
     draw: impl Fn(usize) -> Option<&'d Draw>,
     stats: &mut BatchStats,
 ) -> Vec<HitBar<f32>> {
     let Some(Patches { consistency, weight }) = objective.patches else { return Vec::new() };
-    let weight = weight * objective.pixel_weight() * EVERY as f32;
-    let start = stream.named(PATCH_HITS).bits() as usize % EVERY;
     let photographs = &objective.targets.level.photographs;
     let mut of_hit = |(i, hit): (usize, &Hit<f32>)| {
-        let draw = draw(hit.sample).filter(|_| i % EVERY == start)?;
+        let draw = draw(hit.sample)?;
         let (view, [x, y]) = (draw.view as usize, [draw.x, draw.y].map(u32::from));
         if !photographs[view].is_used_around(x, y, PATCH_HALF_SIDE) {
             return None;
@@ -41,8 +32,9 @@ pub(crate) fn patches<'d>(
         let surface = &primary.surface;
         let found = consistency.at(view, [x, y], surface.x[i], surface.normal[i])?;
         let count = f32::from(draw.count);
-        stats.patches += f64::from(found.loss * count) * EVERY as f64;
-        Some(HitBar { x: found.x * (weight * count), normal: found.normal * (weight * count) })
+        stats.patches += f64::from(found.loss * count);
+        let weight = weight * objective.pixel_weight() * count;
+        Some(HitBar { x: found.x * weight, normal: found.normal * weight })
     };
     let none = HitBar { x: Vec3::ZERO, normal: Vec3::ZERO };
     let hits = primary.hits.iter().enumerate();
@@ -58,11 +50,10 @@ mod tests {
     use film::Film;
     use glam::{DVec2, DVec3};
     use multiview::stereo::{Consistency, View as Photograph};
-    use random::Stream;
+    use random::{Name, Stream};
     use render::{Camera, Sample, Scene};
     use sdf_nn::Encoding;
 
-    use crate::Objective;
     use crate::photometry::{Level, MaskUse, pyramid};
     use crate::test_model::{BOUNDS, Model, background_model};
     use crate::{Gradient, Surface, Workspace, gradient};

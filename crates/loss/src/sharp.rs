@@ -131,14 +131,14 @@ impl Compared {
     }
 
     /// Adds the term of patches to the hits of pixels that no silhouette may cross.
-    fn compare_patches(&mut self, drawn: &Drawn<'_>, stats: &mut BatchStats) {
+    fn compare_patches(&mut self, objective: &Objective<'_>, stats: &mut BatchStats) {
         let Compared { record, draws, losses } = self;
         for area in &mut record.area {
             let own = |sample: usize| {
                 let pixel = area.weights[sample].pixel as usize;
                 losses[pixel].map(|_| &draws[pixel])
             };
-            area.of_hits = patches(drawn, &area.primary, own, stats);
+            area.of_hits = patches(objective, &area.primary, own, stats);
         }
     }
 
@@ -249,7 +249,7 @@ impl<'a> SmoothPart<'a> {
         let near = compared.hits().map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
         regularise(&drawn, &near.collect::<Vec<NearPoint>>(), &mut out);
 
-        compared.compare_patches(&drawn, &mut out.stats);
+        compared.compare_patches(drawn.objective, &mut out.stats);
         compared.reverse(drawn.objective, pass, &mut out);
         out
     }

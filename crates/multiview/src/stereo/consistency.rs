@@ -17,7 +17,7 @@ use crate::stereo::patch::{Agreement, Patch, pattern};
 use crate::stereo::photo::Photo;
 
 /// The photographs that a patch is compared with.
-const COMPARED: usize = 16;
+const COMPARED: usize = 8;
 
 /// The least cosine between the normal and the direction towards a camera that sees the point.
 const LEAST_COSINE: f32 = 0.2;
