@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use loss::photometry::{Level, Photograph};
+use loss::photometry::Level;
 use loss::schedule::ends_depths;
 use multiview::calibrate::{Calibration, CameraDecision};
-use multiview::stereo::{Stereo, View};
+use multiview::stereo::Stereo;
 use random::Stream;
 
 use crate::budget::Budget;
@@ -14,6 +14,7 @@ use crate::cameras::{corrected, freedom_by_matches};
 use crate::depths::Depths;
 use crate::fit::Fit;
 use crate::options::FitOptions;
+use crate::photographs::stereo_views;
 use crate::run_file::RunFile;
 
 /// Pixels of photographs for each iteration of the budget: the search takes about a tenth of the
@@ -163,12 +164,11 @@ impl Fit {
     fn stereo(&self, level: usize, calibration: Option<&Calibration>) -> Stereo {
         let Level { cameras, photographs, .. } = &self.photographs.levels[level];
         let cameras = corrected(calibration, cameras);
-        let view = |(camera, photograph)| {
-            let photograph: &Photograph = photograph;
-            View { camera, image: &photograph.image }
-        };
-        let views: Vec<View<'_>> = cameras.iter().zip(photographs).map(view).collect();
-        Stereo::new(&views, &self.file.sphere(), Stream::of_seed(self.file.options.seed))
+        Stereo::new(
+            &stereo_views(&cameras, photographs),
+            &self.file.sphere(),
+            Stream::of_seed(self.file.options.seed),
+        )
     }
 }
 

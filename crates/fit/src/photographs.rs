@@ -9,6 +9,7 @@ use glam::{DVec3, Vec3};
 use loss::photometry::{ExposureModel, Gains, Level, MEMORY_PER_PIXEL, Photograph, pyramid};
 use multiview::calibrate::{Calibration, CameraDecision, Freedom};
 use multiview::stereo::{Consistency, Guide, View as StereoView};
+use render::Camera;
 
 use crate::camera_corrections::Corrections;
 use crate::cameras::{calibration, freedom_by_matches};
@@ -53,6 +54,18 @@ fn check_sides(views: &[View]) -> Result<(), InputError> {
     let found = format!("{} x {} pixels", view.image.width, view.image.height);
     let expected = format!("sides of at most {MOST_SIDE} pixels; --downscale N reduces them");
     Err(InputError::new(&view.path, "size", found, expected))
+}
+
+/// Photographs with their cameras, as `multiview` takes them.
+pub(crate) fn stereo_views<'a>(
+    cameras: &'a [Camera],
+    photographs: &'a [Photograph],
+) -> Vec<StereoView<'a>> {
+    let view = |(camera, photograph): (&'a Camera, &'a Photograph)| StereoView {
+        camera,
+        image: &photograph.image,
+    };
+    cameras.iter().zip(photographs).map(view).collect()
 }
 
 impl Photographs {
@@ -102,12 +115,7 @@ impl Photographs {
     pub(crate) fn prepare_consistency(&mut self, ball: &Sphere<f64>) {
         if self.consistency.is_none() {
             let Level { cameras, photographs, .. } = &self.levels[0];
-            let view = |(camera, photograph)| {
-                let photograph: &Photograph = photograph;
-                StereoView { camera, image: &photograph.image }
-            };
-            let views: Vec<StereoView<'_>> = cameras.iter().zip(photographs).map(view).collect();
-            self.consistency = Some(Consistency::new(&views, ball));
+            self.consistency = Some(Consistency::new(&stereo_views(cameras, photographs), ball));
         }
     }
 

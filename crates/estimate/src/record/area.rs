@@ -65,12 +65,17 @@ struct SampleAdjoints<R> {
 }
 
 impl<R: Real> Area<R> {
+    /// Samples with these weights, without a warp and without adjoints of hits.
+    pub fn new(primary: Primary<R>, weights: Vec<PixelWeight<R>>) -> Self {
+        Area { primary, weights, warp: None, of_hits: Vec::new() }
+    }
+
     /// `spp` samples per pixel with equal weights, in the order of the pixels, without a warp.
     pub fn uniform(primary: Primary<R>, spp: u32) -> Self {
         let weight = R::one() / R::of(f64::from(spp));
         let in_pixel = |i: usize| PixelWeight { pixel: i as u32 / spp, weight };
         let weights = (0..primary.samples.len()).map(in_pixel).collect();
-        Area { primary, weights, warp: None, of_hits: Vec::new() }
+        Area::new(primary, weights)
     }
 
     /// VJP of θ ↦ the part of these samples in the pixel values; see [`crate::record::Record::vjp`] for the
@@ -258,7 +263,7 @@ impl<R: Real> Area<R> {
         let of_pixel = |in_pixel: &PixelWeight<R>| parts.of(in_pixel.pixel);
         let of_sample: Vec<usize> = self.weights.iter().map(of_pixel).collect();
         let dealt = self.primary.deal(parts.count(), &of_sample);
-        let own = |primary| Area { primary, weights: Vec::new(), warp: None, of_hits: Vec::new() };
+        let own = |primary| Area::new(primary, Vec::new());
         let mut out: Vec<Self> = dealt.into_iter().map(own).collect();
         for (in_pixel, part) in self.weights.into_iter().zip(of_sample) {
             out[part]

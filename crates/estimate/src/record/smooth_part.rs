@@ -63,7 +63,7 @@ pub fn add_smooth_part<R: Real>(
             weights[i].weight *= slope[axis[i]] * slope[axis[i]] / square * R::of(2.0);
         }
     }
-    record.area.push(Area { primary, weights, warp: None, of_hits: Vec::new() });
+    record.area.push(Area::new(primary, weights));
     Ok(())
 }
 

@@ -58,7 +58,7 @@ pub(super) fn sample_unmarked<R: Real>(
     let weight = R::one() / R::of(f64::from(batch.counts.spp));
     let in_pixel = |i: usize| PixelWeight { pixel: unmarked[i / count], weight };
     let weights = (0..primary.samples.len()).map(in_pixel).collect();
-    record.area.push(Area { primary, weights, warp: None, of_hits: Vec::new() });
+    record.area.push(Area::new(primary, weights));
     Ok(not_far)
 }
 

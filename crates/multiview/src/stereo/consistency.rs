@@ -8,6 +8,8 @@
 //! correlation; Darmon, Bascle, Devaux, Monasse and Aubry, "Improving Neural Implicit Surfaces
 //! Geometry with Patch Warping", CVPR 2022, fit a surface by such planes.
 
+use std::sync::Arc;
+
 use field::Sphere;
 use glam::Vec3;
 use render::Camera;
@@ -33,7 +35,7 @@ const DOUBTFUL: f32 = 0.3;
 #[derive(Debug)]
 pub struct Consistency {
     photos: Vec<Photo>,
-    neighbours: Vec<Vec<usize>>,
+    neighbours: Arc<[Vec<usize>]>,
 }
 
 /// The loss of a point of a surface, and its adjoints.
@@ -78,7 +80,7 @@ impl Consistency {
     pub fn with_cameras(&self, cameras: &[Camera]) -> Self {
         assert_eq!(self.photos.len(), cameras.len(), "one camera for each photograph");
         let photos = self.photos.iter().zip(cameras).map(|(photo, own)| photo.with_camera(own));
-        Consistency { photos: photos.collect(), neighbours: self.neighbours.clone() }
+        Consistency { photos: photos.collect(), neighbours: Arc::clone(&self.neighbours) }
     }
 
     /// The consistency at a point `x` of a surface with the unit normal `normal`, which pixel
@@ -110,18 +112,15 @@ impl Consistency {
             normal.dot(towards) > LEAST_COSINE * towards.length()
         };
         let others = self.neighbours[view].iter().map(|other| &self.photos[*other]);
-        let agreement = |other| patch.agreement(photo, other, w).map(|own| (other, own));
-        let compared = others.filter(sees).filter_map(agreement);
-        let found: Vec<(&Photo, Agreement)> = compared.collect();
+        let agreement = |other| patch.agreement(photo, other, w);
+        let found: Vec<Agreement> = others.filter(sees).filter_map(agreement).collect();
         if found.is_empty() {
             return None;
         }
 
         let weight = patch.variance() / (patch.variance() + FAINT) / found.len() as f32;
-        let loss: f32 = found.iter().map(|(_, own)| robust(own.correlation).0).sum();
-        let slope = |(other, own): &(&Photo, Agreement)| {
-            own.slope(photo, other, &patch) * robust(own.correlation).1
-        };
+        let loss: f32 = found.iter().map(|own| robust(own.correlation).0).sum();
+        let slope = |own: &Agreement| own.slope * robust(own.correlation).1;
         let w_bar = found.iter().map(slope).sum::<Vec3>() * weight;
         let across = w_bar.dot(normal) / (s * s);
         Some(PointConsistency {

@@ -29,7 +29,8 @@ const LEAST_VARIANCE: f32 = 1e-5;
 /// The least share of the pattern across its main direction: 4 det/trace² of the structure tensor,
 /// 0 for stripes and 1 for a pattern without a direction.
 ///
-/// On the skull of docs/captures-compared.md, this leaves out a fifth of the depths, and all of its outline.
+/// On the skull of docs/captures-compared.md, this leaves out a fifth of the depths, and all of its
+/// outline.
 const LEAST_ACROSS: f32 = 0.18;
 
 /// The cost of a comparison that is not possible: that of opposite patterns.
@@ -165,11 +166,11 @@ impl Patch {
     /// points `photo.eye + r / (w·r)`. `None` where the plane faces away, the image leaves the
     /// film, is too large or too small, or has no pattern.
     pub(crate) fn agreement(&self, photo: &Photo, other: &Photo, w: Vec3) -> Option<Agreement> {
-        let [right, below] = photo.pixel_steps();
+        let [step_right, step_below] = photo.pixel_steps();
         let ray = photo.ray(self.middle);
-        let [middle, across, down] = [ray, right, below].map(|r| other.turned(r));
+        let [middle, across, down] = [ray, step_right, step_below].map(|r| other.turned(r));
         let shift = other.turned(photo.eye - other.eye);
-        let (a, b, c) = (w.dot(ray), w.dot(right), w.dot(below));
+        let (a, b, c) = (w.dot(ray), w.dot(step_right), w.dot(step_below));
         if a - HALF_SIDE as f32 * (b.abs() + c.abs()) <= 0.0 {
             return None;
         }
@@ -191,7 +192,7 @@ impl Patch {
             return None;
         }
 
-        let values = other.sample(&u, &v);
+        let (values, [du, dv]) = other.sample_with_slope(&u, &v);
         let (mut mean, mut square, mut product) = (0.0, 0.0, 0.0);
         for ((value, weight), weighted) in values.iter().zip(&self.weights).zip(&self.weighted) {
             mean += weight * value;
@@ -199,15 +200,27 @@ impl Patch {
             product += weighted * value;
         }
         let variance = square - mean * mean;
+        if variance <= LEAST_VARIANCE {
+            return None;
+        }
         let scale = (variance * self.variance).sqrt();
-        (variance > LEAST_VARIANCE).then(|| Agreement {
-            correlation: (product / scale).clamp(-1.0, 1.0),
-            mean,
-            ratio: (self.variance / variance).sqrt(),
-            scale,
-            places: [u, v],
-            depth,
-            shift,
+        let correlation = (product / scale).clamp(-1.0, 1.0);
+
+        let ratio = (self.variance / variance).sqrt();
+        let t = other.in_pixels(shift);
+        let (mut sum, mut by_right, mut by_below) = (0.0, 0.0, 0.0);
+        for k in 0..PADDED_PIXELS {
+            let own = self.weights[k] * (values[k] - mean) * ratio;
+            let by_value = (self.weighted[k] - correlation * own) / scale;
+            let [x, y] = other.off_axis([u[k], v[k]]);
+            let along = (du[k] * (t.x - x * t.z) + dv[k] * (t.y - y * t.z)) * by_value / depth[k];
+            sum += along;
+            by_right += along * self.x[k];
+            by_below += along * self.y[k];
+        }
+        Some(Agreement {
+            correlation,
+            slope: ray * sum + step_right * by_right + step_below * by_below,
         })
     }
 
@@ -269,42 +282,10 @@ impl Patch {
     }
 }
 
-/// The agreement of a patch with its image in another photograph, and what its derivative needs.
+/// The agreement of a patch with its image in another photograph.
 pub(crate) struct Agreement {
     /// The normalised cross-correlation, −1 to 1.
     pub(crate) correlation: f32,
-    /// The weighted mean of the image's grey values.
-    mean: f32,
-    /// The ratio of the deviations: that of the patch over that of its image.
-    ratio: f32,
-    /// The product of the deviations.
-    scale: f32,
-    /// The film positions of the pixels.
-    places: [[f32; PADDED_PIXELS]; 2],
-    /// Their homogeneous coordinates along the optical axis.
-    depth: [f32; PADDED_PIXELS],
-    /// From the other eye to that of the patch, in the axes of the other camera.
-    shift: Vec3,
-}
-
-impl Agreement {
-    /// The derivative of the correlation with `other` by the w of [`Patch::agreement`].
-    pub(crate) fn slope(&self, photo: &Photo, other: &Photo, patch: &Patch) -> Vec3 {
-        let [u, v] = &self.places;
-        let (values, [du, dv]) = other.sample_with_slope(u, v);
-        let t = other.in_pixels(self.shift);
-        let (mut sum, mut across, mut down) = (0.0, 0.0, 0.0);
-        for k in 0..PADDED_PIXELS {
-            let own = patch.weights[k] * (values[k] - self.mean) * self.ratio;
-            let by_value = (patch.weighted[k] - self.correlation * own) / self.scale;
-            let [x, y] = other.off_axis([u[k], v[k]]);
-            let along =
-                (du[k] * (t.x - x * t.z) + dv[k] * (t.y - y * t.z)) * by_value / self.depth[k];
-            sum += along;
-            across += along * patch.x[k];
-            down += along * patch.y[k];
-        }
-        let [right, below] = photo.pixel_steps();
-        photo.ray(patch.middle) * sum + right * across + below * down
-    }
+    /// Its derivative by the w of [`Patch::agreement`].
+    pub(crate) slope: Vec3,
 }
