@@ -9,7 +9,7 @@ use field::{BackgroundPerCamera, Check};
 use files::{ARGUMENTS, InputError, SPHERE, atomic_write, is_sphere};
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
-use inspect::{BackgroundEstimate, SphereSource, check_places, surroundings};
+use inspect::{BackgroundEstimate, SphereSource, Surroundings, check_places, surroundings};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
@@ -55,7 +55,7 @@ impl RunFile {
     }
 
     /// The input of a new run on the data set at `path`: its bounding sphere, the use of its masks
-    /// and the model for its background; and the evidence for the sphere.
+    /// and the model for its background; and what its photographs show around the object.
     ///
     /// The options are not checked here; see [`FitOptions::validate`].
     ///
@@ -66,7 +66,7 @@ impl RunFile {
         path: PathBuf,
         dataset: &Dataset,
         options: &FitOptions,
-    ) -> Result<(Self, SphereSource), InputError> {
+    ) -> Result<(Self, Surroundings), InputError> {
         let options = &options.clone().with_schedule();
         let mut found = surroundings(dataset, options.bounds(), false);
         let arguments = Path::new(ARGUMENTS);
@@ -78,6 +78,9 @@ impl RunFile {
             found = surroundings(dataset, options.bounds(), true);
             found.background = BackgroundEstimate::NOTHING;
             background_kind = BackgroundKind::Constant;
+        } else if found.source == SphereSource::Cameras {
+            found = found.with_matches(dataset);
+            background_kind = options.background.resolve(&found);
         }
         let Sphere { center, radius } = found.sphere;
         let bounds = [center.x, center.y, center.z, radius];
@@ -109,7 +112,7 @@ impl RunFile {
         let seen = file.composited(Cow::Borrowed(dataset));
         let differ = exposures_differ(&seen.train, &found.sphere, &file.background());
         file.exposure_model = options.exposure.resolve(differ);
-        Ok((file, found.source))
+        Ok((file, found))
     }
 
     /// The point that a run's cameras, model and mesh are relative to, in the units of the data

@@ -3,15 +3,19 @@
 use std::fmt;
 
 use field::Sphere;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::BackgroundEstimate;
+use crate::aim::{aimed_point, framed, is_clear_of_cameras, widest};
 use crate::backdrop::Backdrop;
 use crate::background::{Surrounding, UNIFORM};
 use crate::carve::visual_hull_sphere;
-use crate::cloud::{shown_by_masks, sphere_around, sphere_of_compact, sphere_of_inner};
+use crate::cloud::{
+    before_plane, shown_by_masks, sphere_around, sphere_of_compact, sphere_of_inner,
+};
 use crate::distant::share_of_distant;
+use crate::matches::Matches;
 use dataset::{Dataset, View};
 use files::InputError;
 
@@ -31,17 +35,16 @@ const DISTANT: f32 = 0.9;
 /// background is not as uniform as it seems, and parts of the object count as background.
 const MOST_STRAY: f64 = 0.02;
 
-/// The largest radius of a sphere estimated from cameras, as a fraction of the distance of the
-/// nearest camera: cameras must be outside.
-const MOST_OF_DISTANCE: f64 = 0.9;
+/// The share of the views whose films must show a point of what they look at.
+const ON_FILMS: f64 = 0.7;
+
+/// The largest radius of a sphere by matches, in radii of the one that the median camera sees
+/// whole.
+const MOST_GROWTH: f64 = 2.0;
 
 /// Cameras stand at one place if they are nearer to each other than this part of their distance
 /// from the origin.
 const ONE_PLACE: f64 = 1e-9;
-
-/// Axes count as parallel if the determinant of their normal equations, divided by the cube of the
-/// number of views, is below this.
-const PARALLEL: f64 = 1e-9;
 
 /// The evidence that a bounding sphere comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +59,8 @@ pub enum SphereSource {
     Points,
     /// The outline of the object in front of uniform or smooth backgrounds.
     Outlines,
+    /// Matches between the photographs, and the cameras.
+    Matches,
     /// The cameras alone.
     Cameras,
 }
@@ -68,6 +73,7 @@ impl fmt::Display for SphereSource {
             SphereSource::Masks => "from the masks",
             SphereSource::Points => "from the data set's points",
             SphereSource::Outlines => "from outlines in front of plain backgrounds",
+            SphereSource::Matches => "from the cameras and matches between the photographs",
             SphereSource::Cameras => "from the cameras alone",
         })
     }
@@ -88,6 +94,9 @@ pub struct Surroundings {
     /// if all of it is far away. Only parts with a pattern count. 0 in front of uniform
     /// backgrounds.
     pub distant: f32,
+    /// The points on surfaces by matches between photographs, in the data set's units; none if
+    /// they were not looked for.
+    pub points: Vec<DVec3>,
 }
 
 impl Surroundings {
@@ -97,7 +106,39 @@ impl Surroundings {
         // One after the other: each copies its pixels.
         let background = BackgroundEstimate::of_surroundings(&shown);
         let backgrounds = shown.par_chunks(1).map(BackgroundEstimate::of_surroundings).collect();
-        Surroundings { sphere, source, background, backgrounds, distant: 0.0 }
+        Surroundings { sphere, source, background, backgrounds, distant: 0.0, points: Vec::new() }
+    }
+
+    /// With the share of the background that is far away.
+    fn with_distant(self, views: &[View]) -> Self {
+        if self.is_uniform() {
+            return self;
+        }
+        Surroundings { distant: share_of_distant(views, &self.sphere), ..self }
+    }
+
+    /// With a sphere by matches between the photographs of the data set, if the cameras alone gave
+    /// it. It searches for depths in photographs of about 100 × 80 pixels.
+    ///
+    /// The depths in the middle of the films tell how far away the place is at which the cameras
+    /// aim: their axes do not if all look at one side. The sphere there that the median camera sees
+    /// whole is made larger until it contains what stands out of a wall, a table or a floor, and is
+    /// on most of the films. Without such a plane, it contains all that is on most of the films, if
+    /// hardly any surface is farther away.
+    #[must_use]
+    pub fn with_matches(self, dataset: &Dataset) -> Self {
+        if self.source != SphereSource::Cameras {
+            return self;
+        }
+        let views = &dataset.train;
+        let matches = Matches::of(views);
+        if matches.depths.is_empty() {
+            return self;
+        }
+        let framed = framed(views, aimed_point(views, &matches.depths));
+        let sphere = sphere_of_matches(views, &matches.points, &framed);
+        let found = Self::new(views, sphere, SphereSource::Matches).with_distant(views);
+        Surroundings { points: matches.points, ..found }
     }
 
     /// The confidence, 0 to 1, that each view has a uniform background, of a colour of its own: one
@@ -155,7 +196,8 @@ impl Surroundings {
 /// 5. without such masks, a sphere around the visual hull of the photographs, if they have uniform
 ///    backgrounds, or such that change smoothly over a view, and hardly a pixel outside its image
 ///    shows the object;
-/// 6. a sphere that the median camera sees whole, around the point at which the cameras aim.
+/// 6. a sphere that the median camera sees whole, around the point at which the cameras aim:
+///    [`Surroundings::with_matches`] improves it.
 ///
 /// If points and a visual hull both exist, the sphere contains both: points are missing where the
 /// object has no texture, one wrong mask takes a part off the hull, and a dark part of the object
@@ -177,22 +219,8 @@ pub fn surroundings(
     let (sphere, source) = known
         .or_else(|| use_masks.then(|| sphere_of_masks(dataset)).flatten())
         .or_else(|| sphere_of_photographs(dataset))
-        .unwrap_or_else(|| (framed(views), SphereSource::Cameras));
-    let found = Surroundings::new(views, sphere, source);
-    if found.is_uniform() {
-        return found;
-    }
-    Surroundings { distant: share_of_distant(views, &sphere), ..found }
-}
-
-/// The sphere that the median camera sees whole.
-fn framed(views: &[View]) -> Sphere<f64> {
-    sphere_in_view(views, DVec2::min_element)
-}
-
-/// The sphere that fills the median view to its corners.
-fn widest(views: &[View]) -> Sphere<f64> {
-    sphere_in_view(views, |half| half.length())
+        .unwrap_or_else(|| (framed(views, aimed_point(views, &[])), SphereSource::Cameras));
+    Surroundings::new(views, sphere, source).with_distant(views)
 }
 
 /// A sphere around the visual hull of the masks and the surface points that they show, as far as
@@ -210,7 +238,7 @@ fn sphere_of_masks(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
 /// such.
 fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
     let views = &dataset.train;
-    let (framed, wide) = (framed(views), widest(views));
+    let (framed, wide) = (framed(views, aimed_point(views, &[])), widest(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = match rough.is_uniform() {
         true => {
@@ -225,12 +253,29 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
     };
     let inner = sphere_of_inner(&dataset.points, &framed, MARGIN);
     let compact = sphere_of_compact(&dataset.points, &framed).map(with_margin);
-    let is_outside = |sphere: &Sphere<f64>| {
-        let nearest = views.iter().map(|v| v.camera.eye.distance(sphere.center));
-        sphere.radius <= MOST_OF_DISTANCE * nearest.fold(f64::INFINITY, f64::min)
-    };
+    let is_outside = |sphere: &Sphere<f64>| is_clear_of_cameras(views, sphere);
     let all = inner.zip(compact).map(|(a, b)| around_both(&a, &b)).filter(is_outside);
     around(all.or(inner), hull, SphereSource::Outlines)
+}
+
+/// The sphere that the cameras frame, or a larger one around it that contains what they look at, by
+/// the points that photographs agree about.
+fn sphere_of_matches(views: &[View], points: &[DVec3], framed: &Sphere<f64>) -> Sphere<f64> {
+    let on_films = |point: &&DVec3| {
+        let count = views.iter().filter(|v| v.camera.project_onto_film(**point).is_some()).count();
+        count as f64 >= ON_FILMS * views.len() as f64
+    };
+    let common: Vec<DVec3> = points.iter().filter(on_films).copied().collect();
+    let eyes = views.iter().map(|v| v.camera.eye).sum::<DVec3>() / views.len() as f64;
+    let cloud = match before_plane(&common, eyes, framed.radius) {
+        Some(points) => sphere_around(&points),
+        None => sphere_of_compact(points, framed),
+    };
+    let larger = cloud.map(|cloud| around_both(framed, &with_margin(cloud)));
+    let is_fit = |sphere: &Sphere<f64>| {
+        sphere.radius <= MOST_GROWTH * framed.radius && is_clear_of_cameras(views, sphere)
+    };
+    larger.filter(is_fit).unwrap_or(*framed)
 }
 
 /// A sphere with room around the visual hull of the pixels that show the object; `None` without
@@ -362,47 +407,6 @@ pub fn check_cameras(dataset: &Dataset, bounds: &Sphere<f64>) -> Result<(), Inpu
 /// True if the sphere's centre is behind the camera of `view`.
 pub fn looks_away(view: &View, bounds: &Sphere<f64>) -> bool {
     (bounds.center - view.camera.eye).dot(view.camera.forward) < 0.0
-}
-
-/// The film's width and height in pixels.
-fn film_size(view: &View) -> DVec2 {
-    DVec2::new(f64::from(view.camera.width), f64::from(view.camera.height))
-}
-
-/// The point nearest to the rays through the films' centres, in the least-squares sense. For one
-/// ray, or parallel rays, the point at unit distance in front of the cameras' mean position.
-fn aimed_point(views: &[View]) -> DVec3 {
-    let central_ray = |v: &View| v.camera.direction(film_size(v) / 2.0);
-    // The normal equations Σ (1 − d dᵀ) x = Σ (1 − d dᵀ) eye.
-    let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
-    for view in views {
-        let d = central_ray(view);
-        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        matrix += across;
-        right += across * view.camera.eye;
-    }
-    let mean = views.iter().map(|v| v.camera.eye).sum::<DVec3>() / views.len() as f64;
-    let parallel = matrix.determinant().abs() < PARALLEL * (views.len() as f64).powi(3);
-    if parallel { mean + central_ray(&views[0]) } else { matrix.inverse() * right }
-}
-
-/// A sphere around the aimed point that the median camera sees.
-///
-/// `extent` maps half the film's size, in tangents, to the tangent of the cone that the sphere
-/// fills: the least element for a sphere within the film, the length for one up to its corners.
-fn sphere_in_view(views: &[View], extent: impl Fn(DVec2) -> f64) -> Sphere<f64> {
-    let center = aimed_point(views);
-    let mut radii: Vec<f64> = views
-        .iter()
-        .map(|v| {
-            let half = film_size(v) / 2.0 / v.camera.focal;
-            (v.camera.eye - center).length() * extent(half).atan().sin()
-        })
-        .collect();
-    radii.sort_by(f64::total_cmp);
-    let nearest =
-        views.iter().map(|v| (v.camera.eye - center).length()).fold(f64::INFINITY, f64::min);
-    Sphere { center, radius: radii[radii.len() / 2].min(MOST_OF_DISTANCE * nearest) }
 }
 
 #[cfg(test)]

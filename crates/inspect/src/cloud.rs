@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use crate::carve::enclosing_sphere;
 use dataset::View;
+use random::{Name, Stream};
 
 /// The least number of surface points from which a sphere is estimated.
 const LEAST_POINTS: usize = 50;
@@ -20,6 +21,27 @@ const LEAST_OF_FRAMED: f64 = 0.8;
 /// The largest radius of a cloud of points that lies on the object, in radii of the sphere that the
 /// median camera sees whole. Points of a room lie farther away.
 const MOST_OF_FRAMED: f64 = 1.5;
+
+/// Planes that are tried.
+const PLANES: u64 = 500;
+
+/// Points by which planes are compared, at most.
+const COMPARED: usize = 2000;
+
+/// The largest distance of a point from a plane that it lies on, in radii of the sphere that the
+/// median camera sees whole.
+const ON_PLANE: f64 = 0.03;
+
+/// The least distance of a point that stands out of a plane, in the same radii.
+const BEFORE_PLANE: f64 = 0.08;
+
+/// The least share of the points on a plane that counts as one.
+const LEAST_ON_PLANE: f64 = 0.25;
+
+/// The least share of the points that stand out of it.
+const LEAST_BEFORE: f64 = 0.05;
+
+const PLANE: Name = Name::new("points through which a plane is tried", 35);
 
 /// The least share of the views of a point whose masks show it, for a point on the object.
 const LEAST_SHOWN: f64 = 0.8;
@@ -97,4 +119,37 @@ pub(crate) fn sphere_of_inner(
     let reach = inside[(CONTAINED * (inside.len() - 1) as f64) as usize];
     let radius = (room * reach).clamp(LEAST_OF_FRAMED * framed.radius, framed.radius);
     Some(Sphere { radius, ..*framed })
+}
+
+/// The points that stand out of the plane on which most of them lie, on the side of `eye`; `radius`
+/// is that of the sphere that the median camera sees whole. `None` without such a plane, or if
+/// hardly any point stands out of it.
+///
+/// Fischler and Bolles, "Random Sample Consensus", Communications of the ACM 24(6), 1981.
+pub(crate) fn before_plane(points: &[DVec3], eye: DVec3, radius: f64) -> Option<Vec<DVec3>> {
+    if points.len() < LEAST_POINTS {
+        return None;
+    }
+    let step = points.len().div_ceil(COMPARED);
+    let compared: Vec<DVec3> = points.iter().step_by(step).copied().collect();
+    let stream = Stream::of_seed(0).named(PLANE);
+    // A point of the plane, and its unit normal towards the eye.
+    let plane = |k: u64| {
+        let point = |i: u64| {
+            let place = stream.at(k).at(i).unit() * compared.len() as f64;
+            compared[(place as usize).min(compared.len() - 1)]
+        };
+        let [a, b, c] = [0, 1, 2].map(point);
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        Some((a, normal * (eye - a).dot(normal).signum()))
+    };
+    let height = |(a, normal): (DVec3, DVec3), x: DVec3| (x - a).dot(normal) / radius;
+    let on = |plane| compared.iter().filter(|x| height(plane, **x).abs() < ON_PLANE).count();
+    let counted = (0..PLANES).filter_map(plane).map(|plane| (on(plane), plane));
+    let (count, best) = counted.max_by_key(|(count, _)| *count)?;
+    let before: Vec<DVec3> =
+        points.iter().filter(|x| height(best, **x) > BEFORE_PLANE).copied().collect();
+    let is_plane = count as f64 >= LEAST_ON_PLANE * compared.len() as f64;
+    let is_enough = before.len() as f64 >= LEAST_BEFORE * points.len() as f64;
+    (is_plane && is_enough).then_some(before)
 }

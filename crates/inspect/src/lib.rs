@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod aim;
 mod backdrop;
 mod background;
 mod bounds;
@@ -7,6 +8,9 @@ mod carve;
 mod cloud;
 mod distant;
 mod exposure;
+mod matches;
+#[cfg(test)]
+mod matches_tests;
 mod overlay;
 #[cfg(test)]
 mod real_tests;

@@ -12,6 +12,13 @@ const WIDEST: u32 = 256;
 /// Views in a row.
 const COLUMNS: usize = 7;
 
+/// The most points on surfaces that are drawn.
+const MOST_POINTS: usize = 1000;
+
+/// Linear RGB of points on surfaces inside the sphere (cyan) and outside it (grey).
+const INNER: [f32; 3] = [0.0, 0.9, 0.9];
+const OUTER: [f32; 3] = [0.5; 3];
+
 /// Points drawn along the sphere's outline, and along each axis.
 const OUTLINE_POINTS: u32 = 2000;
 const AXIS_POINTS: u32 = 400;
@@ -23,16 +30,19 @@ const AXES: [[f32; 3]; 3] = [[1.0, 0.05, 0.05], [0.05, 0.8, 0.05], [0.1, 0.2, 1.
 /// One picture of all views, training views first, in rows of seven.
 ///
 /// Each view shows the sphere's outline in orange, and the world's axes from the sphere's centre to
-/// its surface: x red, y green, z blue, and its name above it. Views wider than 256 pixels are
-/// reduced.
-pub fn overlay(dataset: &Dataset, bounds: &Sphere<f64>) -> Film {
+/// its surface: x red, y green, z blue, and its name above it. It shows up to 1,000 of the `points`
+/// on surfaces, hidden ones too: those in the sphere in cyan, the others in grey. Views wider than
+/// 256 pixels are reduced.
+pub fn overlay(dataset: &Dataset, bounds: &Sphere<f64>, points: &[DVec3]) -> Film {
     let views: Vec<&View> = dataset.train.iter().chain(&dataset.test).collect();
-    let drawn: Vec<Film> = views.iter().map(|view| draw(view, bounds)).collect();
+    let step = points.len().div_ceil(MOST_POINTS).max(1);
+    let points: Vec<DVec3> = points.iter().step_by(step).copied().collect();
+    let drawn: Vec<Film> = views.iter().map(|view| draw(view, bounds, &points)).collect();
     let rows: Vec<Vec<Film>> = drawn.chunks(COLUMNS).map(<[Film]>::to_vec).collect();
     contact_sheet(&rows)
 }
 
-fn draw(view: &View, bounds: &Sphere<f64>) -> Film {
+fn draw(view: &View, bounds: &Sphere<f64>, points: &[DVec3]) -> Film {
     let factor = view.image.width.div_ceil(WIDEST).max(1);
     let mut film = view.image.downscaled(factor);
     let mut mark = |x: DVec3, color: [f32; 3]| {
@@ -40,6 +50,10 @@ fn draw(view: &View, bounds: &Sphere<f64>) -> Film {
             dot(&mut film, u / f64::from(factor), color);
         }
     };
+    for x in points {
+        let is_inside = x.distance(bounds.center) < bounds.radius;
+        mark(*x, if is_inside { INNER } else { OUTER });
+    }
     for x in outline(view.camera.eye, bounds) {
         mark(x, OUTLINE);
     }

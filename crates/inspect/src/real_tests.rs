@@ -86,3 +86,19 @@ fn a_cluttered_room_has_no_background_confidence() {
     let through = |v: &View| bounds.clip(v.camera.eye, v.camera.forward).is_some();
     assert!(dataset.train.iter().chain(&dataset.test).all(through));
 }
+
+#[test]
+fn photographs_of_a_room_without_points_give_a_sphere_around_the_object() {
+    // The smallest spheres around the vertices of the true meshes.
+    for (name, center, radius) in [
+        ("bob_room", DVec3::new(1.2978, -0.6967, 0.8546), 0.1492),
+        ("spot_room", DVec3::new(1.3064, -0.711, 0.8574), 0.1426),
+    ] {
+        let Some(path) = shared(name) else { continue };
+        let dataset = load(&path, &LoadOptions { downscale: 2 }).unwrap();
+        let found = surroundings(&dataset, None, false).with_matches(&dataset);
+        let object = Sphere { center, radius };
+        assert!(encloses(&found.sphere, &object, 1.5), "{name}: {:?}", found.sphere);
+        assert!(found.points.len() > 3000);
+    }
+}

@@ -165,7 +165,7 @@ fn the_outline_separates_rays_that_meet_the_sphere_from_others() {
     *camera = Camera::look_at(60, 50, camera.focal, camera.principal, camera.eye, target, DVec3::Z)
         .unwrap();
     let camera = dataset.train[0].camera;
-    let sheet = below_label(&overlay(&dataset, &BOUNDS));
+    let sheet = below_label(&overlay(&dataset, &BOUNDS, &[]));
     let hit = |u: DVec2| BOUNDS.clip(camera.eye, camera.direction(u)).is_some();
     let (mut marked, mut boundary) = (0, 0);
     for y in 0..50 {
@@ -213,7 +213,7 @@ fn cuts_corner(around: &[bool]) -> bool {
 #[test]
 fn the_axes_are_drawn_along_world_x_y_and_z() {
     // From +x, with z up: y to the right, z up, x towards the eye.
-    let sheet = below_label(&overlay(&dataset(), &BOUNDS));
+    let sheet = below_label(&overlay(&dataset(), &BOUNDS, &[]));
     assert_eq!(sheet.at(36, 25), [0.05, 0.8, 0.05]);
     assert_eq!(sheet.at(30, 18), [0.1, 0.2, 1.0]);
     assert_eq!(sheet.at(22, 25), [0.0; 3]);

@@ -112,7 +112,10 @@ impl Eval {
 fn radius_of(file: &RunFile, dataset: &Dataset) -> f64 {
     match file.options.bounds {
         None => file.sphere().radius,
-        Some(_) => surroundings(dataset, None, file.masks == MaskUse::Coverage).sphere.radius,
+        Some(_) => {
+            let found = surroundings(dataset, None, file.masks == MaskUse::Coverage);
+            found.with_matches(dataset).sphere.radius
+        }
     }
 }
 

@@ -4,11 +4,13 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use clap::Args;
+use glam::DVec3;
 use serde::Serialize;
 
 use super::common::{FROM_RUN, Global, as_fitted};
 use super::fit::read_for;
 use super::query::slope_of;
+use ::dataset::Dataset;
 use ::inspect::{Report, inspect, overlay};
 use ::report::Verdict;
 use film::write_image;
@@ -63,17 +65,7 @@ impl Inspect {
         };
         let distortion = unread.distortion();
         let (dataset, _) = read_for(unread, &options, global)?;
-        let (file, source) = match &run {
-            Some(file) => {
-                let bounds = self.bounds.unwrap_or(file.bounds);
-                (RunFile { bounds, ..file.clone() }, FROM_RUN.to_owned())
-            }
-            None => {
-                let options = FitOptions { bounds: self.bounds, ..options };
-                let (file, source) = RunFile::of_dataset(self.dataset.clone(), &dataset, &options)?;
-                (file, source.to_string())
-            }
-        };
+        let (file, source, points) = self.understood(run.as_ref(), &dataset, options)?;
         let source = if self.bounds.is_some() { "as asked" } else { &source };
         // The model first: a run without one has no picture.
         let model = match &run {
@@ -81,7 +73,7 @@ impl Inspect {
             None => None,
         };
         let sphere = file.world_sphere();
-        write_image(&self.output, &overlay(&dataset, &sphere))?;
+        write_image(&self.output, &overlay(&dataset, &sphere, &points))?;
         let seen = file.composited(Cow::Borrowed(&dataset));
         let mut report = inspect(&seen, &sphere, &file.background(), source);
         report.distortion = Some(distortion);
@@ -111,5 +103,24 @@ impl Inspect {
             let dataset = &report.dataset;
             format!("{dataset}{of_fit}{slope}\npicture      {picture}{warnings}{verdict}")
         })
+    }
+
+    /// A run with the bounding sphere of the option, or what a fit would find: the evidence for the
+    /// sphere, and points on surfaces.
+    fn understood(
+        &self,
+        run: Option<&RunFile>,
+        dataset: &Dataset,
+        options: FitOptions,
+    ) -> anyhow::Result<(RunFile, String, Vec<DVec3>)> {
+        let mut points = dataset.points.clone();
+        if let Some(file) = run {
+            let bounds = self.bounds.unwrap_or(file.bounds);
+            return Ok((RunFile { bounds, ..file.clone() }, FROM_RUN.to_owned(), points));
+        }
+        let options = FitOptions { bounds: self.bounds, ..options };
+        let (file, found) = RunFile::of_dataset(self.dataset.clone(), dataset, &options)?;
+        points.extend(found.points);
+        Ok((file, found.source.to_string(), points))
     }
 }

@@ -76,6 +76,7 @@ mod tests {
                 background,
                 backgrounds: vec![background; 3],
                 distant,
+                points: Vec::new(),
             };
             assert_eq!(BackgroundChoice::Volume.resolve(&found), BackgroundKind::Volume);
             BackgroundChoice::Auto.resolve(&found)

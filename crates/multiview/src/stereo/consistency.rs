@@ -14,9 +14,10 @@ use field::Sphere;
 use glam::Vec3;
 use render::Camera;
 
-use crate::stereo::depth::{View, nearest_views};
+use crate::stereo::depth::View;
 use crate::stereo::patch::{Agreement, Patch, pattern};
 use crate::stereo::photo::Photo;
+use crate::stereo::space::Space;
 
 /// The photographs that a patch is compared with.
 const COMPARED: usize = 8;
@@ -66,8 +67,8 @@ impl Consistency {
     /// cameras are near by angle.
     pub fn new(views: &[View<'_>], ball: &Sphere<f64>) -> Self {
         let photos: Vec<Photo> = views.iter().map(|v| Photo::new(v.camera, v.image)).collect();
-        let center = ball.center.as_vec3();
-        let near = |own| nearest_views(&photos, center, own, COMPARED);
+        let ball = Sphere { center: ball.center.as_vec3(), radius: ball.radius as f32 };
+        let near = |own| Space::Ball(ball).nearest(&photos, own, COMPARED);
         let neighbours = (0..photos.len()).map(near).collect();
         Consistency { photos, neighbours }
     }

@@ -2,7 +2,7 @@
 
 use field::Sphere;
 use film::Film;
-use glam::{DVec2, Vec3};
+use glam::DVec2;
 use random::{Name, Stream};
 use rayon::prelude::*;
 use render::Camera;
@@ -11,10 +11,7 @@ use crate::stereo::check::agreed;
 use crate::stereo::patch::NEIGHBOURS;
 use crate::stereo::photo::Photo;
 use crate::stereo::search::{Found, Search};
-
-/// Angles between the directions from the ball's centre to two cameras that can be compared, in
-/// degrees: the parallax should be visible, and the surface should look the same.
-const ANGLES: [f32; 2] = [3.0, 60.0];
+use crate::stereo::space::Space;
 
 /// The photographs that are compared with a depth.
 pub(crate) const COMPARED: usize = 10;
@@ -71,7 +68,7 @@ impl DepthMap {
 #[derive(Debug)]
 pub struct Stereo {
     pub(crate) photos: Vec<Photo>,
-    ball: Sphere<f32>,
+    space: Space,
     stream: Stream,
     /// The planes of the photographs that were searched.
     pub(crate) found: Vec<Vec<Option<Found>>>,
@@ -81,9 +78,21 @@ impl Stereo {
     /// A search in photographs of a ball, in world units. Only pixels whose rays meet the ball are
     /// searched; the surfaces can be behind it.
     pub fn new(views: &[View<'_>], ball: &Sphere<f64>, stream: Stream) -> Self {
-        let photos = views.iter().map(|v| Photo::new(v.camera, v.image)).collect();
         let ball = Sphere { center: ball.center.as_vec3(), radius: ball.radius as f32 };
-        Stereo { photos, ball, stream: stream.named(DEPTH_PLANES), found: Vec::new() }
+        Self::of_space(views, |_| Space::Ball(ball), stream)
+    }
+
+    /// A search in photographs of a place that is not known. The cameras alone tell which
+    /// photographs to compare, and the distance at which the search begins: a tenth of
+    /// the median distance of a camera from the cameras' middle.
+    pub fn anywhere(views: &[View<'_>], stream: Stream) -> Self {
+        Self::of_space(views, Space::of_cameras, stream)
+    }
+
+    fn of_space(views: &[View<'_>], space: impl Fn(&[Photo]) -> Space, stream: Stream) -> Self {
+        let photos: Vec<Photo> = views.iter().map(|v| Photo::new(v.camera, v.image)).collect();
+        let space = space(&photos);
+        Stereo { photos, space, stream: stream.named(DEPTH_PLANES), found: Vec::new() }
     }
 
     /// The number of photographs that were searched, and that of all.
@@ -98,7 +107,7 @@ impl Stereo {
             let nearest = self.nearest(own, NEIGHBOURS);
             let neighbours: Vec<&Photo> = nearest.iter().map(|i| &self.photos[*i]).collect();
             let stream = self.stream.at(own as u64);
-            Search::run(&self.photos[own], &neighbours, &self.ball, stream)
+            Search::run(&self.photos[own], &neighbours, &self.space, stream)
         };
         let next: Vec<_> = (done..(done + count).min(all)).into_par_iter().map(search).collect();
         self.found.extend(next);
@@ -116,27 +125,8 @@ impl Stereo {
         (0..self.photos.len()).into_par_iter().map(map).collect()
     }
 
-    /// The photographs whose cameras are nearest to that of `own` by angle, without those that are
-    /// too near or too far.
+    /// The photographs that are compared with that of `own`, the nearest first.
     pub(crate) fn nearest(&self, own: usize, count: usize) -> Vec<usize> {
-        nearest_views(&self.photos, self.ball.center, own, count)
+        self.space.nearest(&self.photos, own, count)
     }
-}
-
-/// The photographs whose cameras are nearest to that of `own` by the angle at `center`, without
-/// those that are too near or too far.
-pub(crate) fn nearest_views(
-    photos: &[Photo],
-    center: Vec3,
-    own: usize,
-    count: usize,
-) -> Vec<usize> {
-    let direction = |i: usize| (photos[i].eye - center).normalize_or_zero();
-    let angle = |i: usize| direction(own).angle_between(direction(i)).to_degrees();
-    let others = (0..photos.len()).filter(|i| *i != own).map(|i| (angle(i), i));
-    let mut all: Vec<(f32, usize)> =
-        others.filter(|(angle, _)| *angle > ANGLES[0] && *angle < ANGLES[1]).collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.truncate(count);
-    all.into_iter().map(|(_, i)| i).collect()
 }

@@ -10,6 +10,7 @@ mod guide;
 mod patch;
 mod photo;
 mod search;
+mod space;
 mod tracks;
 
 pub use align::HALF_PATCH;

@@ -77,6 +77,11 @@ impl Photo {
         Vec3::new(v.dot(self.right), v.dot(self.down), v.dot(self.forward))
     }
 
+    /// The optical axis, a unit vector.
+    pub(crate) fn axis(&self) -> Vec3 {
+        self.forward
+    }
+
     /// The film position of a point in the axes of the camera, at depth 1.
     pub(crate) fn on_film(&self, x: f32, y: f32) -> [f32; 2] {
         [self.principal.x + self.focal.x * x, self.principal.y + self.focal.y * y]

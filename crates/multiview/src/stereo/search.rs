@@ -6,12 +6,12 @@
 //! by Surface Normal Diffusion", ICCV 2015: the two colours of a chess board in turn, and the best
 //! few of several neighbours.
 
-use field::Sphere;
 use glam::{Vec2, Vec3};
 use random::Stream;
 
 use crate::stereo::patch::{Patch, Plane, WORST, pattern};
 use crate::stereo::photo::Photo;
+use crate::stereo::space::Space;
 
 /// Random planes of a pixel at the start.
 const FIRST_PLANES: u64 = 3;
@@ -29,22 +29,11 @@ const FAR_PASSES: u64 = 2;
 /// The least cosine between a plane's normal and the direction towards the camera.
 const LEAST_COSINE: f32 = 0.1;
 
-/// The nearest distance that is tried, as a part of the distance where the ray leaves the ball.
-const MIN_DISTANCE: f32 = 0.05;
-
 /// The plane of a pixel, and its cost.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found {
     pub(crate) plane: Plane,
     pub(crate) cost: f32,
-}
-
-/// The inverse depths at which a ray leaves and enters a ball; `ray` has the length 1 along the
-/// optical axis.
-fn range(photo: &Photo, ball: &Sphere<f32>, ray: Vec3) -> Option<[f32; 2]> {
-    let length = ray.length();
-    let (near, far) = ball.clip(photo.eye, ray / length)?;
-    Some([length / far, length / near.max(MIN_DISTANCE * far)])
 }
 
 /// The search in one photograph.
@@ -58,17 +47,17 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// The planes of a photograph's pixels, row-major: those whose rays meet the ball, and whose
-    /// patches have a pattern in two directions. The depth of a plane can be behind the ball.
+    /// The planes of a photograph's pixels, row-major: those whose rays meet the space, and whose
+    /// patches have a pattern in two directions. The depth of a plane can be behind it.
     pub(crate) fn run(
         photo: &'a Photo,
         neighbours: &'a [&'a Photo],
-        ball: &Sphere<f32>,
+        space: &Space,
         stream: Stream,
     ) -> Vec<Option<Found>> {
         let (width, height) = (photo.width, photo.height);
         let range = |x, y| {
-            let found = range(photo, ball, photo.ray(middle(x, y)))?;
+            let found = space.inverse_depths(photo, photo.ray(middle(x, y)))?;
             pattern(photo, x, y).filter(|pattern| !pattern.is_ambiguous()).map(|_| found)
         };
         let ranges = (0..width * height).map(|i| range(i % width, i / width)).collect();
@@ -115,7 +104,7 @@ impl<'a> Search<'a> {
         for k in 0..FIRST_PLANES {
             let stream = stream.at(k);
             let part = stream.at(0).unit() as f32;
-            // The last one is behind the ball.
+            // The last one is behind the space.
             let inverse = if k + 1 < FIRST_PLANES { low + (high - low) * part } else { low * part };
             let normal = facing(direction(stream.at(1)) - ray.normalize(), ray);
             let plane = Plane { depth: inverse.max(f32::MIN_POSITIVE).recip(), normal };

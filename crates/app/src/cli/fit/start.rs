@@ -42,10 +42,10 @@ pub(in crate::cli) fn new_run(
         MaskChoice::Auto | MaskChoice::Use => dataset,
     };
     let options = FitOptions { downscale: Some(downscale), ..options.clone() };
-    let (file, source) =
+    let (file, found) =
         RunFile::of_dataset(absolute(path), &dataset, &options).map_err(with_flag)?;
     inspect::check_cameras(&dataset, &file.world_sphere())?;
-    Ok((file.prepare(dataset), file, source.to_string()))
+    Ok((file.prepare(dataset), file, found.source.to_string()))
 }
 
 /// Reads a data set at the size at which a fit with these options reads it. Also returns the factor
