@@ -21,19 +21,26 @@ pub(crate) struct Photo {
     principal: Vec2,
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// Grey values in display units, row-major.
-    grey: Arc<[f32]>,
+    /// Grey values, row-major, in units of `unit`: half of the memory of floating point, of which
+    /// large photographs have more than fits into a cache.
+    grey: Arc<[u16]>,
+    /// The unit of grey values, in display units.
+    unit: f32,
 }
 
 impl Photo {
     pub(crate) fn new(camera: &Camera, image: &Film) -> Self {
         let grey = |p: &[f32; 3]| srgb_encode(p.iter().sum::<f32>() / 3.0);
-        let grey: Vec<f32> = image.pixels.par_iter().map(grey).collect();
-        Self::of_grey(camera, [image.width, image.height].map(|side| side as usize), grey.into())
+        let values: Vec<f32> = image.pixels.par_iter().map(grey).collect();
+        let unit = values.iter().copied().fold(1.0, f32::max) / f32::from(u16::MAX);
+        let grey = values.iter().map(|value| (value / unit).round() as u16).collect();
+        let (width, height) = (image.width as usize, image.height as usize);
+        Self::of_grey(camera, [width, height], grey, unit)
     }
 
-    fn of_grey(camera: &Camera, [width, height]: [usize; 2], grey: Arc<[f32]>) -> Self {
+    fn of_grey(camera: &Camera, [width, height]: [usize; 2], grey: Arc<[u16]>, unit: f32) -> Self {
         Photo {
+            unit,
             eye: camera.eye.as_vec3(),
             right: camera.right.as_vec3(),
             down: -camera.up.as_vec3(),
@@ -48,7 +55,7 @@ impl Photo {
 
     /// The same photograph by another camera.
     pub(crate) fn with_camera(&self, camera: &Camera) -> Self {
-        Self::of_grey(camera, [self.width, self.height], Arc::clone(&self.grey))
+        Self::of_grey(camera, [self.width, self.height], Arc::clone(&self.grey), self.unit)
     }
 
     /// The number of a pixel in row-major order.
@@ -58,7 +65,7 @@ impl Photo {
 
     /// The grey value of a pixel.
     pub(crate) fn grey(&self, x: usize, y: usize) -> f32 {
-        self.grey[self.index(x, y)]
+        f32::from(self.grey[self.index(x, y)]) * self.unit
     }
 
     /// The vector along the ray through film position `u`, of length 1 along the optical axis.
@@ -125,11 +132,39 @@ impl Photo {
     }
 
     /// The grey values at film positions whose four nearest pixels are on the film, interpolated.
-    ///
-    /// One loop for the places, one for the pixels and one for the values: the first and the last
-    /// are vector code.
     #[inline(always)]
     pub(crate) fn sample<const N: usize>(&self, x: &[f32; N], y: &[f32; N]) -> [f32; N] {
+        let Corners { values: [p, q, r, s], a, b } = self.corners(x, y);
+        std::array::from_fn(|k| {
+            let upper = p[k] + a[k] * (q[k] - p[k]);
+            let lower = r[k] + a[k] * (s[k] - r[k]);
+            (upper + b[k] * (lower - upper)) * self.unit
+        })
+    }
+
+    /// The same values, and their derivatives by the film position, per pixel.
+    #[inline(always)]
+    pub(crate) fn sample_with_slope<const N: usize>(
+        &self,
+        x: &[f32; N],
+        y: &[f32; N],
+    ) -> ([f32; N], [[f32; N]; 2]) {
+        let Corners { values: [p, q, r, s], a, b } = self.corners(x, y);
+        let (mut values, mut slope) = ([0.0; N], [[0.0; N]; 2]);
+        for k in 0..N {
+            let (right, right_below) = (q[k] - p[k], s[k] - r[k]);
+            let (upper, lower) = (p[k] + a[k] * right, r[k] + a[k] * right_below);
+            values[k] = (upper + b[k] * (lower - upper)) * self.unit;
+            slope[0][k] = (right + b[k] * (right_below - right)) * self.unit;
+            slope[1][k] = (lower - upper) * self.unit;
+        }
+        (values, slope)
+    }
+
+    /// The four pixels around each film position. One loop for the places and one for the pixels:
+    /// the first is vector code, and so is the interpolation after both.
+    #[inline(always)]
+    fn corners<const N: usize>(&self, x: &[f32; N], y: &[f32; N]) -> Corners<N> {
         let (mut at, mut a, mut b) = ([0; N], [0.0; N], [0.0; N]);
         for k in 0..N {
             let (x, y) = (x[k] - 0.5, y[k] - 0.5);
@@ -137,40 +172,23 @@ impl Photo {
             (a[k], b[k]) = (x - i as f32, y - j as f32);
             at[k] = j * self.width as i32 + i;
         }
-        let mut corners = [[0.0; N]; 4];
+        let mut values = [[0; N]; 4];
         for k in 0..N {
             let at = at[k] as usize;
             let (upper, lower) = (&self.grey[at..at + 2], &self.grey[at + self.width..][..2]);
-            (corners[0][k], corners[1][k]) = (upper[0], upper[1]);
-            (corners[2][k], corners[3][k]) = (lower[0], lower[1]);
+            (values[0][k], values[1][k]) = (upper[0], upper[1]);
+            (values[2][k], values[3][k]) = (lower[0], lower[1]);
         }
-        let [p, q, r, s] = &corners;
-        std::array::from_fn(|k| {
-            let upper = p[k] + a[k] * (q[k] - p[k]);
-            let lower = r[k] + a[k] * (s[k] - r[k]);
-            upper + b[k] * (lower - upper)
-        })
+        Corners { values: values.map(|values| values.map(f32::from)), a, b }
     }
+}
 
-    /// The same values, and their derivatives by the film position, per pixel.
-    pub(crate) fn sample_with_slope<const N: usize>(
-        &self,
-        x: &[f32; N],
-        y: &[f32; N],
-    ) -> ([f32; N], [[f32; N]; 2]) {
-        let (mut values, mut slope) = ([0.0; N], [[0.0; N]; 2]);
-        for k in 0..N {
-            let (x, y) = (x[k] - 0.5, y[k] - 0.5);
-            let (i, j) = (x as i32, y as i32);
-            let (a, b) = (x - i as f32, y - j as f32);
-            let at = self.index(i as usize, j as usize);
-            let [p, q] = [self.grey[at], self.grey[at + 1]];
-            let [r, s] = [self.grey[at + self.width], self.grey[at + self.width + 1]];
-            let (upper, lower) = (p + a * (q - p), r + a * (s - r));
-            values[k] = upper + b * (lower - upper);
-            slope[0][k] = (1.0 - b) * (q - p) + b * (s - r);
-            slope[1][k] = lower - upper;
-        }
-        (values, slope)
-    }
+/// The four pixels around film positions.
+struct Corners<const N: usize> {
+    /// Their values in units of a photograph: upper left, upper right, lower left, lower right.
+    values: [[f32; N]; 4],
+    /// The place between the left and the right pixels, 0 to 1.
+    a: [f32; N],
+    /// The place between the upper and the lower pixels, 0 to 1.
+    b: [f32; N],
 }
