@@ -2,7 +2,7 @@
 
 use field::{BackgroundPerCamera, Counted, Evaluations};
 use film::srgb_decode;
-use glam::{DVec2, Vec3};
+use glam::Vec3;
 use loss::photometry::{Draw, MaskUse, without_gains};
 use loss::schedule::{is_carving, sharpness};
 use loss::{
@@ -68,10 +68,7 @@ pub(crate) fn differentiate(
             pass: options.pass(),
         },
     };
-    // The comparison of patches has no lens.
-    let is_pinhole = cameras.iter().all(|camera| camera.radial == DVec2::ZERO);
-    let consistency = photographs.consistency.as_ref().filter(|_| is_pinhole);
-    let consistency = consistency.map(|own| own.with_cameras(&cameras));
+    let consistency = photographs.consistency.as_ref().map(|own| own.with_cameras(&cameras));
     let objective = Objective {
         scene: Scene { field: &counted, background, ..scene },
         targets: Targets {

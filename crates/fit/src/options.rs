@@ -168,7 +168,7 @@ pub struct FitOptions {
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
     pub stereo: StereoChoice,
     /// Weight of the term of patches: photographs must agree about points of the sharp surface; 0
-    /// for none [default: 4 in front of a trained background, else 0]
+    /// for none [default: 4 in front of a trained background, else 0; 0 with refined distortion]
     #[arg(long, help_heading = SHAPE, hide_short_help = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub patches: Option<f64>,
@@ -357,6 +357,12 @@ impl FitOptions {
             Check::weight("eikonal", self.eikonal),
             Check::weight("bending", self.bending),
             Check::weight("patches", self.patches.unwrap_or(0.0)),
+            Check::new(
+                "patches",
+                self.patches.unwrap_or(0.0),
+                self.patches.unwrap_or(0.0) == 0.0 || !self.refines_lenses(),
+                "0 with refined distortion (refine_cameras is all)",
+            ),
             Check::new("soft", soft, (0.0..1.0).contains(&soft), "at least 0, below 1"),
             Check::at_least_one("schedule_threads", self.schedule_threads.unwrap_or(1) as u64),
             Check::at_least_one("checkpoint_every", self.checkpoint_every),
@@ -364,9 +370,16 @@ impl FitOptions {
         ]
     }
 
-    /// The weight of the term of patches, for a background that is trained or not.
+    /// The weight of the term of patches, for a background that is trained or not. Its cameras have
+    /// no lens.
     pub(crate) fn patch_weight(&self, is_trained: bool) -> f64 {
-        self.patches.unwrap_or(if is_trained { PATCHES } else { 0.0 })
+        let auto = is_trained && !self.refines_lenses();
+        self.patches.unwrap_or(if auto { PATCHES } else { 0.0 })
+    }
+
+    /// Whether radial distortion is refined.
+    fn refines_lenses(&self) -> bool {
+        self.refine_cameras.freedom().is_some_and(|freedom| freedom.lens)
     }
 
     /// The options of the estimator.

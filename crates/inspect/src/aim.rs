@@ -1,6 +1,6 @@
 //! The sphere that cameras frame.
 
-use dataset::View;
+use dataset::{Dataset, View};
 use field::Sphere;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -29,12 +29,13 @@ pub(crate) fn framed(views: &[View], center: DVec3) -> Sphere<f64> {
 /// The sphere around the point at which the cameras aim, which fills the median view to its
 /// corners.
 pub(crate) fn widest(views: &[View]) -> Sphere<f64> {
-    sphere_in_view(views, aimed_point(views, &[]), |half| half.length())
+    sphere_in_view(views, aimed_point(views), |half| half.length())
 }
 
-/// Whether all cameras are well outside a sphere.
-pub(crate) fn is_clear_of_cameras(views: &[View], sphere: &Sphere<f64>) -> bool {
-    sphere.radius <= MOST_OF_DISTANCE * nearest(views, sphere.center)
+/// Whether all cameras are well outside a sphere, also those of held-out views.
+pub(crate) fn is_clear_of_cameras(dataset: &Dataset, sphere: &Sphere<f64>) -> bool {
+    let all = [&dataset.train, &dataset.test];
+    all.iter().all(|v| sphere.radius <= MOST_OF_DISTANCE * nearest(v, sphere.center))
 }
 
 /// The distance of the nearest camera from a point.
@@ -63,7 +64,7 @@ fn film_size(view: &View) -> DVec2 {
 }
 
 /// The direction of the ray through the film's centre.
-fn central_ray(view: &View) -> DVec3 {
+pub(crate) fn central_ray(view: &View) -> DVec3 {
     view.camera.direction(film_size(view) / 2.0)
 }
 
@@ -85,41 +86,61 @@ fn onto(d: DVec3) -> DMat3 {
     DMat3::from_cols(d * d.x, d * d.y, d * d.z)
 }
 
-/// The point at which the cameras aim: the nearest one, in the least-squares sense, to the rays
-/// through the films' centres and to the `depths` along them. Each depth has the number of its view
-/// and is a distance along the ray; those that are far off the others hardly count.
-///
-/// Without depths, for one ray, or parallel rays, it is the point at unit distance in front of the
-/// cameras' mean position.
-pub(crate) fn aimed_point(views: &[View], depths: &[(usize, f64)]) -> DVec3 {
+/// The equations of the rays through the films' centres.
+fn axes(views: &[View]) -> Normal {
     let mut axes = Normal { matrix: DMat3::ZERO, right: DVec3::ZERO };
     for view in views {
         axes.add(DMat3::IDENTITY - onto(central_ray(view)), view.camera.eye);
     }
-    if depths.is_empty() {
-        let parallel = axes.matrix.determinant().abs() < PARALLEL * (views.len() as f64).powi(3);
-        let mean = views.iter().map(|v| v.camera.eye).sum::<DVec3>() / views.len() as f64;
-        let ahead = mean + central_ray(&views[0]);
-        return if parallel { ahead } else { axes.matrix.inverse() * axes.right };
-    }
+    axes
+}
+
+/// The point at which the cameras aim: the nearest one, in the least-squares sense, to the rays
+/// through the films' centres. For one ray, or parallel rays, it is the point at unit distance in
+/// front of the cameras' mean position.
+pub(crate) fn aimed_point(views: &[View]) -> DVec3 {
+    let Normal { matrix, right } = axes(views);
+    let mean = views.iter().map(|v| v.camera.eye).sum::<DVec3>() / views.len() as f64;
+    let parallel = matrix.determinant().abs() < PARALLEL * (views.len() as f64).powi(3);
+    if parallel { mean + central_ray(&views[0]) } else { matrix.inverse() * right }
+}
+
+/// Depths of what some of the views show in the middle of their films.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Depths {
+    /// The numbers of views, each with a distance along the ray through the film's centre.
+    pub(crate) of_views: Vec<(usize, f64)>,
+    /// The number of views whose depths were searched: each stands for as many as there are views
+    /// for one that was searched.
+    pub(crate) searched: usize,
+}
+
+/// The point at which the cameras aim, by their axes and by depths along them: those that are far
+/// off the others hardly count.
+///
+/// # Panics
+/// If there are no depths.
+pub(crate) fn aimed_point_at(views: &[View], depths: &Depths) -> DVec3 {
     let targets: Vec<(DVec3, DVec3)> = depths
+        .of_views
         .iter()
         .map(|(i, depth)| (central_ray(&views[*i]), views[*i].camera.eye, *depth))
         .map(|(d, eye, depth)| (d, eye + d * depth))
         .collect();
-    let mut weights = vec![1.0; targets.len()];
+    let each = WEIGHT_OF_DEPTHS * views.len() as f64 / depths.searched as f64;
+    let mut weights = vec![each; targets.len()];
     let mut center = DVec3::ZERO;
     for _ in 0..STEPS {
-        let mut all = Normal { ..axes };
+        let mut all = axes(views);
         for ((d, target), weight) in targets.iter().zip(&weights) {
-            all.add(onto(*d) * (WEIGHT_OF_DEPTHS * weight), *target);
+            all.add(onto(*d) * *weight, *target);
         }
         center = all.matrix.inverse() * all.right;
         let off: Vec<f64> = targets.iter().map(|(d, x)| (center - x).dot(*d).abs()).collect();
         let mut sorted = off.clone();
         sorted.sort_by(f64::total_cmp);
         let scale = sorted[sorted.len() / 2].max(f64::MIN_POSITIVE);
-        weights = off.iter().map(|off| (1.0 + (off / scale).powi(2)).recip()).collect();
+        weights = off.iter().map(|off| each / (1.0 + (off / scale).powi(2))).collect();
     }
     center
 }

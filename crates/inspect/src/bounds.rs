@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::BackgroundEstimate;
-use crate::aim::{aimed_point, framed, is_clear_of_cameras, widest};
+use crate::aim::{aimed_point, aimed_point_at, framed, is_clear_of_cameras, widest};
 use crate::backdrop::Backdrop;
 use crate::background::{Surrounding, UNIFORM};
 use crate::carve::visual_hull_sphere;
@@ -118,13 +118,13 @@ impl Surroundings {
     }
 
     /// With a sphere by matches between the photographs of the data set, if the cameras alone gave
-    /// it. It searches for depths in photographs of about 100 × 80 pixels.
+    /// it. It searches for depths in up to 32 photographs, of at most 8,192 pixels each.
     ///
     /// The depths in the middle of the films tell how far away the place is at which the cameras
     /// aim: their axes do not if all look at one side. The sphere there that the median camera sees
-    /// whole is made larger until it contains what stands out of a wall, a table or a floor, and is
-    /// on most of the films. Without such a plane, it contains all that is on most of the films, if
-    /// hardly any surface is farther away.
+    /// whole is enlarged to contain nearly all that stands out of a wall, a table or a floor and is
+    /// on most of the films; without such a plane, nearly all points, if they lie close together.
+    /// It stays if it would have to be more than twice as large, or come near a camera.
     #[must_use]
     pub fn with_matches(self, dataset: &Dataset) -> Self {
         if self.source != SphereSource::Cameras {
@@ -132,11 +132,11 @@ impl Surroundings {
         }
         let views = &dataset.train;
         let matches = Matches::of(views);
-        if matches.depths.is_empty() {
+        if matches.depths.of_views.is_empty() {
             return self;
         }
-        let framed = framed(views, aimed_point(views, &matches.depths));
-        let sphere = sphere_of_matches(views, &matches.points, &framed);
+        let framed = framed(views, aimed_point_at(views, &matches.depths));
+        let sphere = sphere_of_matches(dataset, &matches.points, &framed);
         let found = Self::new(views, sphere, SphereSource::Matches).with_distant(views);
         Surroundings { points: matches.points, ..found }
     }
@@ -219,7 +219,7 @@ pub fn surroundings(
     let (sphere, source) = known
         .or_else(|| use_masks.then(|| sphere_of_masks(dataset)).flatten())
         .or_else(|| sphere_of_photographs(dataset))
-        .unwrap_or_else(|| (framed(views, aimed_point(views, &[])), SphereSource::Cameras));
+        .unwrap_or_else(|| (framed(views, aimed_point(views)), SphereSource::Cameras));
     Surroundings::new(views, sphere, source).with_distant(views)
 }
 
@@ -238,7 +238,7 @@ fn sphere_of_masks(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
 /// such.
 fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource)> {
     let views = &dataset.train;
-    let (framed, wide) = (framed(views, aimed_point(views, &[])), widest(views));
+    let (framed, wide) = (framed(views, aimed_point(views)), widest(views));
     let rough = Surroundings::new(views, wide, SphereSource::Cameras);
     let hull = match rough.is_uniform() {
         true => {
@@ -253,19 +253,20 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
     };
     let inner = sphere_of_inner(&dataset.points, &framed, MARGIN);
     let compact = sphere_of_compact(&dataset.points, &framed).map(with_margin);
-    let is_outside = |sphere: &Sphere<f64>| is_clear_of_cameras(views, sphere);
+    let is_outside = |sphere: &Sphere<f64>| is_clear_of_cameras(dataset, sphere);
     let all = inner.zip(compact).map(|(a, b)| around_both(&a, &b)).filter(is_outside);
     around(all.or(inner), hull, SphereSource::Outlines)
 }
 
 /// The sphere that the cameras frame, or a larger one around it that contains what they look at, by
 /// the points that photographs agree about.
-fn sphere_of_matches(views: &[View], points: &[DVec3], framed: &Sphere<f64>) -> Sphere<f64> {
+fn sphere_of_matches(dataset: &Dataset, points: &[DVec3], framed: &Sphere<f64>) -> Sphere<f64> {
+    let views = &dataset.train;
     let on_films = |point: &&DVec3| {
         let count = views.iter().filter(|v| v.camera.project_onto_film(**point).is_some()).count();
         count as f64 >= ON_FILMS * views.len() as f64
     };
-    let common: Vec<DVec3> = points.iter().filter(on_films).copied().collect();
+    let common: Vec<DVec3> = points.par_iter().filter(on_films).copied().collect();
     let eyes = views.iter().map(|v| v.camera.eye).sum::<DVec3>() / views.len() as f64;
     let cloud = match before_plane(&common, eyes, framed.radius) {
         Some(points) => sphere_around(&points),
@@ -273,7 +274,7 @@ fn sphere_of_matches(views: &[View], points: &[DVec3], framed: &Sphere<f64>) -> 
     };
     let larger = cloud.map(|cloud| around_both(framed, &with_margin(cloud)));
     let is_fit = |sphere: &Sphere<f64>| {
-        sphere.radius <= MOST_GROWTH * framed.radius && is_clear_of_cameras(views, sphere)
+        sphere.radius <= MOST_GROWTH * framed.radius && is_clear_of_cameras(dataset, sphere)
     };
     larger.filter(is_fit).unwrap_or(*framed)
 }

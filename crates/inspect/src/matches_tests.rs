@@ -78,6 +78,42 @@ fn photographs_of_one_side_give_a_sphere_around_what_they_show() {
 }
 
 #[test]
+fn depths_of_some_photographs_count_as_much_as_axes_of_all() {
+    let mut dataset = on_wall(DVec3::ZERO, 1.0, 3.0);
+    let few = surroundings(&dataset, None, false).with_matches(&dataset).sphere;
+    let all = dataset.train.clone();
+    for _ in 0..7 {
+        dataset.train.extend(all.iter().cloned());
+    }
+    let many = surroundings(&dataset, None, false).with_matches(&dataset).sphere;
+    assert!(many.center.distance(few.center) < 0.05, "{few:?} {many:?}");
+}
+
+#[test]
+fn photographs_of_any_size_and_shifted_films_have_a_sphere() {
+    let dataset = on_wall(DVec3::ZERO, 1.0, 3.0);
+    let expected = surroundings(&dataset, None, false).with_matches(&dataset).sphere;
+    // The same pixels beside others: twice as wide, with the principal point of before.
+    let mut wide = dataset.clone();
+    for view in &mut wide.train {
+        view.camera.width = 2 * 96;
+        let rows = view.image.pixels.chunks(96);
+        view.image.pixels = rows.flat_map(|row| [row, &[[0.4; 3]; 96]].concat()).collect();
+        view.image.width = 2 * 96;
+    }
+    let found = surroundings(&wide, None, false).with_matches(&wide).sphere;
+    assert!(found.center.z.abs() < 0.6, "{expected:?} {found:?}");
+    for side in [1, 2, 3] {
+        let mut tiny = dataset.clone();
+        for view in &mut tiny.train {
+            view.camera = view.camera.resized(side, side);
+            view.image = Film::grey(side, side, (0..side * side).map(|i| i as f32 * 0.1));
+        }
+        let _ = surroundings(&tiny, None, false).with_matches(&tiny);
+    }
+}
+
+#[test]
 fn parallel_axes_have_a_sphere_at_the_depth_of_the_surface() {
     let mut dataset = on_wall(DVec3::ZERO, 1.0, 1e9);
     let found = surroundings(&dataset, None, false).with_matches(&dataset);

@@ -6,7 +6,7 @@
 
 use estimate::record::HitBar;
 use glam::Vec3;
-use multiview::stereo::PATCH_HALF_SIDE;
+use multiview::stereo::PATCH_REACH;
 use render::{Hit, Primary};
 
 use crate::objective::{Objective, Patches};
@@ -26,7 +26,7 @@ pub(crate) fn patches<'d>(
     let mut of_hit = |(i, hit): (usize, &Hit<f32>)| {
         let draw = draw(hit.sample)?;
         let (view, [x, y]) = (draw.view as usize, [draw.x, draw.y].map(u32::from));
-        if !photographs[view].is_used_around(x, y, PATCH_HALF_SIDE) {
+        if !photographs[view].is_used_around(x, y, PATCH_REACH) {
             return None;
         }
         let surface = &primary.surface;

@@ -113,8 +113,9 @@ fn radius_of(file: &RunFile, dataset: &Dataset) -> f64 {
     match file.options.bounds {
         None => file.sphere().radius,
         Some(_) => {
-            let found = surroundings(dataset, None, file.masks == MaskUse::Coverage);
-            found.with_matches(dataset).sphere.radius
+            let is_cut_out = file.masks == MaskUse::Coverage;
+            let found = surroundings(dataset, None, is_cut_out);
+            if is_cut_out { found } else { found.with_matches(dataset) }.sphere.radius
         }
     }
 }

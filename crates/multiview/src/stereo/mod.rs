@@ -19,5 +19,5 @@ pub use choice::StereoChoice;
 pub use consistency::{Consistency, PointConsistency};
 pub use depth::{DepthMap, Stereo, View};
 pub use guide::{Guide, GuidedRay, guide};
-pub use patch::PATCH_HALF_SIDE;
+pub use patch::PATCH_REACH;
 pub use tracks::Places;

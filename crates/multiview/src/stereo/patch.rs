@@ -7,8 +7,8 @@ use crate::stereo::photo::Photo;
 /// Half of the side of a patch, in pixels: 7 × 7 pixels, of which every second is compared.
 const HALF_SIDE: i32 = 3;
 
-/// The same as the margin of a patch around its pixel.
-pub const PATCH_HALF_SIDE: u32 = HALF_SIDE as u32;
+/// The margin of a patch around its pixel, in pixels, with that of its structure tensor.
+pub const PATCH_REACH: u32 = HALF_SIDE as u32 + 1;
 
 /// The number of compared pixels of a patch.
 const PIXELS: usize = 25;

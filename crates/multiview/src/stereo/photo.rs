@@ -10,6 +10,10 @@ use render::Camera;
 /// The largest rounding of a film position, in pixels.
 const ROUNDING: f32 = 0.01;
 
+/// The largest grey value in display units. Brighter ones, a lamp of a photograph with a high
+/// dynamic range, would leave too few steps for the others.
+const BRIGHTEST: f32 = 16.0;
+
 /// A photograph of a view.
 #[derive(Clone, Debug)]
 pub(crate) struct Photo {
@@ -32,7 +36,8 @@ impl Photo {
     pub(crate) fn new(camera: &Camera, image: &Film) -> Self {
         let grey = |p: &[f32; 3]| srgb_encode(p.iter().sum::<f32>() / 3.0);
         let values: Vec<f32> = image.pixels.par_iter().map(grey).collect();
-        let unit = values.iter().copied().fold(1.0, f32::max) / f32::from(u16::MAX);
+        let brightest = values.iter().copied().fold(1.0, f32::max).min(BRIGHTEST);
+        let unit = brightest / f32::from(u16::MAX);
         let grey = values.iter().map(|value| (value / unit).round() as u16).collect();
         let (width, height) = (image.width as usize, image.height as usize);
         Self::of_grey(camera, [width, height], grey, unit)

@@ -37,10 +37,11 @@ pub(crate) enum Space {
 impl Space {
     /// The space in front of the cameras of photographs.
     pub(crate) fn of_cameras(photos: &[Photo]) -> Self {
-        let middle = photos.iter().map(|photo| photo.eye).sum::<Vec3>() / photos.len() as f32;
+        let count = photos.len().max(1) as f32;
+        let middle = photos.iter().map(|photo| photo.eye).sum::<Vec3>() / count;
         let mut all: Vec<f32> = photos.iter().map(|photo| photo.eye.distance(middle)).collect();
         all.sort_by(f32::total_cmp);
-        Space::Anywhere { spread: all[all.len() / 2] }
+        Space::Anywhere { spread: all.get(all.len() / 2).copied().unwrap_or(0.0) }
     }
 
     /// The inverse depths at which a ray leaves and enters the space; `ray` has the length 1 along
