@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn noise_of_single_pixels_is_little_contrast() {
         // Alternating pixels of 0.04 and 0.06: a contrast of 0.3, were single pixels compared.
-        let noisy = |i: usize| [if (i % 16 + i / 16) % 2 == 0 { 0.04 } else { 0.06 }; 3];
+        let noisy = |i: usize| [if (i % 16 + i / 16).is_multiple_of(2) { 0.04 } else { 0.06 }; 3];
         let image = Film { width: 16, height: 16, pixels: (0..256).map(noisy).collect() };
         let found = contrast(&image, &Draw { view: 0, x: 8, y: 8, count: 1 });
         assert!(found < 0.05, "{found}");
