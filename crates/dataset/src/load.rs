@@ -6,7 +6,7 @@ use files::{InputError, check_memory};
 use rayon::prelude::*;
 use render::Camera;
 
-use crate::readers::{Distortion, Recognised, UnreadView, recognise};
+use crate::readers::{Distortion, Recognised, UnreadView, dynamic, recognise};
 
 use crate::masks::recognise_used;
 use crate::split::{HeldOut, Placed, place};
@@ -175,12 +175,13 @@ impl Unread {
             return Err(InputError::new(path, "downscale", 0, "1 or more"));
         }
         refuse_too_many(&path, [&train, &test], n)?;
+        let is_dynamic = [dynamic(&train), dynamic(&test)].concat();
         let (of_train, all) = (train.len(), (train.len() + test.len()) as f64);
         let train = read_all(train, n, &mut |done| progress(done as f64 / all))?;
         let test = read_all(test, n, &mut |done| progress((of_train + done) as f64 / all))?;
         let Recognised { format, bounds, points, is_sure, notes, .. } = recognised;
         let mut dataset = Dataset { path, format, train, test, bounds, points, is_sure, notes };
-        recognise_used(&mut dataset);
+        recognise_used(&mut dataset, &is_dynamic);
         Ok(dataset)
     }
 }

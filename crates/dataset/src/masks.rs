@@ -10,23 +10,46 @@ const WHITE_BORDER: f64 = 0.5;
 /// Takes masks of the object as masks of pixels to use if most of them are white along the border
 /// of the frame: an object is in the middle of its photographs. `masks/a.png` can be either for the
 /// image `a.jpg`; COLMAP accepts it as pixels to use.
-pub(crate) fn recognise_used(dataset: &mut Dataset) {
-    let views = || dataset.train.iter().chain(&dataset.test);
-    let shares: Vec<f64> = views().filter_map(white_border).collect();
-    let white = shares.iter().filter(|share| **share > WHITE_BORDER).count();
-    if 2 * white <= shares.len() {
-        return;
+///
+/// White leaves pixels out in the masks of the views that `is_dynamic` names, those to fit first,
+/// unless most of them have no white along the border: then it is the object.
+pub(crate) fn recognise_used(dataset: &mut Dataset, is_dynamic: &[bool]) {
+    let views = || dataset.train.iter().chain(&dataset.test).zip(is_dynamic);
+    let shares = |wanted: bool| -> Vec<f64> {
+        let all = views().filter(|(_, is_dynamic)| **is_dynamic == wanted);
+        all.filter_map(|(view, _)| white_border(view)).collect()
+    };
+    let (objects, dynamic) = (shares(false), shares(true));
+    let white = objects.iter().filter(|share| **share > WHITE_BORDER).count();
+    let touching = dynamic.iter().filter(|share| **share > 0.0).count();
+    let is_used = 2 * white > objects.len();
+    let leaves_out = 2 * touching > dynamic.len();
+    let mut notes = Vec::new();
+    if is_used {
+        let all = objects.len();
+        notes.push(format!(
+            "{white} of {all} masks are white along the border of the frame: white is taken as \
+             pixels to use, not as the object"
+        ));
     }
-    for view in dataset.train.iter_mut().chain(&mut dataset.test) {
-        if let Some(mask) = view.mask.as_mut().filter(|mask| mask.kind == MaskKind::Object) {
+    if leaves_out {
+        notes.push("white pixels of dynamic masks are left out".to_owned());
+    } else if !dynamic.is_empty() {
+        let text = "dynamic masks are white in the middle of the photographs only: white is taken";
+        notes.push(format!("{text} as the object, not as pixels to leave out"));
+    }
+    let views = dataset.train.iter_mut().chain(&mut dataset.test).zip(is_dynamic);
+    for (view, is_dynamic) in views {
+        let is_taken = if *is_dynamic { leaves_out } else { is_used };
+        let mask = view.mask.as_mut().filter(|mask| mask.kind == MaskKind::Object && is_taken);
+        if let Some(mask) = mask {
             mask.kind = MaskKind::Used;
+            if *is_dynamic {
+                mask.values.iter_mut().for_each(|value| *value = 1.0 - *value);
+            }
         }
     }
-    let (count, all) = (white, shares.len());
-    dataset.notes.push(format!(
-        "{count} of {all} masks are white along the border of the frame: white is taken as pixels \
-         to use, not as the object"
-    ));
+    dataset.notes.extend(notes);
 }
 
 /// The share of white along the border of a mask of the object; `None` if all of it is white.
@@ -75,13 +98,20 @@ mod tests {
     #[test]
     fn masks_that_are_white_along_the_border_tell_pixels_to_use() {
         let kind_of = |mut dataset: Dataset| {
-            recognise_used(&mut dataset);
+            recognise_used(&mut dataset, &[false; 3]);
             (dataset.train[2].mask.as_ref().unwrap().kind, dataset.notes.len())
         };
         assert_eq!(kind_of(dataset(MaskKind::Object, 1.0, 0.0)), (MaskKind::Object, 0));
         assert_eq!(kind_of(dataset(MaskKind::Object, 0.0, 1.0)), (MaskKind::Used, 1));
         assert_eq!(kind_of(dataset(MaskKind::Object, 1.0, 1.0)), (MaskKind::Object, 0));
         assert_eq!(kind_of(dataset(MaskKind::Alpha, 0.0, 1.0)), (MaskKind::Alpha, 0));
+        let dynamic = |mut dataset: Dataset| {
+            recognise_used(&mut dataset, &[true; 3]);
+            let mask = dataset.train.remove(2).mask.unwrap();
+            (mask.kind, mask.values[0], dataset.notes.len())
+        };
+        assert_eq!(dynamic(dataset(MaskKind::Object, 0.0, 1.0)), (MaskKind::Used, 0.0, 1));
+        assert_eq!(dynamic(dataset(MaskKind::Object, 1.0, 0.0)), (MaskKind::Object, 0.0, 1));
         let mut one_of_three = dataset(MaskKind::Object, 1.0, 0.0);
         one_of_three.train[0] = dataset(MaskKind::Object, 0.0, 1.0).train.remove(0);
         assert_eq!(kind_of(one_of_three), (MaskKind::Object, 0));

@@ -40,7 +40,8 @@ type Result<T> = std::result::Result<T, InputError>;
 /// an array that grows has twice the room.
 const MEMORY_PER_BYTE: u64 = 64;
 
-/// Reads a JSON file.
+/// Reads a JSON file. Python's `NaN`, `Infinity` and `-Infinity` become strings: a reader that
+/// wants a number there refuses them by name.
 ///
 /// # Errors
 /// If it is no regular file, cannot be read, is too large for the memory or is not JSON. The error
@@ -48,9 +49,42 @@ const MEMORY_PER_BYTE: u64 = 64;
 pub fn read(path: &Path) -> Result<Value> {
     let bytes = read_within(path, "file", "a JSON file", MEMORY_PER_BYTE)?;
     let text = text(path, "file", "a JSON file", bytes)?;
-    serde_json::from_str(&text).map_err(|e| {
-        InputError::new(path, format!("line {} column {}", e.line(), e.column()), e, "JSON")
+    serde_json::from_str(&text).or_else(|e| {
+        let error = || {
+            InputError::new(path, format!("line {} column {}", e.line(), e.column()), &e, "JSON")
+        };
+        serde_json::from_str(&quoted(&text)).map_err(|_| error())
     })
+}
+
+/// The words of numbers that are not finite, as Python writes them.
+const NOT_FINITE: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
+
+/// Whether a value is a number that is not finite, as [`read`] returns it: a string.
+pub fn not_finite(value: &Value) -> bool {
+    value.as_str().is_some_and(|text| NOT_FINITE.contains(&text))
+}
+
+/// The text with Python's words for numbers that are not finite as strings: JSON has none.
+fn quoted(text: &str) -> String {
+    let (mut out, mut rest) = (String::with_capacity(text.len()), text);
+    let (mut is_string, mut is_escaped) = (false, false);
+    while let Some(c) = rest.chars().next() {
+        let word = NOT_FINITE.iter().find(|word| !is_string && rest.starts_with(**word));
+        if let Some(word) = word {
+            out.extend(["\"", word, "\""]);
+            rest = &rest[word.len()..];
+            continue;
+        }
+        (is_string, is_escaped) = match c {
+            '"' if !is_escaped => (!is_string, false),
+            '\\' if is_string => (true, !is_escaped),
+            _ => (is_string, false),
+        };
+        out.push(c);
+        rest = &rest[c.len_utf8()..];
+    }
+    out
 }
 
 /// A value as JSON text for a message: its first 60 characters, then `…` if there are more.

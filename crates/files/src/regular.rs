@@ -72,18 +72,41 @@ pub(crate) fn read_within(
     Ok(bytes)
 }
 
-/// The content of a file as text.
+/// The content of a file as text: UTF-8, with a byte order mark or without, or UTF-16 with one.
 pub(crate) fn text(
     path: &Path,
     field: &str,
     expected: &str,
     bytes: Vec<u8>,
 ) -> Result<String, InputError> {
+    let bytes = match bytes.strip_prefix(b"\xef\xbb\xbf") {
+        Some(rest) => rest.to_vec(),
+        None => bytes,
+    };
+    if let Some(text) = utf_16(&bytes) {
+        return Ok(text);
+    }
     String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let found = format!("a byte that is not UTF-8, after {at} bytes");
         InputError::new(path, field, found, expected)
     })
+}
+
+/// The text of a file that starts with a byte order mark of UTF-16, which PowerShell writes.
+fn utf_16(bytes: &[u8]) -> Option<String> {
+    let (rest, is_little) = match bytes {
+        [0xff, 0xfe, rest @ ..] => (rest, true),
+        [0xfe, 0xff, rest @ ..] => (rest, false),
+        _ => return None,
+    };
+    let (units, end) = rest.as_chunks::<2>();
+    let unit = |unit: &[u8; 2]| match is_little {
+        true => u16::from_le_bytes(*unit),
+        false => u16::from_be_bytes(*unit),
+    };
+    let text = char::decode_utf16(units.iter().map(unit)).collect::<Result<String, _>>().ok();
+    text.filter(|_| end.is_empty())
 }
 
 /// The reason of a failed access, for a message.
@@ -200,6 +223,15 @@ mod tests {
         std::fs::write(&path, b"{\"a\": \xff}").unwrap();
         let message = read_text(&path, "file", "JSON").unwrap_err().to_string();
         assert!(message.contains("not UTF-8, after 6 bytes"), "{message}");
+        let utf_16 = |text: &str| text.encode_utf16().collect::<Vec<u16>>();
+        let little = utf_16("\u{feff}gö").iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+        let big = utf_16("\u{feff}gö").iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<_>>();
+        for bytes in ["\u{feff}gö".as_bytes(), &little, &big] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read_text(&path, "file", "JSON").unwrap(), "gö");
+        }
+        std::fs::write(&path, &little[..little.len() - 1]).unwrap();
+        assert!(read_text(&path, "file", "JSON").is_err());
         std::fs::write(&path, "good").unwrap();
         assert_eq!(read_text(&path, "file", "JSON").unwrap(), "good");
     }

@@ -13,6 +13,7 @@ mod label;
 mod npy;
 #[cfg(test)]
 mod photo_tests;
+mod resize;
 mod sheet;
 mod srgb;
 mod stored;

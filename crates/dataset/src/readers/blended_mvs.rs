@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::readers::images::image_place;
 use crate::readers::lens::Lens;
-use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::lookup::image_place;
+use crate::readers::projection::{PoseFault, camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -43,8 +43,10 @@ pub(crate) fn read(folder: &Path, cameras: &[PathBuf]) -> Result<Recognised> {
         let pose_and_k = CameraFile::read(file)?;
         let path = image_place(&images, &name);
         views.add(path, |path| {
-            let (camera, lens) = pose_and_k.camera(file, image_size(&path)?)?;
-            Ok(UnreadView::of_image(name, path, camera, lens).with_object_mask(folder))
+            let found = pose_and_k.camera(file, image_size(&path)?)?;
+            Ok(found.map(|(camera, scale, lens)| {
+                UnreadView::of_image(name, path, camera, lens).with_pose_scale(scale)
+            }))
         })?;
     }
     let format =
@@ -63,7 +65,7 @@ impl CameraFile {
         let text = files::read_text(file, "file", "a readable text file")?;
         let mut words = text.split_whitespace();
         let mut matrix = |name: &str, count: usize| -> Result<Vec<f64>> {
-            let expected = format!("the word {name} and {count} finite numbers");
+            let expected = format!("the word {name} and {count} numbers");
             let error = |found: &str| InputError::new(file, name, found, &expected);
             match words.next() {
                 Some(word) if word == name => {}
@@ -71,20 +73,28 @@ impl CameraFile {
             }
             let number = |_| {
                 let word = words.next().ok_or_else(|| error("the file's end"))?;
-                word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| error(word))
+                word.parse().map_err(|_| error(word))
             };
             (0..count).map(number).collect()
         };
         Ok(CameraFile { extrinsic: matrix("extrinsic", 16)?, intrinsic: matrix("intrinsic", 9)? })
     }
 
-    fn camera(&self, file: &Path, (width, height): (u32, u32)) -> Result<(Camera, Lens)> {
+    fn camera(
+        &self,
+        file: &Path,
+        (width, height): (u32, u32),
+    ) -> Result<Option<(Camera, f64, Lens)>> {
         let (m, k) = (&self.extrinsic, &self.intrinsic);
         if m[12..] != [0.0, 0.0, 0.0, 1.0] {
             let found = format!("last row {:?}", &m[12..]);
             return Err(InputError::new(file, "extrinsic", found, "last row [0, 0, 0, 1]"));
         }
-        let is_k = k[0] > 0.0 && k[4] > 0.0 && k[3] == 0.0 && k[6..] == [0.0, 0.0, 1.0];
+        let is_k = k.iter().all(|v| v.is_finite())
+            && k[0] > 0.0
+            && k[4] > 0.0
+            && k[3] == 0.0
+            && k[6..] == [0.0, 0.0, 1.0];
         if !is_k {
             let expected = "K = [fx, s, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0";
             return Err(InputError::new(file, "intrinsic", format!("{k:?}"), expected));
@@ -95,10 +105,14 @@ impl CameraFile {
         let eye = -(axes * DVec3::new(m[3], m[7], m[11]));
         let pose = camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye);
         let (focal, principal) = (DVec2::new(k[0], k[4]), DVec2::new(k[2], k[5]));
-        let camera = Camera::from_pose(width, height, focal, principal, pose).ok_or_else(|| {
-            let expected = "a rotation and a translation, world-to-camera";
-            InputError::new(file, "extrinsic", pose_fault(pose), expected)
-        })?;
-        Ok((camera, Lens { skew: k[1], ..Lens::default() }))
+        let lens = Lens { skew: k[1], ..Lens::default() };
+        match placed([width, height], focal, principal, pose) {
+            Ok((camera, scale)) => Ok(Some((camera, scale, lens))),
+            Err(PoseFault::None) => Ok(None),
+            Err(PoseFault::Wrong(found)) => {
+                let expected = "a rotation and a translation, world-to-camera";
+                Err(InputError::new(file, "extrinsic", found, expected))
+            }
+        }
     }
 }

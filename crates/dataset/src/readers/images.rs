@@ -1,7 +1,10 @@
 //! Folders of images: their names, reduced copies, and the images of numbered cameras.
 
-use std::path::{Component, Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
+use crate::readers::lookup::{entries, file_name, folder_named};
+use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
 use film::refuse_unconverted;
@@ -11,6 +14,9 @@ pub(crate) const FOLDERS: [&str; 2] = ["images", "input"];
 
 /// The factors of reduced copies: `images_2` has half of the width and height of `images`.
 const REDUCED: [u32; 3] = [2, 4, 8];
+
+/// Extensions of the images of a folder whose camera file does not name them.
+const LISTED: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
 /// A folder of images.
 pub(crate) struct ImageFolder {
@@ -29,7 +35,8 @@ pub(crate) fn reduced_copies(folder: &Path) -> impl Iterator<Item = PathBuf> + u
 /// The folder of images in one of these places: the first of full images that `has` says to be the
 /// right one; else the first such of reduced images; else the first folder of images at all.
 pub(crate) fn image_folder(places: &[&Path], has: impl Fn(&Path) -> bool) -> Option<ImageFolder> {
-    let full = places.iter().flat_map(|place| FOLDERS.map(|name| place.join(name)));
+    let named = |place: &Path, name| folder_named(place, name).unwrap_or_else(|| place.join(name));
+    let full = places.iter().flat_map(|place| FOLDERS.map(|name| named(place, name)));
     let full = full.collect::<Vec<_>>();
     let reduced = full.iter().flat_map(|folder| reduced_copies(folder)).map(|path| (path, true));
     let all = full.iter().map(|path| (path.clone(), false)).chain(reduced);
@@ -53,44 +60,40 @@ pub(crate) fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// The PNG and JPEG files of a folder, in the order of their names.
+/// The images of a folder, in the order of their names. Masks beside them are none.
 pub(crate) fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)?.flatten().map(|e| e.path()).collect();
-    paths.retain(|p| {
-        p.extension().is_some_and(|e| {
-            ["png", "jpg", "jpeg"].contains(&e.to_string_lossy().to_lowercase().as_str())
-        })
-    });
-    paths.sort();
+    std::fs::read_dir(folder)?;
+    let mut paths = entries(folder);
+    paths.retain(|path| LISTED.contains(&files::extension(path).as_str()));
+    let stems = paths.iter().filter_map(|path| path.file_stem());
+    let stems: BTreeSet<String> = stems.map(|stem| stem.to_string_lossy().into_owned()).collect();
+    paths.retain(|path| !is_mask_of(&file_name(path), &stems));
     Ok(paths)
 }
 
-/// The image `name` in `folder`. Its extension may be missing in the name, or another one: for
-/// example, HEIC files are converted after COLMAP has seen them. The copy then counts, not they.
-pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
-    let as_named = folder.join(name);
-    let extensions = ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG"];
-    let added = extensions.map(|e| folder.join(format!("{name}.{e}")));
-    let replaced = extensions.map(|e| as_named.with_extension(e));
-    let is_converted = ["heic", "heif", "avif"].contains(&files::extension(&as_named).as_str());
-    let (first, last) = if is_converted { (None, Some(as_named)) } else { (Some(as_named), None) };
-    let places = first.into_iter().chain(added).chain(replaced).chain(last);
-    places.into_iter().find(|p| p.is_file())
-}
-
-/// The path of [`image_named`], or of the missing image with this very name.
-pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
-    image_named(folder, name).unwrap_or_else(|| folder.join(name))
-}
-
-/// `masks/train/r_000.png` for `./train/r_000`, or else `masks/r_000.png`. For a name that is not
-/// inside the folder, only the latter.
-pub(crate) fn sibling_mask(folder: &Path, name: &str) -> Option<PathBuf> {
-    let name = name.trim_start_matches("./");
-    let file = name.rsplit_once('/').map_or(name, |(_, file)| file);
-    let is_inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
-    let names = [Some(name).filter(|_| is_inside), Some(file)];
-    names.into_iter().flatten().find_map(|n| image_named(&folder.join("masks"), n))
+/// Puts images into the order of their numbers, if their names differ by one number only, and
+/// returns a note if that is not the order of the names.
+pub(crate) fn by_number(images: &mut [PathBuf]) -> Option<String> {
+    let parts = |path: &PathBuf| {
+        let stem = path.file_stem()?.to_string_lossy().into_owned();
+        let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
+        let start = end.trim_end_matches(|c: char| c.is_ascii_digit());
+        let number: u64 = end[start.len()..].parse().ok()?;
+        Some((start.to_owned(), stem[end.len()..].to_owned(), number))
+    };
+    let all = images.iter().map(parts).collect::<Option<Vec<_>>>()?;
+    let (start, end, _) = all.first()?;
+    if all.iter().any(|(a, b, _)| (a, b) != (start, end)) || all.is_sorted_by_key(|p| p.2) {
+        return None;
+    }
+    let number = |path: &PathBuf| parts(path).map(|parts| parts.2);
+    let first_by_name = images.iter().zip(&images[1..]).find(|(a, b)| number(a) > number(b));
+    let (a, b) = first_by_name.map(|(a, b)| (file_name(a), file_name(b)))?;
+    images.sort_by_key(number);
+    Some(format!(
+        "images are paired with the cameras by their numbers: {b} comes before {a}, though not by \
+         name. If the cameras are in the order of the names, rename the images with leading zeros"
+    ))
 }
 
 /// The index of the camera of each image, in a set of `count` cameras whose file does not name the
@@ -115,7 +118,7 @@ pub(crate) fn positions(images: &[PathBuf], count: usize) -> Option<Vec<usize>> 
 }
 
 /// The last number in the name of a file, without its extension.
-fn number(path: &Path) -> Option<usize> {
+pub(crate) fn number(path: &Path) -> Option<usize> {
     let stem = path.file_stem()?.to_string_lossy().into_owned();
     let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
     let start = end.trim_end_matches(|c: char| c.is_ascii_digit()).len();

@@ -11,11 +11,11 @@ use std::path::Path;
 
 use glam::{DMat4, DVec2, DVec3};
 
-use crate::readers::images::{image_folder, images, images_in, positions};
+use crate::readers::images::{by_number, image_folder, images, images_in, positions};
 use crate::readers::lens::Lens;
 use crate::readers::npy;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::pose_fault;
+use crate::readers::projection::{PoseFault, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -38,7 +38,8 @@ pub(crate) fn read(folder: &Path) -> Result<Recognised> {
     let place = image_folder(&[folder], has_all).ok_or_else(|| {
         InputError::new(folder, "images", "no such folder", "a folder images or images_4")
     })?;
-    let images = images(&place.path)?;
+    let mut images = images(&place.path)?;
+    let note = by_number(&mut images);
     let numbers = positions(&images, rows.len()).ok_or_else(|| {
         let (found, count) = (format!("{} rows", rows.len()), images.len());
         let expected = format!("{count}, one for each image in {}", place.path.display());
@@ -47,17 +48,20 @@ pub(crate) fn read(folder: &Path) -> Result<Recognised> {
     let mut views = Views::default();
     for (path, i) in images.iter().zip(&numbers) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let camera = camera(&file, *i, &rows[*i])?;
+        let Some((camera, scale)) = camera(&file, *i, &rows[*i])? else {
+            views.unposed.push(path.clone());
+            continue;
+        };
         let view = UnreadView::of_image(name, path.clone(), camera, Lens::default());
+        let view = view.with_pose_scale(scale);
         let size_source = Some("poses_bounds.npy".to_owned());
-        views
-            .found
-            .push(UnreadView { size_source, ..view }.with_object_mask(folder).of_reduced_image()?);
+        views.found.push(UnreadView { size_source, ..view }.of_reduced_image()?);
     }
     let missing = (0..rows.len()).filter(|i| !numbers.contains(i));
     views.missing = missing.map(|i| place.path.join(format!("image {i}"))).collect();
     let format = "LLFF poses_bounds.npy: camera-to-world, axes down, right, backwards";
-    Ok(Recognised::new(format, views))
+    let notes = note.into_iter().collect();
+    Ok(Recognised { notes, ..Recognised::new(format, views) })
 }
 
 fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
@@ -78,15 +82,15 @@ fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
         std::io::ErrorKind::UnexpectedEof => error("a file that is cut short".to_owned()),
         _ => error(e.to_string()),
     })?;
-    if let Some(i) = numbers.iter().position(|v| !v.is_finite()) {
-        return Err(error(format!("{} in row {}", numbers[i], i / NUMBERS)));
-    }
     let (rows, _) = numbers.as_chunks::<NUMBERS>();
     Ok(rows.to_vec())
 }
 
-/// The camera of a row, of the full image.
-fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Camera> {
+/// The camera of a row, of the full image, and the scale of its pose; `None` without a usable pose.
+fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Option<(Camera, f64)>> {
+    if row.iter().any(|number| !number.is_finite()) {
+        return Ok(None);
+    }
     let error = |field: &str, found: String, expected: &str| {
         Err(InputError::new(file, format!("row {i} {field}"), found, expected))
     };
@@ -105,8 +109,11 @@ fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Camera> {
         eye.extend(1.0),
     );
     let principal = DVec2::new(width, height) / 2.0;
-    match Camera::from_pose(columns, rows, DVec2::splat(focal), principal, pose) {
-        Some(camera) => Ok(camera),
-        None => error("pose", pose_fault(pose), "a rotation (down, right, backwards) and an eye"),
+    match placed([columns, rows], DVec2::splat(focal), principal, pose) {
+        Ok(camera) => Ok(Some(camera)),
+        Err(PoseFault::None) => Ok(None),
+        Err(PoseFault::Wrong(found)) => {
+            error("pose", found, "a rotation (down, right, backwards) and an eye")
+        }
     }
 }

@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DMat4, DVec2, DVec3};
 use roxmltree::{Document, Node};
 
-use crate::readers::images::{FOLDERS, image_named, reduced_copies};
+use crate::readers::images::{FOLDERS, reduced_copies};
 use crate::readers::lens::Lens;
-use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::lookup::image_named;
+use crate::readers::projection::{PoseFault, camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -82,6 +83,60 @@ fn numbers<const N: usize>(file: &Path, place: &str, node: Node<'_, '_>) -> Resu
     })
 }
 
+/// The 16 numbers of a pose, which may be none: not finite.
+fn entries(file: &Path, place: &str, node: Node<'_, '_>) -> Result<[f64; 16]> {
+    let text = node.text().unwrap_or_default();
+    let all: Option<Vec<f64>> = text.split_whitespace().map(|w| w.parse().ok()).collect();
+    all.and_then(|all| all.try_into().ok()).ok_or_else(|| {
+        InputError::new(file, place, format!("{:?}", text.trim()), "16 finite numbers")
+    })
+}
+
+/// The sensor of this number.
+fn sensor<'a, 'i>(chunk: Node<'a, 'i>, id: &str) -> Option<Node<'a, 'i>> {
+    let all = child(chunk, "sensors")?;
+    children(all, "sensor").find(|node| node.attribute("id").unwrap_or_default() == id)
+}
+
+/// The calibration of a sensor: the adjusted one if there are several.
+fn calibration<'a, 'i>(sensor: Node<'a, 'i>) -> Option<Node<'a, 'i>> {
+    let is_adjusted = |node: &Node<'_, '_>| node.attribute("class") == Some("adjusted");
+    let adjusted = children(sensor, "calibration").find(is_adjusted);
+    adjusted.or_else(|| child(sensor, "calibration"))
+}
+
+/// The camera model of a sensor.
+fn model<'a>(sensor: Node<'a, '_>) -> &'a str {
+    let of_calibration = calibration(sensor).and_then(|node| node.attribute("type"));
+    of_calibration.or(sensor.attribute("type")).unwrap_or("frame")
+}
+
+/// Whether a camera has a sensor that sees in all directions.
+fn is_spherical(chunk: Node<'_, '_>, camera: Node<'_, '_>) -> bool {
+    let sensor = sensor(chunk, camera.attribute("sensor_id").unwrap_or_default());
+    sensor.is_some_and(|sensor| ["spherical", "cylindrical"].contains(&model(sensor)))
+}
+
+/// The numbers of cameras that are left out, by the reason.
+#[derive(Default)]
+struct LeftOut {
+    unaligned: usize,
+    unnamed: usize,
+    spherical: usize,
+}
+
+impl LeftOut {
+    fn notes(&self) -> Vec<String> {
+        let all = [
+            ("cameras that Metashape did not align, left out", self.unaligned),
+            ("cameras without a label, so without a photograph, left out", self.unnamed),
+            ("cameras of spherical sensors, which are no pinholes, left out", self.spherical),
+        ];
+        let some = all.into_iter().filter(|(_, count)| *count > 0);
+        some.map(|(text, count)| format!("{text}: {count}")).collect()
+    }
+}
+
 /// A similarity transform: x ↦ rotation · x · scale + translation.
 #[derive(Clone, Copy)]
 struct Similarity {
@@ -135,6 +190,8 @@ struct Chunk<'a, 'i> {
     file: &'a Path,
     node: Node<'a, 'i>,
     cameras: Vec<Node<'a, 'i>>,
+    /// All cameras by their numbers: one of a rig has its pose relative to its master.
+    masters: BTreeMap<&'a str, Node<'a, 'i>>,
     /// From the component to the world.
     to_world: Similarity,
     notes: Vec<String>,
@@ -147,18 +204,27 @@ impl<'a, 'i> Chunk<'a, 'i> {
         let is_enabled =
             |camera: &Node<'_, '_>| !matches!(camera.attribute("enabled"), Some("0" | "false"));
         let all = all.filter(|n| n.has_tag_name("camera")).filter(is_enabled);
+        let mut rest = LeftOut::default();
         let mut parts: BTreeMap<Option<&str>, Vec<Node<'a, 'i>>> = BTreeMap::new();
-        let mut left_out = 0;
+        let of_id = all.clone().filter_map(|camera| Some((camera.attribute("id")?, camera)));
+        let masters: BTreeMap<&str, Node<'a, 'i>> = of_id.collect();
         for camera in all {
-            match child(camera, "transform") {
-                Some(_) => parts.entry(camera.attribute("component_id")).or_default().push(camera),
-                None => left_out += 1,
+            let master =
+                camera.attribute("master_id").filter(|id| camera.attribute("id") != Some(id));
+            let master = master.and_then(|id| masters.get(id)).copied();
+            let is_placed = child(master.unwrap_or(camera), "transform").is_some();
+            let is_named = camera.attribute("label").is_some_and(|label| !label.is_empty());
+            match (is_placed, is_named, is_spherical(node, camera)) {
+                (false, ..) => rest.unaligned += 1,
+                (_, false, _) => rest.unnamed += 1,
+                (.., true) => rest.spherical += 1,
+                _ => {
+                    let component = master.unwrap_or(camera).attribute("component_id");
+                    parts.entry(component).or_default().push(camera);
+                }
             }
         }
-        let mut notes = Vec::new();
-        if left_out > 0 {
-            notes.push(format!("cameras that Metashape did not align, left out: {left_out}"));
-        }
+        let mut notes = rest.notes();
         let count = parts.len();
         let largest = parts.into_iter().rev().max_by_key(|(_, cameras)| cameras.len());
         let (component, cameras) = largest.unwrap_or_default();
@@ -173,7 +239,7 @@ impl<'a, 'i> Chunk<'a, 'i> {
             Some(node) => of_chunk.after(&Similarity::of(file, "component", node)?),
             None => of_chunk,
         };
-        Ok(Chunk { file, node, cameras, to_world, notes })
+        Ok(Chunk { file, node, cameras, masters, to_world, notes })
     }
 
     fn error(&self, place: &str, found: &str, expected: &str) -> InputError {
@@ -182,13 +248,20 @@ impl<'a, 'i> Chunk<'a, 'i> {
 
     fn read(mut self, folder: &Path) -> Result<Recognised> {
         if self.cameras.is_empty() {
-            return Err(self.error("cameras", "none with a transform", "aligned cameras"));
+            let found = format!(
+                "none with a transform{}",
+                self.notes.iter().map(|n| format!("; {n}")).collect::<String>()
+            );
+            return Err(self.error(
+                "cameras",
+                &found,
+                "aligned cameras of a frame or fisheye lens",
+            ));
         }
         let mut sensors = BTreeMap::new();
         let mut views = Views::default();
         for camera in &self.cameras {
-            let label = camera.attribute("label").filter(|label| !label.is_empty());
-            let label = label.ok_or_else(|| self.error("camera", "no label", "a label"))?;
+            let label = camera.attribute("label").unwrap_or_default();
             let id = camera.attribute("sensor_id").unwrap_or_default();
             if !sensors.contains_key(id) {
                 sensors.insert(id, self.sensor(id)?);
@@ -197,15 +270,18 @@ impl<'a, 'i> Chunk<'a, 'i> {
             let (path, is_reduced) = image_of(folder, label);
             views.add(path, |path| {
                 let (Camera { width, height, focal, principal, .. }, lens) = sensors[id];
-                let camera = Camera::from_pose(width, height, focal, principal, pose);
-                let camera = camera.ok_or_else(|| {
-                    let place = format!("camera {label:?} transform");
-                    self.error(&place, &pose_fault(pose), "a rotation and a translation")
-                })?;
+                let (camera, scale) = match placed([width, height], focal, principal, pose) {
+                    Ok(placed) => placed,
+                    Err(PoseFault::None) => return Ok(None),
+                    Err(PoseFault::Wrong(found)) => {
+                        let place = format!("camera {label:?} transform");
+                        return Err(self.error(&place, &found, "a rotation and a translation"));
+                    }
+                };
                 let view = UnreadView::of_image(label.to_owned(), path, camera, lens);
-                let view = view.with_object_mask(folder);
+                let view = view.with_pose_scale(scale);
                 let view = UnreadView { size_source: Some(format!("sensor {id}")), ..view };
-                if is_reduced { view.of_reduced_image() } else { Ok(view) }
+                Ok(Some(if is_reduced { view.of_reduced_image()? } else { view }))
             })?;
         }
         let format = "Metashape camera file: camera-to-chunk, OpenCV axes";
@@ -215,35 +291,58 @@ impl<'a, 'i> Chunk<'a, 'i> {
 
     /// The camera-to-world matrix of a camera.
     fn pose(&self, label: &str, camera: Node<'_, '_>) -> Result<DMat4> {
-        let place = format!("camera {label:?} transform");
-        let Some(transform) = child(camera, "transform") else {
-            return Err(self.error(&place, "nothing", "16 numbers"));
+        let master = camera.attribute("master_id").filter(|id| camera.attribute("id") != Some(id));
+        let m = match master.and_then(|id| self.masters.get(id)) {
+            Some(master) => self.transform(label, *master)? * self.in_rig(label, camera)?,
+            None => self.transform(label, camera)?,
         };
-        let m = DMat4::from_cols_array(&numbers(self.file, &place, transform)?).transpose();
-        if m.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
-            let found = format!("last row {}", m.row(3));
-            return Err(self.error(&place, &found, "last row [0, 0, 0, 1]"));
-        }
         let axes = self.to_world.rotation * DMat3::from_mat4(m);
         let eye = self.to_world.point(m.w_axis.truncate());
         Ok(camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye))
     }
 
+    /// The transform of a camera.
+    fn transform(&self, label: &str, camera: Node<'_, '_>) -> Result<DMat4> {
+        let place = format!("camera {label:?} transform");
+        let Some(transform) = child(camera, "transform") else {
+            return Err(self.error(&place, "nothing", "16 numbers"));
+        };
+        let m = DMat4::from_cols_array(&entries(self.file, &place, transform)?).transpose();
+        if m.is_finite() && m.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+            let found = format!("last row {}", m.row(3));
+            return Err(self.error(&place, &found, "last row [0, 0, 0, 1]"));
+        }
+        Ok(m)
+    }
+
+    /// The pose of a camera of a rig relative to its master: its own transform, or else the
+    /// rotation and the translation of its sensor.
+    fn in_rig(&self, label: &str, camera: Node<'_, '_>) -> Result<DMat4> {
+        if child(camera, "transform").is_some() {
+            return self.transform(label, camera);
+        }
+        let place = format!("camera {label:?} sensor");
+        let sensor = sensor(self.node, camera.attribute("sensor_id").unwrap_or_default());
+        let part = |name| sensor.and_then(|sensor| child(sensor, name));
+        let (Some(rotation), Some(translation)) = (part("rotation"), part("translation")) else {
+            let expected =
+                "a transform of the camera, or a rotation and a translation of its sensor";
+            return Err(self.error(&place, "neither", expected));
+        };
+        let rows = numbers::<9>(self.file, &place, rotation)?;
+        let axes = DMat3::from_cols_array(&rows).transpose();
+        let eye = DVec3::from(numbers::<3>(self.file, &place, translation)?);
+        Ok(DMat4::from_translation(eye) * DMat4::from_mat3(axes))
+    }
+
     /// The camera at the origin and the lens of a sensor.
     fn sensor(&self, id: &str) -> Result<(Camera, Lens)> {
         let place = format!("sensor {id}");
-        let mut sensors = child(self.node, "sensors").into_iter();
-        let sensor = sensors.find_map(|all| {
-            children(all, "sensor").find(|node| node.attribute("id").unwrap_or_default() == id)
-        });
-        let sensor =
-            sensor.ok_or_else(|| self.error(&place, "no such sensor", "that of a camera"))?;
-        let is_adjusted = |node: &Node<'_, '_>| node.attribute("class") == Some("adjusted");
-        let calibration = children(sensor, "calibration").find(is_adjusted);
-        let calibration = calibration.or_else(|| child(sensor, "calibration"));
-        let calibration = calibration
+        let sensor = sensor(self.node, id)
+            .ok_or_else(|| self.error(&place, "no such sensor", "that of a camera"))?;
+        let calibration = calibration(sensor)
             .ok_or_else(|| self.error(&place, "no calibration", "the calibration of a camera"))?;
-        let model = calibration.attribute("type").or(sensor.attribute("type")).unwrap_or("frame");
+        let model = model(sensor);
         let size = child(calibration, "resolution").or_else(|| child(sensor, "resolution"));
         let (width, height) = self.size(&place, size)?;
         let get = |key: &'static str| match child(calibration, key) {

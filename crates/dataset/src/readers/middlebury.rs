@@ -9,9 +9,9 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::readers::images::image_place;
 use crate::readers::lens::Lens;
-use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::lookup::image_place;
+use crate::readers::projection::{PoseFault, camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -19,8 +19,11 @@ use files::InputError;
 use film::image_size;
 use render::Camera;
 
+/// Numbers of K on a line.
+const INTRINSICS: usize = 9;
+
 /// Numbers on a line: K, R and t.
-const NUMBERS: usize = 9 + 9 + 3;
+const NUMBERS: usize = INTRINSICS + 9 + 3;
 
 /// Reads the camera file.
 pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
@@ -33,7 +36,7 @@ pub(super) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
     for (i, line) in lines {
         Line { file, number: i + 1 }.read(folder, line, &mut views)?;
     }
-    let found = views.found.len() + views.missing.len();
+    let found = views.found.len() + views.missing.len() + views.unposed.len();
     if found != count || count == 0 {
         let expected = format!("{count} (the number on line 1), at least 1");
         return Err(InputError::new(file, "views", found, expected));
@@ -59,25 +62,33 @@ impl Line<'_> {
         let name = words.next().unwrap_or_default();
         let numbers = self.numbers(words)?;
         views.add(image_place(folder, name), |path| {
-            let (camera, lens) = self.camera(&numbers, image_size(&path)?)?;
-            Ok(UnreadView::of_image(name.to_owned(), path, camera, lens))
+            let found = self.camera(&numbers, image_size(&path)?)?;
+            Ok(found.map(|(camera, scale, lens)| {
+                UnreadView::of_image(name.to_owned(), path, camera, lens).with_pose_scale(scale)
+            }))
         })
     }
 
     /// The 21 numbers after the name.
     fn numbers<'w>(&self, words: impl Iterator<Item = &'w str>) -> Result<Vec<f64>> {
-        let numbers: Vec<f64> = words.map(|w| w.parse().unwrap_or(f64::NAN)).collect();
-        let bad = numbers.iter().position(|v| !v.is_finite());
-        let found = match bad {
-            Some(i) => format!("number {} that is not finite", i + 1),
-            None if numbers.len() != NUMBERS => format!("{} numbers", numbers.len()),
-            None => return Ok(numbers),
+        let words: Vec<&str> = words.collect();
+        let number = |(i, word): (usize, &&str)| {
+            // Only a pose may be none.
+            let number = word.parse().ok().filter(|v: &f64| i >= INTRINSICS || v.is_finite());
+            number.ok_or_else(|| format!("number {} that is not finite", i + 1))
+        };
+        let numbers =
+            words.iter().enumerate().map(number).collect::<std::result::Result<Vec<_>, _>>();
+        let found = match numbers {
+            Err(found) => found,
+            Ok(numbers) if numbers.len() != NUMBERS => format!("{} numbers", numbers.len()),
+            Ok(numbers) => return Ok(numbers),
         };
         Err(self.error(found, "a name and 21 finite numbers: K, R, t"))
     }
 
     /// The camera, and its skew as a lens.
-    fn camera(&self, numbers: &[f64], (width, height): (u32, u32)) -> Result<(Camera, Lens)> {
+    fn camera(&self, numbers: &[f64], size: (u32, u32)) -> Result<Option<(Camera, f64, Lens)>> {
         let rows = |start: usize| DMat3::from_cols_slice(&numbers[start..start + 9]).transpose();
         let (k, r, t) = (rows(0), rows(9), DVec3::from_slice(&numbers[18..]));
         let (focal, principal) = (DVec2::new(k.x_axis.x, k.y_axis.y), k.z_axis.truncate());
@@ -89,8 +100,13 @@ impl Line<'_> {
         }
         let axes = r.transpose();
         let pose = camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, -(axes * t));
-        let camera = Camera::from_pose(width, height, focal, principal, pose)
-            .ok_or_else(|| self.error(format!("R with {}", pose_fault(pose)), "a rotation R"))?;
-        Ok((camera, Lens { skew: k.y_axis.x, ..Lens::default() }))
+        let lens = Lens { skew: k.y_axis.x, ..Lens::default() };
+        match placed(size.into(), focal, principal, pose) {
+            Ok((camera, scale)) => Ok(Some((camera, scale, lens))),
+            Err(PoseFault::None) => Ok(None),
+            Err(PoseFault::Wrong(fault)) => {
+                Err(self.error(format!("R with {fault}"), "a rotation R"))
+            }
+        }
     }
 }

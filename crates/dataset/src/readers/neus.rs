@@ -15,12 +15,13 @@ use glam::{DMat3, DMat4, DVec3};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use crate::readers::images::{images, images_in, positions};
+use crate::readers::images::{by_number, images, images_in, positions};
+use crate::readers::lookup::folder_named;
+use crate::readers::npy;
 use crate::readers::projection::decompose;
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
-use crate::readers::{MaskKind, npy};
 use files::InputError;
 use film::image_size;
 
@@ -34,30 +35,32 @@ const LARGEST_MATRIX: u64 = 12 + 10_000 + 16 * 8;
 /// names; by the numbers in the names if images are missing.
 pub(crate) fn read(folder: &Path, name: &str) -> Result<Recognised> {
     let mut archive = Archive::open(folder.join(name))?;
-    let images = images(&folder.join("image"))?;
-    let masks = images_in(&folder.join("mask")).unwrap_or_default();
+    let place = |name| folder_named(folder, name).unwrap_or_else(|| folder.join(name));
+    let mut images = images(&place("image"))?;
+    let note = by_number(&mut images);
+    let mut masks = images_in(&place("mask")).unwrap_or_default();
+    by_number(&mut masks);
     let cameras = archive.cameras_of(&images, &masks)?;
     let mut views = Views::default();
     let mut bounds = None;
-    for (i, (path, camera)) in images.iter().zip(&cameras).enumerate() {
-        let matrix = format!("world_mat_{camera}");
-        let world = archive.matrix(&matrix)?;
+    for (path, camera) in images.iter().zip(&cameras) {
+        let world = archive.matrix(&format!("world_mat_{camera}"))?;
         let scale = archive.matrix(&format!("scale_mat_{camera}"))?;
         bounds.get_or_insert(bounding_sphere(&archive.file, scale, *camera)?);
         let (width, height) = image_size(path)?;
-        let (camera, lens) = decompose(world, width, height).ok_or_else(|| {
-            let expected = "K [R t] with a regular K and a rotation R";
-            InputError::new(&archive.file, matrix, "a singular matrix", expected)
-        })?;
+        // A matrix that is singular or not finite is no pose.
+        let Some((camera, lens)) = decompose(world, width, height) else {
+            views.unposed.push(path.clone());
+            continue;
+        };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let mask = mask_of(&images, i, &masks).map(|mask| (MaskKind::Object, mask));
-        let view = UnreadView::of_image(name, path.clone(), camera, lens);
-        views.found.push(UnreadView { mask, ..view });
+        views.found.push(UnreadView::of_image(name, path.clone(), camera, lens));
     }
     let missing = (0..archive.cameras()).filter(|i| !cameras.contains(i));
     views.missing = missing.map(|i| folder.join("image").join(format!("{i:03}"))).collect();
     let format = format!("NeuS/IDR {name}: P = world_mat, OpenCV axes, integer pixel centres");
-    Ok(Recognised { bounds, ..Recognised::new(&format, views) })
+    let notes = note.into_iter().collect();
+    Ok(Recognised { bounds, notes, pairs_by_order: true, ..Recognised::new(&format, views) })
 }
 
 /// The archive of camera matrices: one `.npy` file a matrix.
@@ -117,11 +120,11 @@ impl Archive {
         let by_columns = npy.order() == npyz::Order::Fortran;
         let numbers = npy::numbers(npy).map_err(|e| error(e.to_string()))?;
         match <[f64; 16]>::try_from(numbers) {
-            Ok(m) if m.iter().all(|v| v.is_finite()) => {
+            Ok(m) => {
                 let m = DMat4::from_cols_array(&m);
                 Ok(if by_columns { m } else { m.transpose() })
             }
-            _ => Err(error("a number that is not finite".to_owned())),
+            Err(_) => Err(error("another number of floats".to_owned())),
         }
     }
 }
@@ -130,16 +133,6 @@ impl Archive {
 fn is_numbered(name: &str, prefix: &str) -> bool {
     let number = name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(".npy"));
     number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
-}
-
-/// The mask of image `i`: the one with its name if any mask has the name of an image, and else, if
-/// there are as many masks as images, the one at its place.
-fn mask_of(images: &[PathBuf], i: usize, masks: &[PathBuf]) -> Option<PathBuf> {
-    let same_name = |image: &PathBuf| masks.iter().find(|m| m.file_stem() == image.file_stem());
-    if images.iter().any(|image| same_name(image).is_some()) {
-        return same_name(&images[i]).cloned();
-    }
-    masks.get(i).filter(|_| masks.len() == images.len()).cloned()
 }
 
 /// The image of the unit sphere under `scale_mat`, in world units. The image is a sphere only if

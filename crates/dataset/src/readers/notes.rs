@@ -20,8 +20,17 @@ const MAX_NOTE_CHARACTERS: usize = 400;
 /// If more than half of the images to fit are missing; `path` is the data set.
 pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
     let missing = missing(recognised, path)?;
+    let unposed = unposed(recognised, path)?;
     let views = || recognised.train.iter().chain(recognised.test.iter().flatten());
-    let notes = [missing, reduced(views()), orientations(views()), fisheye(views())];
+    let notes = [
+        missing,
+        unposed,
+        scaled(views()),
+        reduced(views()),
+        resized_masks(views()),
+        orientations(views()),
+        fisheye(views()),
+    ];
     recognised.notes.extend(notes.into_iter().flatten());
     // Notes have names from files.
     for note in &mut recognised.notes {
@@ -52,18 +61,62 @@ fn missing(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
     Ok(Some(format!("{count} of {all} images {verb} missing and left out: {names}{more}")))
 }
 
+/// The note on images without a usable pose.
+fn unposed(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
+    let Recognised { train, unposed, test, .. } = recognised;
+    let Some(first) = unposed.first() else { return Ok(None) };
+    let (count, all) = (unposed.len(), train.len() + test.as_ref().map_or(0, Vec::len));
+    let name =
+        |image: &PathBuf| image.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if train.len() < count {
+        let (first, all) = (name(first), all + count);
+        let found = format!("{count} of {all} without a pose of finite numbers: {first}, …");
+        return Err(InputError::new(path, "poses", found, "at least half of the poses"));
+    }
+    let names: Vec<String> = unposed.iter().take(NAMED).map(name).collect();
+    let more = if count > NAMED { ", …" } else { "" };
+    let (verb, names) = (if count == 1 { "image has" } else { "images have" }, names.join(", "));
+    Ok(Some(format!(
+        "{count} {verb} no usable pose (null, singular or not finite) and are left out: {names}{more}"
+    )))
+}
+
+/// The note on poses whose rotations have a scale.
+fn scaled<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let mut all = views.filter(|view| (view.pose_scale - 1.0).abs() > 0.0);
+    let first = all.next()?;
+    let (count, scale) = (1 + all.count(), first.pose_scale);
+    Some(format!(
+        "rotations with a uniform scale, which is divided out: {count}. That of {} has {scale:.4}",
+        first.name
+    ))
+}
+
 /// The note on images smaller than those of the camera file.
 fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
     let (view, [from, to]) = views.find_map(|view| Some((view, [view.full_size?, view.size()])))?;
     let folder = view.path.parent().and_then(Path::file_name).unwrap_or_default();
     Some(format!(
-        "the images of {} are smaller than in the camera file: the intrinsics are scaled from \
+        "the images of {} are {} than in the camera file: the intrinsics are scaled from \
          {} x {} to {} x {} pixels",
         folder.display(),
+        if to < from { "smaller" } else { "larger" },
         from[0],
         from[1],
         to[0],
         to[1],
+    ))
+}
+
+/// The note on masks of another size than the photographs.
+fn resized_masks<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let mut all = views.filter_map(|view| Some((view, view.other_size_of_mask()?)));
+    let (view, from) = all.next()?;
+    let (count, to) = (1 + all.count(), view.size());
+    Some(format!(
+        "masks of another size than the photographs, and brought to their size: {count}. That of \
+         {} has {} x {} pixels, and the photograph {} x {}",
+        view.name, from[0], from[1], to[0], to[1],
     ))
 }
 

@@ -15,6 +15,12 @@ pub(crate) fn camera_to_world(x: DVec3, y: DVec3, z: DVec3, eye: DVec3) -> DMat4
     DMat4::from_cols(x.extend(0.0), (-y).extend(0.0), (-z).extend(0.0), eye.extend(1.0))
 }
 
+/// A camera-to-world matrix whose camera axes are turned by half a turn about x: from OpenCV's axes
+/// to those of [`Camera::from_pose`], or back.
+pub(crate) fn flipped(pose: DMat4) -> DMat4 {
+    DMat4::from_cols(pose.x_axis, -pose.y_axis, -pose.z_axis, pose.w_axis)
+}
+
 /// Splits a projection matrix P = K [R t] (the upper three rows of `p`) into a camera and a lens
 /// that holds the skew of K. P may have any scale and sign. `None` if K is singular.
 ///
@@ -42,6 +48,54 @@ pub(crate) fn decompose(p: DMat4, width: u32, height: u32) -> Option<(Camera, Le
     let camera =
         if regular { Camera::from_pose(width, height, focal, principal, pose) } else { None };
     camera.map(|camera| (camera, lens))
+}
+
+/// Why a pose has no camera.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum PoseFault {
+    /// The program that wrote it has no pose for the photograph: a number is not finite, or the
+    /// axes do not span space.
+    None,
+    /// It is no rotation, for this reason.
+    Wrong(String),
+}
+
+/// The largest deviation of axes from a uniform scale and from right angles, as in
+/// [`Camera::from_pose`].
+const UNEVEN: f64 = 1e-3;
+
+/// The least volume that axes span, in parts of the product of their lengths.
+const LEAST_VOLUME: f64 = 1e-6;
+
+/// The camera of a pose, and the uniform scale that was divided out of its axes: 1 if they are a
+/// rotation as they are.
+pub(crate) fn placed(
+    [width, height]: [u32; 2],
+    focal: DVec2,
+    principal: DVec2,
+    pose: DMat4,
+) -> Result<(Camera, f64), PoseFault> {
+    let camera = |pose| Camera::from_pose(width, height, focal, principal, pose);
+    if let Some(camera) = camera(pose) {
+        return Ok((camera, 1.0));
+    }
+    let axes = DMat3::from_mat4(pose);
+    let lengths = axes.to_cols_array_2d().map(|column| DVec3::from(column).length());
+    let volume = lengths.iter().product::<f64>();
+    let spans_space = axes.determinant().abs() > LEAST_VOLUME * volume;
+    if !pose.is_finite() || !spans_space {
+        return Err(PoseFault::None);
+    }
+    let scale = lengths.iter().sum::<f64>() / 3.0;
+    let is_even = lengths.iter().all(|length| (length / scale - 1.0).abs() <= UNEVEN);
+    let unscaled = DMat4::from_cols(
+        pose.x_axis / scale,
+        pose.y_axis / scale,
+        pose.z_axis / scale,
+        pose.w_axis,
+    );
+    let camera = camera(unscaled).filter(|_| is_even);
+    camera.map(|camera| (camera, scale)).ok_or_else(|| PoseFault::Wrong(pose_fault(pose)))
 }
 
 /// Describes for a message why the upper 3 × 3 of a pose is not a rotation.
@@ -90,6 +144,35 @@ mod tests {
             assert_relative_eq!(found.eye, camera.eye, epsilon = 1e-9);
             assert_relative_eq!(found.forward, camera.forward, epsilon = 1e-9);
             assert_relative_eq!(found.up, camera.up, epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn poses_lose_a_uniform_scale_and_those_that_are_none_are_told_from_wrong_ones() {
+        let (focal, principal) = (DVec2::splat(300.0), DVec2::new(100.0, 75.0));
+        let eye = DVec3::new(1.0, 2.0, 3.0);
+        let camera =
+            Camera::look_at(200, 150, focal, principal, eye, DVec3::ZERO, DVec3::Y).unwrap();
+        let with = |scale: DVec3| {
+            let pose = camera.pose() * DMat4::from_scale(scale);
+            placed([200, 150], focal, principal, pose)
+        };
+        for scale in [1.0, 1.002, 0.33, 1e-5, 1e5] {
+            let (found, divided) = with(DVec3::splat(scale)).unwrap();
+            assert_relative_eq!(divided, scale, max_relative = 1e-9);
+            assert_relative_eq!(found.forward, camera.forward, epsilon = 1e-9);
+            assert_eq!(found.eye, eye);
+        }
+        for scale in [DVec3::ZERO, DVec3::new(1.0, 0.0, 1.0), DVec3::splat(f64::INFINITY)] {
+            assert_eq!(with(scale), Err(PoseFault::None), "{scale}");
+        }
+        assert_eq!(placed([200, 150], focal, principal, DMat4::NAN), Err(PoseFault::None));
+        for scale in [DVec3::new(1.0, 1.01, 1.0), DVec3::splat(-1.0), DVec3::new(2.0, 2.0, 1.0)] {
+            let wrong = with(scale);
+            assert!(
+                matches!(&wrong, Err(PoseFault::Wrong(text)) if text.contains("determinant")),
+                "{wrong:?}"
+            );
         }
     }
 

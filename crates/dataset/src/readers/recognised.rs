@@ -31,19 +31,42 @@ pub struct Recognised {
     pub(super) missing: Vec<PathBuf>,
     /// The same, of the views to hold out.
     pub(super) missing_test: Vec<PathBuf>,
+    /// Images without a usable pose.
+    pub(super) unposed: Vec<PathBuf>,
+    /// Whether the mask `a.jpg.png` tells which pixels of `a.jpg` to use, as COLMAP's masks do.
+    pub(super) used_by_extension: bool,
+    /// Whether masks without the names of the photographs are in their order.
+    pub(super) pairs_by_order: bool,
 }
 
 impl Recognised {
     /// A data set of these views, without a split.
     pub(super) fn new(format: &str, views: Views) -> Self {
-        let Views { found, missing } = views;
-        Recognised { format: format.to_owned(), train: found, missing, ..Recognised::default() }
+        let Views { found, missing, unposed } = views;
+        Recognised {
+            format: format.to_owned(),
+            train: found,
+            missing,
+            unposed,
+            ..Recognised::default()
+        }
+    }
+
+    /// The views to fit, and those to hold out.
+    pub(super) fn views(&self) -> impl Iterator<Item = &UnreadView> {
+        self.train.iter().chain(self.test.iter().flatten())
+    }
+
+    /// See [`views`](Self::views).
+    pub(super) fn views_mut(&mut self) -> impl Iterator<Item = &mut UnreadView> {
+        self.train.iter_mut().chain(self.test.iter_mut().flatten())
     }
 
     /// A data set with a split of its own. With no image to hold out, the usual split is made.
     pub(super) fn with_split(format: &str, train: Views, test: Views) -> Self {
         let mut recognised = Recognised::new(format, train);
         recognised.missing_test = test.missing;
+        recognised.unposed.extend(test.unposed);
         recognised.test = Some(test.found).filter(|found| !found.is_empty());
         recognised
     }
@@ -54,20 +77,26 @@ impl Recognised {
 pub(super) struct Views {
     pub(super) found: Vec<UnreadView>,
     pub(super) missing: Vec<PathBuf>,
+    /// Images without a usable pose.
+    pub(super) unposed: Vec<PathBuf>,
 }
 
 impl Views {
-    /// Adds the view of an image, or the image to the missing ones.
+    /// Adds the view of an image, or the image to those that are missing or have no pose.
+    /// `view` returns `None` without a usable pose.
     ///
     /// # Errors
     /// Those of `view`, and if a HEIF file is in the place of the image.
     pub(super) fn add(
         &mut self,
         image: PathBuf,
-        view: impl FnOnce(PathBuf) -> Result<UnreadView>,
+        view: impl FnOnce(PathBuf) -> Result<Option<UnreadView>>,
     ) -> Result<()> {
         if image.exists() {
-            self.found.push(view(image)?);
+            match view(image.clone())? {
+                Some(view) => self.found.push(view),
+                None => self.unposed.push(image),
+            }
         } else {
             refuse_unconverted(&image)?;
             self.missing.push(image);

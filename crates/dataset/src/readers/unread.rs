@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
-use crate::readers::images::sibling_mask;
 use crate::readers::lens::Lens;
+use crate::readers::mask_files::MaskFile;
 use crate::readers::{Mask, MaskKind, View};
 use files::InputError;
 use film::{Film, StoredImage};
@@ -22,7 +22,7 @@ pub struct UnreadView {
     /// The image file.
     pub(crate) path: PathBuf,
     /// A separate mask image, if the data set has one.
-    pub(crate) mask: Option<(MaskKind, PathBuf)>,
+    pub(crate) mask: Option<MaskFile>,
     /// The pinhole part of the camera that took the photograph.
     pub(crate) camera: Camera,
     /// Distortion and skew, to be removed from the photograph.
@@ -31,6 +31,8 @@ pub struct UnreadView {
     pub(crate) size_source: Option<String>,
     /// The size in the camera file, if the image is a reduced copy of another size.
     pub(crate) full_size: Option<[u32; 2]>,
+    /// The uniform scale that was divided out of the axes of its pose.
+    pub(crate) pose_scale: f64,
 }
 
 /// A photograph and its mask as their files store them.
@@ -47,6 +49,8 @@ enum StoredMask {
     Alpha(StoredImage),
     /// The display values of a mask image.
     Shown(StoredImage),
+    /// The numbers of a mask image of another size than the photograph, brought to its size.
+    Resized(Film),
 }
 
 /// A pixel with less alpha is cut out.
@@ -69,7 +73,21 @@ const FOCAL: [f64; 2] = [1e-3, 1e5];
 const MOST_OFF_FILM: f64 = 1e3;
 
 /// Programs round the sides of a reduced image to whole pixels, down or up.
-const ROUNDING: f64 = 1.5;
+const ROUNDING: f64 = 1.5001;
+
+/// The remedy for images that do not have the shape of their cameras.
+const RESHAPED: &str = "an image that was cropped needs the uncropped one, or new poses";
+
+fn to_vector((width, height): (u32, u32)) -> DVec2 {
+    DVec2::new(f64::from(width), f64::from(height))
+}
+
+/// Whether an image of `size` has the aspect ratio of `full`, up to this many pixels.
+fn is_same_shape(size: (u32, u32), full: (u32, u32), rounding: f64) -> bool {
+    let (size, full) = (to_vector(size), to_vector(full));
+    let scale = (size / full).max_element();
+    (full * scale - size).max_element() < rounding * scale.max(1.0)
+}
 
 /// A view's [`UnreadView::size_source`] in messages.
 fn source_of(size: &Option<String>) -> &str {
@@ -79,7 +97,21 @@ fn source_of(size: &Option<String>) -> &str {
 impl UnreadView {
     /// A view without a mask, whose camera has the size of the image.
     pub(crate) fn of_image(name: String, path: PathBuf, camera: Camera, lens: Lens) -> Self {
-        UnreadView { name, path, mask: None, camera, lens, size_source: None, full_size: None }
+        UnreadView {
+            name,
+            path,
+            mask: None,
+            camera,
+            lens,
+            size_source: None,
+            full_size: None,
+            pose_scale: 1.0,
+        }
+    }
+
+    /// The same view of a camera whose pose had this scale.
+    pub(crate) fn with_pose_scale(self, pose_scale: f64) -> Self {
+        UnreadView { pose_scale, ..self }
     }
 
     /// The image's name in the data set.
@@ -90,12 +122,6 @@ impl UnreadView {
     /// The pinhole part of the camera that took the photograph.
     pub fn camera(&self) -> &Camera {
         &self.camera
-    }
-
-    /// The view with the mask of the object that has the image's name in `masks/`, if there is one.
-    pub(crate) fn with_object_mask(self, folder: &Path) -> Self {
-        let mask = sibling_mask(folder, &self.name).map(|mask| (MaskKind::Object, mask));
-        UnreadView { mask, ..self }
     }
 
     /// Checks that the focal lengths and the principal point are those of a camera. `source` is the
@@ -132,39 +158,71 @@ impl UnreadView {
     ///
     /// # Errors
     /// If the image cannot be read, or has another aspect ratio.
-    pub(crate) fn of_reduced_image(mut self) -> Result<Self> {
+    pub(crate) fn of_reduced_image(self) -> Result<Self> {
+        self.of_image_within(ROUNDING)
+    }
+
+    /// See [`of_reduced_image`](Self::of_reduced_image); the aspect ratio is the same up to this many
+    /// pixels.
+    fn of_image_within(mut self, rounding: f64) -> Result<Self> {
         let camera = &mut self.camera;
-        let full = DVec2::new(f64::from(camera.width), f64::from(camera.height));
         let (width, height) = image_size(&self.path)?;
-        let to_vector = |(w, h): (u32, u32)| DVec2::new(f64::from(w), f64::from(h));
-        let fits = |size: &(u32, u32)| {
-            let size = to_vector(*size);
-            let scale = (size / full).max_element();
-            (full * scale - size).max_element() <= ROUNDING
-        };
+        let full = (camera.width, camera.height);
+        let fits = |size: &(u32, u32)| is_same_shape(*size, full, rounding);
         // An image may be turned by its EXIF orientation.
         let size = [(width, height), (height, width)].into_iter().find(fits).ok_or_else(|| {
             let [w, h] = [camera.width, camera.height];
-            let expected =
-                format!("the aspect ratio of {w} x {h} (from {})", source_of(&self.size_source));
+            let expected = format!(
+                "the aspect ratio of {w} x {h} (from {}): {RESHAPED}",
+                source_of(&self.size_source)
+            );
             InputError::new(&self.path, "size", format!("{width} x {height}"), expected)
         })?;
         if size != (camera.width, camera.height) {
-            let scale = to_vector(size) / full;
+            let scale = to_vector(size) / to_vector(full);
             self.full_size = Some([camera.width, camera.height]);
             (camera.width, camera.height) = size;
             camera.focal *= scale;
             camera.principal *= scale;
             self.lens.skew *= scale.x;
-            self.mask = self.mask.map(|(kind, mask)| (kind, copy_of_mask(&mask, &self.path)));
         }
         Ok(self)
+    }
+
+    /// The view with the size of its image, if the camera file states another one of the same
+    /// aspect ratio.
+    ///
+    /// # Errors
+    /// If the image has another aspect ratio.
+    pub(crate) fn of_resized_image(self) -> Result<Self> {
+        let is_stated = self.size_source.is_some() && self.full_size.is_none();
+        // The size of an NPY file is known once all of it is read.
+        if !is_stated || files::extension(&self.path) == "npy" {
+            return Ok(self);
+        }
+        // An image that cannot be read is refused with the reason when it is read.
+        let Ok((width, height)) = image_size(&self.path) else { return Ok(self) };
+        let Camera { width: w, height: h, .. } = self.camera;
+        // One that is turned by its EXIF orientation has the camera's size once it is read.
+        if [(w, h), (h, w)].contains(&(width, height)) {
+            return Ok(self);
+        }
+        // One that lost a row or a column was cropped.
+        self.of_image_within(1.0)
+    }
+
+    /// The size of the mask file, if it is another one than that of the photograph.
+    pub(crate) fn other_size_of_mask(&self) -> Option<[u32; 2]> {
+        let (width, height) = image_size(&self.mask.as_ref()?.path).ok()?;
+        let size = [width, height];
+        let [w, h] = self.size();
+        (size != [w, h] && size != [h, w]).then_some(size)
     }
 
     /// An estimate of the memory for [`read`](Self::read), in bytes.
     pub fn reading_memory(&self, downscale: u32) -> u64 {
         let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
-        let of_mask = |mask: &(MaskKind, PathBuf)| reading_memory(&mask.1);
+        let of_mask = |mask: &MaskFile| reading_memory(&mask.path);
         let of_files = reading_memory(&self.path) + self.mask.as_ref().map_or(0, of_mask);
         let of_lens = if self.lens.is_negligible(&self.camera) { 0 } else { 1 };
         let small = self.size().map(|side| side.div_ceil(downscale));
@@ -209,6 +267,7 @@ impl UnreadView {
                 StoredMask::Alpha(mask) => mask.alpha_at(x, y),
                 // A mask file holds coverage as display values.
                 StoredMask::Shown(mask) => mask.display_at(x, y).clamp(0.0, 1.0),
+                StoredMask::Resized(mask) => mask.at(x, y)[0].clamp(0.0, 1.0),
             };
             let row = |y, row: &mut [[f32; 1]]| {
                 row.iter_mut().zip(0..).for_each(|(out, x)| *out = [number(x, y)]);
@@ -259,8 +318,8 @@ impl UnreadView {
         }
         let mask = match &self.mask {
             // Without an alpha channel, none is less than half opaque.
-            Some((kind, mask)) if alpha().all(|a| a >= HALF) => {
-                Some((*kind, read_mask(mask, camera)?))
+            Some(mask) if alpha().all(|a| a >= HALF) => {
+                Some((mask.kind, read_mask(&mask.path, camera)?))
             }
             _ => image.has_alpha().then_some((MaskKind::Alpha, StoredMask::AlphaOfImage)),
         };
@@ -280,27 +339,22 @@ impl UnreadView {
     }
 }
 
-/// The mask in the reduced copies of the masks, `masks_4` for an image in `images_4`; if there is
-/// none, the mask itself.
-fn copy_of_mask(mask: &Path, image: &Path) -> PathBuf {
-    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let copy = || {
-        let folder = name(image.parent()?)?;
-        let (_, factor) = folder.rsplit_once('_')?;
-        let masks = mask.parent()?;
-        let masks = masks.with_file_name(format!("{}_{factor}", name(masks)?));
-        Some(masks.join(mask.file_name()?)).filter(|copy| copy.is_file())
-    };
-    copy().unwrap_or_else(|| mask.to_owned())
-}
-
 /// Reads a mask image: white, or opaque, is the object, or a pixel to use.
 fn read_mask(path: &Path, camera: &Camera) -> Result<StoredMask> {
     let mask = read_stored_image_of(path, (camera.width, camera.height))?;
-    check_size(path, &mask, camera, "(the photograph's size)")?;
     // If the mask is in the alpha channel, the colours of the mask file are not used.
     let is_in_alpha = mask.alpha().into_iter().flatten().any(|a| a < 1.0);
-    Ok(if is_in_alpha { StoredMask::Alpha(mask) } else { StoredMask::Shown(mask) })
+    let [width, height] = mask.size();
+    if (width, height) == (camera.width, camera.height) {
+        return Ok(if is_in_alpha { StoredMask::Alpha(mask) } else { StoredMask::Shown(mask) });
+    }
+    if !is_same_shape((width, height), (camera.width, camera.height), 1.0) {
+        check_size(path, &mask, camera, "(the photograph's size), or its aspect ratio")?;
+    }
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let number = |(x, y)| if is_in_alpha { mask.alpha_at(x, y) } else { mask.display_at(x, y) };
+    let numbers = Film::grey(width, height, pixels.map(number));
+    Ok(StoredMask::Resized(numbers.resized(camera.width, camera.height)))
 }
 
 /// Refuses an image whose size differs from the camera's.

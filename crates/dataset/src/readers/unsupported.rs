@@ -6,8 +6,8 @@ use files::InputError;
 
 /// The camera files that can be read, for messages.
 const EXPECTED: &str = "transforms_train.json, transforms.json, cameras_sphere.npz, cameras.npz, \
-     *_par.txt, a COLMAP model (cameras.bin or .txt), poses_bounds.npy, cams/*.txt or a \
-     camera file of Metashape (.xml)";
+     meta_data.json, *_par.txt, a COLMAP model (cameras.bin or .txt), cameras.json, \
+     poses_bounds.npy, cams/*.txt or a camera file of Metashape (.xml)";
 
 /// New poses, for programs whose files no converter reads.
 const NEW_POSES: &str = "poses of the photographs by `dsdf poses` (see docs/captures.md)";

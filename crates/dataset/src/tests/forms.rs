@@ -49,14 +49,14 @@ pub(super) fn assert_agrees_with_nerf(path: &Path, cameras: &[Camera]) -> Datase
 }
 
 /// Cameras with the principal point in the film's centre and one focal length.
-fn centred(count: usize) -> Vec<Camera> {
+pub(super) fn centred(count: usize) -> Vec<Camera> {
     let centre = DVec2::new(f64::from(WIDTH), f64::from(HEIGHT)) / 2.0;
     let change = |c| Camera { principal: centre, focal: DVec2::splat(90.0), ..c };
     cameras(count).into_iter().map(change).collect()
 }
 
 /// The numbers of `poses_bounds.npy`, by rows.
-fn poses_bounds(cameras: &[Camera]) -> Vec<f64> {
+pub(super) fn poses_bounds(cameras: &[Camera]) -> Vec<f64> {
     let row = |c: &Camera| {
         let last = [f64::from(c.height), f64::from(c.width), c.focal.x];
         let rows =
@@ -66,7 +66,7 @@ fn poses_bounds(cameras: &[Camera]) -> Vec<f64> {
     cameras.iter().flat_map(row).collect()
 }
 
-fn write_array(path: &Path, shape: &[u64], numbers: &[f64]) {
+pub(super) fn write_array(path: &Path, shape: &[u64], numbers: &[f64]) {
     use npyz::WriterBuilder;
     let file = std::fs::File::create(path).unwrap();
     let options = npyz::WriteOptions::new().default_dtype().shape(shape);
@@ -114,7 +114,6 @@ fn wrong_poses_of_llff_are_refused() {
         write_array(&file, &[3, 17], &numbers);
     };
     for (at, value, words) in [
-        (20, f64::NAN, ["array", "NaN in row 1"]),
         (21, -48.0, ["row 1 size", "height -48"]),
         (31, 0.0, ["row 1 size", "focal length 0"]),
         (0, 5.0, ["row 0 pose", "determinant"]),
@@ -133,7 +132,7 @@ fn wrong_poses_of_llff_are_refused() {
 }
 
 /// Writes `cams/` and the photographs in `images`.
-fn write_cams(folder: &Path, cameras: &[Camera], images: &str) {
+pub(super) fn write_cams(folder: &Path, cameras: &[Camera], images: &str) {
     std::fs::create_dir_all(folder.join("cams")).unwrap();
     for (i, c) in cameras.iter().enumerate() {
         let (r, t) = world_to_camera(c);
@@ -172,7 +171,7 @@ fn blended_mvs_agrees_with_nerf_and_wrong_files_are_refused() {
     let cases = [
         (good.replace("extrinsic", "intrinsic"), ["004_cam.txt", "found intrinsic"]),
         (good.replace("0.0 0.0 0.0 1.0", "0 0 1 1"), ["extrinsic", "last row"]),
-        (good.replace("90 0", "NaN 0"), ["intrinsic", "found NaN"]),
+        (good.replace("90 0", "NaN 0"), ["intrinsic", "found [NaN"]),
         (good.replace("90 0", "-90 0"), ["intrinsic", "fx and fy above 0"]),
         (good.replace("0 0 1\n", "0 0 2\n"), ["intrinsic", "K = [fx"]),
         (good[..good.len() / 4].to_owned(), ["extrinsic", "the file's end"]),
@@ -186,10 +185,10 @@ fn blended_mvs_agrees_with_nerf_and_wrong_files_are_refused() {
 }
 
 /// A similarity of the world, as `rotation · x · scale + translation`.
-struct World {
-    rotation: DMat3,
-    scale: f64,
-    translation: DVec3,
+pub(super) struct World {
+    pub(super) rotation: DMat3,
+    pub(super) scale: f64,
+    pub(super) translation: DVec3,
 }
 
 fn text(numbers: &[f64]) -> String {
@@ -198,7 +197,7 @@ fn text(numbers: &[f64]) -> String {
 
 /// The camera file of Metashape of these cameras. `world` is that of the component if
 /// `has_components`, else that of the chunk.
-fn metashape(cameras: &[Camera], world: &World, has_components: bool) -> String {
+pub(super) fn metashape(cameras: &[Camera], world: &World, has_components: bool) -> String {
     let c = &cameras[0];
     let (width, height) = (c.width, c.height);
     let [cx, cy] =
@@ -272,12 +271,12 @@ fn metashape_agrees_with_nerf_and_wrong_files_are_refused() {
         (good.replace("sensor_id=\"0\"", "sensor_id=\"3\""), ["sensor 3", "no such sensor"]),
         (
             good.replace("calibration type=\"frame\"", "calibration type=\"spherical\""),
-            ["found spherical", "frame or fisheye"],
+            ["cameras", "spherical sensors"],
         ),
         (good.replace("<scale>2.5", "<scale>0"), ["component/transform/scale", "above 0"]),
         (good.replace("0 0 0 1</", "0 0 0 2</"), ["camera \"000\" transform", "last row"]),
         (good.replace("0 0 0 1</", "</"), ["camera \"000\" transform", "16 finite numbers"]),
-        (good.replace("label=\"00", "title=\"00"), ["camera", "no label"]),
+        (good.replace("label=\"00", "title=\"00"), ["cameras", "without a label"]),
         (
             good.replace("<camera ", "<camera_ ").replace("</camera>", "</camera_>"),
             ["cameras", "none with a transform"],

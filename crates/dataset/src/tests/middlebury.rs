@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::*;
 
 /// A line of the camera file.
-fn middlebury_line(name: &str, c: &Camera, skew: f64) -> String {
+pub(super) fn middlebury_line(name: &str, c: &Camera, skew: f64) -> String {
     let (r, t) = world_to_camera(c);
     let k = [c.focal.x, skew, c.principal.x, 0.0, c.focal.y, c.principal.y, 0.0, 0.0, 1.0];
     let numbers = k.into_iter().chain(r.transpose().to_cols_array()).chain(t.to_array());

@@ -3,6 +3,7 @@
 mod colmap;
 mod forms;
 mod images;
+mod kinds;
 mod lenses;
 mod middlebury;
 mod nerf;
@@ -82,8 +83,9 @@ pub(crate) fn assert_same_camera(found: &Camera, expected: &Camera, tolerance: f
 
 /// Checks that a data set is refused as wrong input, on one line, with these words.
 pub(crate) fn refused(path: &Path, words: &[&str]) {
-    let error: InputError =
-        load(path, &LoadOptions::default()).expect_err("this data set must be refused");
+    let Err(error): Result<_, InputError> = load(path, &LoadOptions::default()) else {
+        panic!("this data set must be refused: {}", path.display());
+    };
     let text = error.to_string();
     assert!(!text.contains('\n'), "{text}");
     for word in words {

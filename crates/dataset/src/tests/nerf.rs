@@ -129,7 +129,11 @@ fn an_error_names_the_place_in_the_file() {
         (
             "/w",
             json!(50),
-            vec!["transforms_0.png", "found 48 x 40", "expected 50 x 40 (from transforms.json)"],
+            vec![
+                "transforms_0.png",
+                "found 48 x 40",
+                "aspect ratio of 50 x 40 (from transforms.json)",
+            ],
         ),
         ("/w", json!(-48), vec!["w:", "found -48"]),
         ("/w", json!("wide"), vec!["w:", "found \"wide\"", "a finite number"]),
@@ -147,8 +151,14 @@ fn an_error_names_the_place_in_the_file() {
         with(pointer, value);
         refused(&path, &words);
     }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
     std::fs::write(&path, "{\"frames\": [\n  {\"file_path\": NaN}]}").unwrap();
-    refused(&path, &["transforms.json", "line 2 column"]);
+    refused(&path, &["transforms.json", "frames/0/file_path", "found \"NaN\""]);
     std::fs::write(&path, "{\"frames\": [{\"a\": 1e999}]}").unwrap();
     refused(&path, &["line 1 column"]);
 }

@@ -20,10 +20,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 
-use crate::readers::MaskKind;
-use crate::readers::images::{ImageFolder, image_folder, image_named, image_place};
+use crate::readers::images::{ImageFolder, image_folder};
 use crate::readers::lens::Lens;
-use crate::readers::projection::{camera_to_world, pose_fault};
+use crate::readers::lookup::{image_named, image_place};
+use crate::readers::projection::{PoseFault, camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -68,8 +68,12 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
     let mut views = Views::default();
     for image in images {
         views.add(image_place(&place.path, &image.name), |path| {
-            let view = unread_view(&model.images, path, &place.path, &cameras, image)?;
-            if place.is_reduced { view.of_reduced_image() } else { Ok(view) }
+            let view = unread_view(&model.images, path, &cameras, image)?;
+            if place.is_reduced {
+                view.map(UnreadView::of_reduced_image).transpose()
+            } else {
+                Ok(view)
+            }
         })?;
     }
     // COLMAP numbers images in no particular order.
@@ -81,9 +85,12 @@ pub(crate) fn read(data_set: &Path, candidates: &[PathBuf]) -> Result<Recognised
     );
     let notes = note.into_iter().collect();
     let points = model.points()?;
-    let is_sure = points.iter().map(PointRecord::is_sure).collect();
+    // Points of a `.ply` file have no tracks that could vouch for them.
+    let has_tracks = points.iter().any(|point| point.views > 0);
+    let is_sure = points.iter().filter(|_| has_tracks).map(PointRecord::is_sure).collect();
     let points = points.iter().map(|point| point.position).collect();
-    Ok(Recognised { points, is_sure, notes, ..Recognised::new(&format, views) })
+    let used_by_extension = true;
+    Ok(Recognised { points, is_sure, notes, used_by_extension, ..Recognised::new(&format, views) })
 }
 
 /// The folder of the images: the first that has one of them.
@@ -159,39 +166,43 @@ fn parameters(
     })
 }
 
-/// The view of an image record; `file` is the file of the record, and `path` that of the image.
+/// The view of an image record, `None` without a usable pose; `file` is the file of the record, and `path` that of the image.
 fn unread_view(
     file: &Path,
     path: PathBuf,
-    image_folder: &Path,
     cameras: &BTreeMap<u32, (Camera, Lens)>,
     image: ImageRecord,
-) -> Result<UnreadView> {
+) -> Result<Option<UnreadView>> {
     let size_source = format!("camera {}", image.camera);
     let (camera, lens) = cameras.get(&image.camera).ok_or_else(|| {
         InputError::new(file, &image.name, &size_source, "a camera that the model has")
     })?;
     let Camera { width, height, focal, principal, .. } = *camera;
     let pose = pose(file, &image)?;
-    let camera = Camera::from_pose(width, height, focal, principal, pose).ok_or_else(|| {
-        let place = format!("pose of {}", image.name);
-        InputError::new(file, place, pose_fault(pose), "a rotation and a translation")
-    })?;
-    let mask = mask_of(image_folder, &image.name);
-    Ok(UnreadView {
-        mask,
+    let (camera, _) = match placed([width, height], focal, principal, pose) {
+        Ok(placed) => placed,
+        Err(PoseFault::None) => return Ok(None),
+        Err(PoseFault::Wrong(found)) => {
+            let place = format!("pose of {}", image.name);
+            return Err(InputError::new(file, place, found, "a rotation and a translation"));
+        }
+    };
+    Ok(Some(UnreadView {
         size_source: Some(size_source),
         ..UnreadView::of_image(image.name, path, camera, *lens)
-    })
+    }))
 }
 
-/// The camera-to-world matrix of an image record.
+/// The camera-to-world matrix of an image record; NaN if a number is not finite, or the quaternion
+/// is 0.
 fn pose(file: &Path, image: &ImageRecord) -> Result<DMat4> {
     let [w, x, y, z] = image.quaternion;
     let quaternion = DQuat::from_xyzw(x, y, z, w);
     let length = quaternion.length();
-    // Not `> UNIT`: NaN is refused too.
-    if !(length - 1.0).abs().le(&UNIT) || !image.translation.is_finite() {
+    if !length.is_finite() || length == 0.0 || !image.translation.is_finite() {
+        return Ok(DMat4::NAN);
+    }
+    if (length - 1.0).abs() > UNIT {
         let found = format!("quaternion {:?}, translation {}", image.quaternion, image.translation);
         let expected = "a unit quaternion (w, x, y, z) and a finite translation";
         return Err(InputError::new(file, format!("pose of {}", image.name), found, expected));
@@ -199,17 +210,4 @@ fn pose(file: &Path, image: &ImageRecord) -> Result<DMat4> {
     let axes = DMat3::from_quat(quaternion / length).transpose();
     let eye = -(axes * image.translation);
     Ok(camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye))
-}
-
-/// The mask of `images/a.jpg`: `masks/a.jpg.png`, COLMAP's own naming, tells which pixels to use;
-/// `masks/a.png` or `masks/a.jpg` is a mask of the object.
-fn mask_of(image_folder: &Path, name: &str) -> Option<(MaskKind, PathBuf)> {
-    let masks = image_folder.parent()?.join("masks");
-    let stem = Path::new(name).with_extension("png");
-    let places = [
-        (MaskKind::Used, masks.join(format!("{name}.png"))),
-        (MaskKind::Object, masks.join(stem)),
-        (MaskKind::Object, masks.join(name)),
-    ];
-    places.into_iter().find(|(_, path)| path.is_file())
 }

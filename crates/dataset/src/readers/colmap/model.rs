@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::records::{CameraRecord, ImageRecord, PointRecord};
 use super::{binary, text};
+use crate::readers::ply;
 use crate::readers::result::Result;
 
 /// The three files of a model, all text or all binary.
@@ -37,6 +38,12 @@ impl Model {
         let mut points = match self.points.is_file() {
             true if self.binary => binary::points(&self.points)?,
             true => text::points(&self.points)?,
+            // Copies of a model for Gaussian splatting may have the points in this form alone.
+            false if self.points.with_extension("ply").is_file() => {
+                let points = ply::points(&self.points.with_extension("ply"))?;
+                let record = |position| PointRecord { position, error: None, views: 0 };
+                points.into_iter().map(record).collect()
+            }
             false => Vec::new(),
         };
         points.retain(|p| p.position.is_finite());

@@ -18,12 +18,13 @@ fn read(file: &Path) -> Result<String> {
 struct Line<'a> {
     file: &'a Path,
     number: usize,
+    text: &'a str,
     words: std::str::SplitWhitespace<'a>,
 }
 
 impl<'a> Line<'a> {
     fn new(file: &'a Path, index: usize, text: &'a str) -> Self {
-        Line { file, number: index + 1, words: text.split_whitespace() }
+        Line { file, number: index + 1, text, words: text.split_whitespace() }
     }
 
     fn error(&self, found: &str, expected: &str) -> InputError {
@@ -37,6 +38,14 @@ impl<'a> Line<'a> {
     fn number<T: FromStr>(&mut self, expected: &str) -> Result<T> {
         let word = self.word(expected)?;
         word.parse().map_err(|_| self.error(word, expected))
+    }
+
+    /// The text after the words that were read.
+    fn rest(&self) -> String {
+        let read = self.text.split_whitespace().count() - self.words.clone().count();
+        let word = |text: &'a str| text.trim_start().split_once(char::is_whitespace);
+        let rest = (0..read).try_fold(self.text, |text, _| word(text).map(|(_, rest)| rest));
+        rest.unwrap_or_default().trim().to_owned()
     }
 
     fn vector(&mut self, expected: &str) -> Result<DVec3> {
@@ -71,19 +80,33 @@ pub(super) fn cameras(file: &Path) -> Result<Vec<CameraRecord>> {
         .collect()
 }
 
+/// The words of a record of `images.txt` whose name has no blanks.
+const RECORD: usize = 10;
+
 /// Reads `images.txt`: id, quaternion, translation, camera id, name. The second line of a record,
-/// its image points, is skipped; it may be empty.
+/// its image points, is skipped; it may be
+/// empty, or missing.
 pub(super) fn images(file: &Path) -> Result<Vec<ImageRecord>> {
     let text = read(file)?;
-    let mut lines = text.lines().enumerate();
     let mut images = Vec::new();
-    while let Some((i, line)) = lines.next() {
-        if is_record(line) {
+    let mut is_after_record = false;
+    for (i, line) in
+        text.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with('#'))
+    {
+        if line.trim().is_empty() || (is_after_record && is_points(line)) {
+            is_after_record = false;
+        } else {
             images.push(image(Line::new(file, i, line))?);
-            lines.next();
+            is_after_record = true;
         }
     }
     Ok(images)
+}
+
+/// Whether a line has image points: numbers only, but not the ten words of a record.
+fn is_points(line: &str) -> bool {
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    line.split_whitespace().all(is_number) && line.split_whitespace().count() != RECORD
 }
 
 fn image(mut line: Line<'_>) -> Result<ImageRecord> {
@@ -92,8 +115,8 @@ fn image(mut line: Line<'_>) -> Result<ImageRecord> {
     let xyz = line.vector("a quaternion")?;
     let translation = line.vector("a translation")?;
     let camera = line.number("a camera's number")?;
-    // A name may contain blanks.
-    let name = line.words.clone().collect::<Vec<_>>().join(" ");
+    // A name may contain blanks, also several in a row.
+    let name = line.rest();
     if name.is_empty() {
         return Err(line.error("the line's end", "an image's name"));
     }

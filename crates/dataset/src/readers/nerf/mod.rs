@@ -8,6 +8,9 @@
 //! nerfstudio's `applied_transform` and `applied_scale` tell how its world was made from that of
 //! another program. The poses and the point cloud have them applied already, so they are checked
 //! and not used: all results are in the world of the file's own poses.
+//!
+//! NeuS2's files are of this form: `intrinsic_matrix` is K of a frame, and `from_na` says that the
+//! camera's axes are those of OpenCV.
 
 mod frame;
 mod lens;
@@ -16,6 +19,7 @@ mod views;
 
 use std::path::Path;
 
+use field::Sphere;
 use serde_json::Value;
 
 use crate::readers::ply;
@@ -28,28 +32,28 @@ use views::{frames, read_frames};
 /// Reads the frames of `file`. If it is `transforms_train.json`, the frames of
 /// `transforms_test.json`, or else of `transforms_val.json`, are the held-out views. Else the file
 /// may have lists of the frames of each split.
-pub(crate) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
-    let root = files::json::read(file)?;
+pub(crate) fn read(folder: &Path, file: &Path, root: &Value) -> Result<Recognised> {
     let has_split = file.file_name().is_some_and(|n| n == "transforms_train.json");
     let sibling = ["transforms_test.json", "transforms_val.json"]
         .map(|n| folder.join(n))
         .into_iter()
         .find(|p| p.exists());
     let format = "NeRF/Blender transforms: camera-to-world, x right, y up, looking along -z";
-    let mut recognised = match (split::lists(file, &root)?, sibling.filter(|_| has_split)) {
-        (Some(lists), _) => lists.read(folder, file, &root, format)?,
+    let mut recognised = match (split::lists(file, root)?, sibling.filter(|_| has_split)) {
+        (Some(lists), _) => lists.read(folder, file, root, format)?,
         (None, Some(path)) => {
-            let train = read_frames(folder, file, frames(file, &root)?, &root)?;
+            let train = read_frames(folder, file, frames(file, root)?, root)?;
             let other = files::json::read(&path)?;
             let test = read_frames(folder, &path, frames(&path, &other)?, &other)?;
             Recognised::with_split(format, train, test)
         }
         (None, None) => {
-            let views = read_frames(folder, file, frames(file, &root)?, &root)?;
+            let views = read_frames(folder, file, frames(file, root)?, root)?;
             Recognised::new(format, views)
         }
     };
-    check_applied(file, &root)?;
+    check_applied(file, root)?;
+    recognised.bounds = bounds(root);
     match &root["ply_file_path"] {
         Value::Null => {}
         Value::String(name) if folder.join(name).exists() => {
@@ -64,6 +68,14 @@ pub(crate) fn read(folder: &Path, file: &Path) -> Result<Recognised> {
         }
     }
     Ok(recognised)
+}
+
+/// Neuralangelo's sphere around the object: `sphere_center` and `sphere_radius`, in the world of the
+/// poses.
+fn bounds(root: &Value) -> Option<Sphere<f64>> {
+    let center = numbers::<3>(&root["sphere_center"])?.into();
+    let radius = root["sphere_radius"].as_f64().filter(|r| r.is_finite() && *r > 0.0)?;
+    Some(Sphere { center, radius })
 }
 
 /// Checks the numbers of `applied_transform` and `applied_scale`, which are not used.

@@ -7,14 +7,16 @@ use serde_json::Value;
 
 use super::frame::Frame;
 use crate::readers::MaskKind;
-use crate::readers::images::{image_named, image_place, reduced_copies, sibling_mask};
+use crate::readers::images::reduced_copies;
+use crate::readers::lookup::{image_named, image_place};
+use crate::readers::mask_files::MaskFile;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::pose_fault;
+use crate::readers::projection::{PoseFault, flipped, placed};
 use crate::readers::recognised::Views;
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
 use files::InputError;
-use files::json::{numbers, shown};
+use files::json::{not_finite, numbers, shown};
 use film::image_size;
 use render::Camera;
 
@@ -47,6 +49,7 @@ impl Frame<'_> {
     fn read(&self, folder: &Path, views: &mut Views) -> Result<()> {
         let name = self.frame["file_path"]
             .as_str()
+            .filter(|_| !not_finite(&self.frame["file_path"]))
             .ok_or_else(|| self.error("file_path", "a file's name"))?;
         let (path, is_reduced) = image_path(folder, name);
         views.add(path, |path| {
@@ -54,14 +57,15 @@ impl Frame<'_> {
             if is_reduced {
                 self.check_full_size(&path)?;
             }
-            let camera = self.camera(&path)?;
-            let mask = self.mask(folder, name)?;
+            let Some((camera, scale)) = self.camera(&path)? else { return Ok(None) };
+            let mask = self.mask(folder)?;
             let name = name.trim_start_matches("./").to_owned();
             let view = UnreadView::of_image(name, path, camera, lens);
             let file = self.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let is_stated = self.number("w")?.is_some() || self.number("h")?.is_some();
             let view = UnreadView { mask, size_source: is_stated.then_some(file), ..view };
-            if is_reduced { view.of_reduced_image() } else { Ok(view) }
+            let view = view.with_pose_scale(scale);
+            Ok(Some(if is_reduced { view.of_reduced_image()? } else { view }))
         })
     }
 
@@ -77,19 +81,44 @@ impl Frame<'_> {
         Ok(())
     }
 
-    /// The pinhole part of the camera; `image` gives the size if the file does not.
-    fn camera(&self, image: &Path) -> Result<Camera> {
+    /// The pinhole part of the camera, and the scale of its pose; `None` without a usable pose.
+    /// `image` gives the size if the file does not.
+    fn camera(&self, image: &Path) -> Result<Option<(Camera, f64)>> {
         let (width, height) = self.size(image)?;
-        let focal = self.focal(width, height)?;
-        let center = DVec2::new(f64::from(width), f64::from(height)) / 2.0;
-        let principal = DVec2::new(
-            self.number("cx")?.unwrap_or(center.x),
-            self.number("cy")?.unwrap_or(center.y),
-        );
-        let pose = self.pose()?;
-        Camera::from_pose(width, height, focal, principal, pose).ok_or_else(|| {
-            let expected = "a camera-to-world matrix whose upper 3 x 3 is a rotation";
-            InputError::new(self.file, self.place("transform_matrix"), pose_fault(pose), expected)
+        let (focal, principal) = match self.intrinsic_matrix()? {
+            Some(found) => found,
+            None => {
+                let center = DVec2::new(f64::from(width), f64::from(height)) / 2.0;
+                let x = self.number("cx")?.unwrap_or(center.x);
+                let y = self.number("cy")?.unwrap_or(center.y);
+                (self.focal(width, height)?, DVec2::new(x, y))
+            }
+        };
+        let is_opencv = self.root["from_na"].as_bool() == Some(true);
+        let pose = if is_opencv { flipped(self.pose()?) } else { self.pose()? };
+        match placed([width, height], focal, principal, pose) {
+            Ok(camera) => Ok(Some(camera)),
+            Err(PoseFault::None) => Ok(None),
+            Err(PoseFault::Wrong(found)) => {
+                let expected = "a camera-to-world matrix whose upper 3 x 3 is a rotation";
+                Err(InputError::new(self.file, self.place("transform_matrix"), found, expected))
+            }
+        }
+    }
+
+    /// Focal lengths and principal point of NeuS2's `intrinsic_matrix`: K, with zeros around it or
+    /// not.
+    fn intrinsic_matrix(&self) -> Result<Option<(DVec2, DVec2)>> {
+        let value = self.value("intrinsic_matrix");
+        if value.is_null() {
+            return Ok(None);
+        }
+        let entry = |r: usize, c: usize| value[r][c].as_f64().filter(|v| v.is_finite());
+        let pair = |a: Option<f64>, b: Option<f64>| Some(DVec2::new(a?, b?));
+        let focal = pair(entry(0, 0), entry(1, 1)).filter(|focal| focal.min_element() > 0.0);
+        focal.zip(pair(entry(0, 2), entry(1, 2))).map(Some).ok_or_else(|| {
+            let place = self.place("intrinsic_matrix");
+            InputError::new(self.file, place, shown(value), "K with focal lengths above 0")
         })
     }
 
@@ -142,9 +171,17 @@ impl Frame<'_> {
         }
     }
 
-    /// `transform_matrix`: three or four rows, the fourth (0, 0, 0, 1).
+    /// `transform_matrix`: three or four rows, the fourth (0, 0, 0, 1). All of it is NaN if it is
+    /// null, or has a number that is not finite.
     fn pose(&self) -> Result<DMat4> {
         let value = &self.frame["transform_matrix"];
+        let is_none = |value: &Value| value.is_null() || not_finite(value);
+        let entries = || value.as_array().into_iter().flatten().flat_map(|row| row.as_array());
+        if self.frame.get("transform_matrix").is_some_and(Value::is_null)
+            || entries().flatten().any(is_none)
+        {
+            return Ok(DMat4::NAN);
+        }
         let error =
             || self.error("transform_matrix", "a 4 x 4 matrix of finite numbers, row-major");
         let rows = value.as_array().filter(|r| r.len() == 4 || r.len() == 3).ok_or_else(error)?;
@@ -163,12 +200,15 @@ impl Frame<'_> {
         Ok(DMat4::from_cols_array_2d(&[r[0], r[1], r[2], [0.0, 0.0, 0.0, 1.0]]).transpose())
     }
 
-    /// The mask file. `mask_path` is nerfstudio's key, and tells which pixels to use. A file of the
-    /// same name in `masks/` is a mask of the object.
-    fn mask(&self, folder: &Path, name: &str) -> Result<Option<(MaskKind, PathBuf)>> {
+    /// The mask file of `mask_path`: nerfstudio's key, which tells which pixels to use.
+    fn mask(&self, folder: &Path) -> Result<Option<MaskFile>> {
         match &self.frame["mask_path"] {
-            Value::Null => Ok(sibling_mask(folder, name).map(|mask| (MaskKind::Object, mask))),
-            Value::String(mask) => Ok(Some((MaskKind::Used, image_place(folder, mask)))),
+            Value::Null => Ok(None),
+            Value::String(mask) if mask.trim().is_empty() => Ok(None),
+            Value::String(mask) => {
+                let path = image_place(folder, mask);
+                Ok(Some(MaskFile { kind: MaskKind::Used, path, is_dynamic: false }))
+            }
             _ => Err(self.error("mask_path", "a file's name")),
         }
     }

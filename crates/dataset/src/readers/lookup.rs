@@ -1,0 +1,167 @@
+//! Files by the names that people's camera files have for them.
+//!
+//! A name may come from another system (`images\a.jpg`), from another machine (a path that is gone
+//! here), or from a file system that treats capitals and accents in another way. It is looked for
+//! as it stands first.
+
+use std::path::{Path, PathBuf};
+
+use unicode_normalization::UnicodeNormalization;
+
+use crate::readers::images::FOLDERS;
+
+/// Extensions of images, in the order in which they are tried.
+const EXTENSIONS: [&str; 10] =
+    ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG", "tif", "tiff", "webp"];
+
+/// A name without differences of capitals and of composed accents.
+pub(crate) fn folded(name: &str) -> String {
+    name.nfc().collect::<String>().to_lowercase()
+}
+
+/// Whether a file of this name is the companion that macOS writes beside it, or hidden.
+pub(crate) fn is_hidden(name: &str) -> bool {
+    name.starts_with('.')
+}
+
+/// The entries of a folder that are not hidden, in the order of their names; none if it cannot be
+/// listed.
+pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
+    let all = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let shown = all.filter(|entry| !is_hidden(&entry.file_name().to_string_lossy()));
+    let mut paths: Vec<PathBuf> = shown.map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+}
+
+/// The last part of a path, as text.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The folder `name` in `place`, or else the only one whose name differs by capitals or accents.
+pub(crate) fn folder_named(place: &Path, name: &str) -> Option<PathBuf> {
+    let exact = place.join(name);
+    if exact.is_dir() {
+        return Some(exact);
+    }
+    let wanted = folded(name);
+    only(entries(place).into_iter().filter(|e| folded(&file_name(e)) == wanted && e.is_dir()))
+}
+
+/// The only item; `None` if there are several.
+fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
+    let first = items.next();
+    first.filter(|_| items.next().is_none())
+}
+
+/// The image `name` in `folder`. Its extension may be missing in the name, or another one: for
+/// example, HEIC files are converted after COLMAP has seen them. The copy then counts, not they.
+///
+/// If there is no such file, the name is read more loosely: `\` separates folders; leading folders
+/// that are not in `folder` are dropped, those of an absolute path for example; `images/` and
+/// `input/` are looked into; capitals and the composition of accents do not count, where one file
+/// alone fits.
+pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
+    as_named(folder, name).or_else(|| loosely(folder, name))
+}
+
+fn as_named(folder: &Path, name: &str) -> Option<PathBuf> {
+    let path = folder.join(name);
+    let added = EXTENSIONS.map(|e| folder.join(format!("{name}.{e}")));
+    let replaced = EXTENSIONS.map(|e| path.with_extension(e));
+    let is_converted = ["heic", "heif", "avif"].contains(&files::extension(&path).as_str());
+    let (first, last) = if is_converted { (None, Some(path)) } else { (Some(path), None) };
+    let places = first.into_iter().chain(added).chain(replaced).chain(last);
+    places.into_iter().find(|p| p.is_file())
+}
+
+fn loosely(folder: &Path, name: &str) -> Option<PathBuf> {
+    let name = name.replace('\\', "/");
+    let parts: Vec<&str> = name.split('/').filter(|p| !p.is_empty() && *p != ".").collect();
+    if parts.contains(&"..") {
+        return None;
+    }
+    for (i, part) in parts.iter().enumerate() {
+        if let Some(path) = along(folder, &parts[i..]) {
+            return Some(path);
+        }
+        let is_doubled = parts.get(i + 1) == Some(part);
+        if i + 1 < parts.len() && !is_doubled && folder_named(folder, part).is_some() {
+            // The folder is there, and the image is not in it.
+            return None;
+        }
+    }
+    let last = parts.last()?;
+    let places = FOLDERS.iter().filter_map(|name| folder_named(folder, name));
+    places.into_iter().find_map(|place| along(&place, &[last]))
+}
+
+/// The image at the end of these folders, without differences of capitals and accents.
+fn along(folder: &Path, parts: &[&str]) -> Option<PathBuf> {
+    let (last, folders) = parts.split_last()?;
+    let mut place = folder.to_owned();
+    for name in folders {
+        place = folder_named(&place, name)?;
+    }
+    as_named(&place, last).or_else(|| {
+        let all: Vec<PathBuf> = entries(&place).into_iter().filter(|p| p.is_file()).collect();
+        let wanted = folded(last);
+        let stem =
+            |name: &str| Some(name.rsplit_once('.').filter(|(_, e)| is_image(e))?.0.to_owned());
+        let of = |path: &&PathBuf| folded(&file_name(path));
+        let same = all.iter().filter(|path| of(path) == wanted);
+        let same_stem = all.iter().filter(|path| {
+            let found = stem(&of(path));
+            found.is_some() && (found.as_ref() == Some(&wanted) || found == stem(&wanted))
+        });
+        only(same).or_else(|| only(same_stem)).cloned()
+    })
+}
+
+/// Whether an extension is one of an image.
+pub(crate) fn is_image(extension: &str) -> bool {
+    EXTENSIONS.iter().any(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// The path of [`image_named`], or of the missing image with this very name.
+pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
+    image_named(folder, name).unwrap_or_else(|| folder.join(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_systems_and_machines_are_found_and_missing_images_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in
+            ["Images/a.JPG", "Images/b\u{e9}.png", "Images/c.png", "Images/C.jpg", "train/x.png"]
+        {
+            std::fs::create_dir_all(at(name).parent().unwrap()).unwrap();
+            std::fs::write(at(name), "").unwrap();
+        }
+        let cases = [
+            ("images/a.jpg", Some("Images/a.JPG")),
+            ("images\\A", Some("Images/a.JPG")),
+            ("C:\\photos\\images\\a.jpg", Some("Images/a.JPG")),
+            ("/gone/images/a.jpg", Some("Images/a.JPG")),
+            ("/gone/a.jpg", Some("Images/a.JPG")),
+            ("images/images/a.jpg", Some("Images/a.JPG")),
+            ("a.jpg", Some("Images/a.JPG")),
+            ("images/be\u{301}.png", Some("Images/b\u{e9}.png")),
+            ("images/c.png", Some("Images/c.png")),
+            ("Images/c.tif", Some("Images/c.png")),
+            // The folder is there, and has no such image.
+            ("train/a.jpg", None),
+            ("images/d.png", None),
+            ("../a.jpg", None),
+            ("", None),
+        ];
+        for (name, expected) in cases {
+            assert_eq!(image_named(folder.path(), name), expected.map(at), "{name}");
+        }
+    }
+}
