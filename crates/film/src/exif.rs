@@ -1,4 +1,4 @@
-//! The focal length in the EXIF block of a photograph.
+//! The focal length and the colours in the EXIF block of a photograph.
 //!
 //! The block is a TIFF file (TIFF 6.0, section 2; Exif 2.32, sections 4.6.2 and 4.6.5): a byte
 //! order, the place of a list of entries, and entries of 12 bytes: a tag, a type, a count, and a
@@ -14,6 +14,15 @@ const FOCAL_LENGTH: u16 = 0x920a;
 
 /// The tag of the focal length that has this field of view on film of 36 × 24 mm.
 const FOCAL_LENGTH_35: u16 = 0xa405;
+
+/// The tag of the place of the list that says how the photograph is exchanged.
+const EXCHANGE: u16 = 0xa005;
+
+/// The tag of the rule of exchange in it.
+const RULE: u16 = 1;
+
+/// The rule that stands for Adobe RGB (DCF 2.0; Exif 2.32, section 4.6.7).
+const ADOBE_RGB: &[u8] = b"R03";
 
 /// The focal length of the lens that took a photograph, from its EXIF block.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,8 +57,8 @@ impl<'a> Tiff<'a> {
     }
 }
 
-/// The focal length in an EXIF block; `None` if it has none, or is damaged.
-pub(crate) fn focal_length(block: &[u8]) -> Option<FocalLength> {
+/// An EXIF block, and the place of its list with the entries of the camera.
+fn camera_list(block: &[u8]) -> Option<(Tiff<'_>, usize)> {
     let little = match block.get(..4)? {
         b"II*\0" => true,
         b"MM\0*" => false,
@@ -57,6 +66,22 @@ pub(crate) fn focal_length(block: &[u8]) -> Option<FocalLength> {
     };
     let tiff = Tiff { bytes: block, little };
     let list = tiff.u32(tiff.value(tiff.u32(4)? as usize, EXIF)?)? as usize;
+    Some((tiff, list))
+}
+
+/// Whether an EXIF block says that the colours are those of Adobe RGB. Cameras say it there, and
+/// some write no colour profile.
+pub(crate) fn is_adobe_rgb(block: &[u8]) -> bool {
+    let rule = camera_list(block).and_then(|(tiff, list)| {
+        let exchange = tiff.u32(tiff.value(list, EXCHANGE)?)? as usize;
+        block.get(tiff.value(exchange, RULE)?..)
+    });
+    rule.is_some_and(|rule| rule.starts_with(ADOBE_RGB))
+}
+
+/// The focal length in an EXIF block; `None` if it has none, or is damaged.
+pub(crate) fn focal_length(block: &[u8]) -> Option<FocalLength> {
+    let (tiff, list) = camera_list(block)?;
     let millimetres = tiff.value(list, FOCAL_LENGTH).and_then(|at| {
         let place = tiff.u32(at)? as usize;
         Some([tiff.u32(place)?, tiff.u32(place.checked_add(4)?)?])

@@ -2,7 +2,8 @@
 
 #![warn(clippy::cast_possible_truncation)]
 
-use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read};
+use std::borrow::Cow;
+use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
 use files::{InputError, check_memory, extension, open, read};
@@ -11,10 +12,13 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use crate::exif::{self, FocalLength};
 use crate::film::Film;
+use crate::foreign::{refuse, refuse_content, refuse_unconverted};
 use crate::formats::IMAGE;
-use crate::heif::{refuse, refuse_unconverted};
 use crate::npy::read_npy;
+use crate::profile::Plan;
 use crate::stored::StoredImage;
+use crate::tiff_read;
+use crate::{jpeg, raw};
 
 /// Bytes of memory for each pixel while an image is read: as decoded, with 16 and with 12 bytes in
 /// single precision, and its alpha channel.
@@ -44,8 +48,8 @@ fn memory_per_pixel(is_jpeg: bool) -> u64 {
 /// Reads the header only, except for NPY, where the whole file is read.
 ///
 /// # Errors
-/// If the file is missing or is no image. A HEIF file is refused with the name of a converter, also
-/// in place of a missing image.
+/// If the file is missing or is no image. HEIF, camera raw and other files that are not read are
+/// refused with the name of a converter, also in place of a missing image.
 pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| (film.width, film.height));
@@ -53,12 +57,18 @@ pub fn image_size(path: &Path) -> Result<(u32, u32), InputError> {
     let (file, _) = open(path, "image", IMAGE).or_else(|e| missing(path, e))?;
     let unreadable = |e| InputError::new(path, "image", e, "a readable file");
     let mut file = BufReader::new(file);
-    refuse(path, file.fill_buf().map_err(unreadable)?)?;
+    let start = file.fill_buf().map_err(unreadable)?.to_vec();
+    refuse_content(path, &start, &mut file)?;
+    if raw::is_tiff(&start) {
+        return tiff_read::head(path).map(|head| head.size);
+    }
+    file.rewind().map_err(unreadable)?;
     let reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
     reader.into_dimensions().map_err(|e| undecodable(path, e))
 }
 
-/// The error of an image that cannot be opened: that of a HEIF file in its place, or else `error`.
+/// The error of an image that cannot be opened: that of a file in its place that must be converted,
+/// or else `error`.
 fn missing<T>(path: &Path, error: InputError) -> Result<T, InputError> {
     if !path.exists() {
         refuse_unconverted(path)?;
@@ -71,14 +81,16 @@ fn missing<T>(path: &Path, error: InputError) -> Result<T, InputError> {
 /// The alpha channel has width · height values from 0 to 1, in the order of the pixels. It is not
 /// multiplied into the colours.
 ///
-/// PNG and JPEG (8 or 16 bits per channel, grey or colour) are taken as sRGB. EXR and NPY are taken
-/// as linear. An NPY array has the shape height × width × 3, or height × width (× 1) for grey. The
-/// content of the file decides its format, not the extension; NPY alone is recognised by the
-/// extension. The pixels are those of the file: an EXIF orientation is ignored.
+/// PNG, JPEG, WebP and TIFF (8 or 16 bits per channel, grey or colour) are taken as sRGB, or
+/// converted to it from another [colour profile](crate::color_profile). EXR, NPY and TIFF of floats
+/// are taken as linear. An NPY array has the shape height × width × 3, or height × width (× 1) for
+/// grey. The content of the file decides its format, not the extension; NPY alone is recognised by
+/// the extension. The pixels are those of the file: an EXIF orientation is ignored. Of several
+/// images in a file, this is the first one.
 ///
 /// # Errors
-/// If the file is missing, is cut short or is no image. A HEIF file is refused with the name of a
-/// converter, also in place of a missing image.
+/// If the file is missing, is cut short or is no image. HEIF, camera raw and other files that are
+/// not read are refused with the name of a converter, also in place of a missing image.
 pub fn read_image(path: &Path) -> Result<(Film, Option<Vec<f32>>), InputError> {
     read_turned(path, None)
 }
@@ -123,11 +135,10 @@ fn read_stored_turned(
     if extension(path) == "npy" {
         return read_npy_image(path).map(|film| StoredImage::of_film(film, None));
     }
-    let (image, format) = decoded_file(path, expected)?;
-    Ok(StoredImage::of_decoded(image, format == Some(ImageFormat::OpenExr)))
+    decoded_file(path, expected).map(StoredImage::of_decoded)
 }
 
-/// Decodes a PNG, JPEG or EXR file, and drops the image.
+/// Decodes a file of any format but NPY, and drops the image.
 ///
 /// # Errors
 /// As those of [`read_image`].
@@ -135,51 +146,56 @@ pub fn check_image(path: &Path) -> Result<(), InputError> {
     decoded_file(path, None).map(drop)
 }
 
-/// The image of a file, turned as [`read_turned`] says, and its format.
-fn decoded_file(
-    path: &Path,
-    expected: Option<(u32, u32)>,
-) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
+/// The image of a file, turned as [`read_turned`] says, with the colours of sRGB.
+fn decoded_file(path: &Path, expected: Option<(u32, u32)>) -> Result<DynamicImage, InputError> {
     let bytes = read(path, "image", IMAGE).or_else(|e| missing(path, e))?;
     if bytes.is_empty() {
         return Err(InputError::new(path, "image", "an empty file", IMAGE));
     }
     refuse(path, &bytes)?;
-    decoded(path, &bytes, expected)
+    let (mut image, orientation, plan) = if raw::is_tiff(&bytes) {
+        let decoded = tiff_read::decode(path, &bytes)?;
+        let plan = Plan::of(Ok(decoded.profile), decoded.image.color().has_color());
+        (decoded.image, decoded.orientation, plan)
+    } else {
+        decoded(path, &bytes)?
+    };
+    plan.apply(&mut image);
+    let (width, height) = (image.width(), image.height());
+    if width != height && expected == Some((height, width)) && swaps_sides(orientation) {
+        image.apply_orientation(orientation);
+    }
+    Ok(image)
 }
 
-/// The image of a file with this content, turned as [`read_turned`] says, and its format.
-fn decoded(
-    path: &Path,
-    bytes: &[u8],
-    expected: Option<(u32, u32)>,
-) -> Result<(DynamicImage, Option<ImageFormat>), InputError> {
-    let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+/// The image of a file with this content, as stored, its orientation, and how its colours are
+/// converted.
+fn decoded(path: &Path, bytes: &[u8]) -> Result<(DynamicImage, Orientation, Plan), InputError> {
     let unreadable = |e| InputError::new(path, "image", e, "a readable file");
-    let format = reader().map_err(unreadable)?.format();
-    if !is_whole(bytes, format) {
-        return Err(InputError::new(path, "image", "an image that is cut short", "a whole image"));
-    }
+    let guessed = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+    let format = guessed.map_err(unreadable)?.format();
+    let Some(bytes) = whole(bytes, format) else { return Err(cut_short(path, "")) };
+    let bytes: &[u8] = &bytes;
     if format == Some(ImageFormat::Png) && !has_whole_palette(bytes) {
         let found = "a damaged image (a palette whose length is no multiple of 3)";
         return Err(InputError::new(path, "image", found, IMAGE));
     }
+    let reader = || ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let decoder = reader().map_err(unreadable)?.into_decoder();
     let mut decoder = decoder.map_err(|e| undecodable(path, e))?;
     let (width, height) = decoder.dimensions();
     let memory_per_pixel = memory_per_pixel(format == Some(ImageFormat::Jpeg));
     let memory = u64::from(width).saturating_mul(u64::from(height) * memory_per_pixel);
     check_memory(path, "size", format!("{width} x {height} pixels"), memory)?;
-    let may_turn = width != height && expected == Some((height, width));
     // The orientation may be damaged although the pixels are whole.
-    let orientation = if may_turn { decoder.orientation().ok() } else { None };
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let plan = match format {
+        Some(ImageFormat::Jpeg) => Plan::of_jpeg(bytes, &mut decoder),
+        _ => Plan::of_decoder(&mut decoder),
+    };
     drop(decoder);
     let decoded = reader().map_err(unreadable)?.decode();
-    let mut image = decoded.map_err(|e| undecodable(path, e))?;
-    if let Some(orientation) = orientation.filter(|o| swaps_sides(*o)) {
-        image.apply_orientation(orientation);
-    }
-    Ok((image, format))
+    Ok((decoded.map_err(|e| undecodable(path, e))?, orientation, plan))
 }
 
 /// The bytes at the start of a file in which an EXIF block is looked for.
@@ -191,9 +207,14 @@ const HEAD: u64 = 1 << 18;
 /// `None` if it has no such orientation, or if the start of the file cannot be read.
 pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
     let head = head_of(path)?;
-    let mut decoder = decoder_of(&head)?;
-    let (width, height) = decoder.dimensions();
-    match decoder.orientation().ok()? {
+    let ((width, height), orientation) = if raw::is_tiff(&head) {
+        let head = tiff_read::head(path).ok()?;
+        (head.size, head.orientation)
+    } else {
+        let mut decoder = decoder_of(&head)?;
+        (decoder.dimensions(), decoder.orientation().ok()?)
+    };
+    match orientation {
         Orientation::NoTransforms => None,
         turned if width != height && swaps_sides(turned) => Some(TurnedByExif::OtherSize),
         _ => Some(TurnedByExif::SameSize),
@@ -204,6 +225,10 @@ pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
 /// file cannot be read.
 pub fn focal_length(path: &Path) -> Option<FocalLength> {
     let head = head_of(path)?;
+    if raw::is_tiff(&head) {
+        // An EXIF block has the form of a TIFF file, and its place in one is anywhere.
+        return exif::focal_length(&read(path, "image", IMAGE).ok()?);
+    }
     exif::focal_length(&decoder_of(&head)?.exif_metadata().ok()??)
 }
 
@@ -234,14 +259,21 @@ fn swaps_sides(orientation: Orientation) -> bool {
     matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
 }
 
-/// Whether the end of a PNG or JPEG file is there. Other formats count as whole here; their
-/// decoders report a missing part.
-fn is_whole(bytes: &[u8], format: Option<ImageFormat>) -> bool {
+/// The content of a file as its decoder needs it; `None` if its end is missing. The decoders of
+/// other formats than these report a missing part.
+fn whole(bytes: &[u8], format: Option<ImageFormat>) -> Option<Cow<'_, [u8]>> {
     match format {
-        Some(ImageFormat::Jpeg) => is_whole_jpeg(bytes),
-        Some(ImageFormat::Png) => is_whole_png(bytes),
-        _ => true,
+        Some(ImageFormat::Jpeg) => jpeg::whole_image(bytes),
+        Some(ImageFormat::Png) => is_whole_png(bytes).then_some(Cow::Borrowed(bytes)),
+        Some(ImageFormat::WebP) => is_whole_webp(bytes).then_some(Cow::Borrowed(bytes)),
+        _ => Some(Cow::Borrowed(bytes)),
     }
+}
+
+/// A WebP file is a RIFF file: four letters, and the number of bytes that follow.
+fn is_whole_webp(bytes: &[u8]) -> bool {
+    let length = bytes.get(4..).and_then(|rest| rest.first_chunk());
+    length.is_some_and(|length| bytes.len() - 8 >= u32::from_le_bytes(*length) as usize)
 }
 
 /// A PNG file ends with the chunk IEND: four letters, then a checksum of four bytes.
@@ -266,33 +298,26 @@ fn has_whole_palette(bytes: &[u8]) -> bool {
     true
 }
 
-/// Whether the last scan of a JPEG file (ITU-T T.81) is complete.
-///
-/// The decoder fills the missing part of a scan with grey and reports no error. In a whole file the
-/// last start of scan (FF DA) is followed by an end of image (FF D9), a pair of bytes that cannot
-/// occur within a scan.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
-    matches!((last(0xda), last(0xd9)), (Some(scan), Some(end)) if scan < end)
-}
-
 /// The error of a file that the decoder refused: no image, a cut one or a damaged one.
 fn undecodable(path: &Path, error: ImageError) -> InputError {
     if let ImageError::Unsupported(_) = error {
         return InputError::new(path, "image", format!("no image ({error})"), IMAGE);
     }
-    let (found, expected) = if is_cut_short(&error) {
-        ("an image that is cut short", "a whole image")
-    } else {
-        ("a damaged image", IMAGE)
-    };
-    InputError::new(path, "image", format!("{found} ({error})"), expected)
+    if is_cut_short(&error) {
+        return cut_short(path, &format!(" ({error})"));
+    }
+    InputError::new(path, "image", format!("a damaged image ({error})"), IMAGE)
+}
+
+/// The error of a file whose end is missing; `why` is what the decoder says.
+pub(crate) fn cut_short(path: &Path, why: &str) -> InputError {
+    InputError::new(path, "image", format!("an image that is cut short{why}"), "a whole image")
 }
 
 /// Whether an end of file is in the chain of causes. Decoders report missing bytes either with the
 /// kind `UnexpectedEof` or in the text of an error only.
-fn is_cut_short(error: &ImageError) -> bool {
-    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+pub(crate) fn is_cut_short(error: &(dyn std::error::Error + 'static)) -> bool {
+    let mut cause = Some(error);
     while let Some(error) = cause {
         let is_end = error
             .downcast_ref::<std::io::Error>()

@@ -35,7 +35,9 @@ fn missing_cut_and_foreign_files_are_told_apart() {
         }
         read_image(&path).unwrap();
         let whole = std::fs::read(&path).unwrap();
-        for length in [whole.len() / 2, whole.len() * 3 / 4, whole.len() - 1] {
+        // A JPEG file has all its pixels without its last two bytes.
+        let last = if name == "a.jpg" { 3 } else { 1 };
+        for length in [whole.len() / 2, whole.len() * 3 / 4, whole.len() - last] {
             std::fs::write(&path, &whole[..length]).unwrap();
             let error =
                 read_image(&path).expect_err(&format!("{name} cut at {length}")).to_string();

@@ -3,25 +3,40 @@
 mod blocks;
 mod exif;
 mod film;
+mod foreign;
+#[cfg(test)]
+mod foreign_tests;
 mod formats;
 mod heif;
 mod image_read;
 #[cfg(test)]
 mod image_tests;
 mod image_write;
+mod jpeg;
+mod jpeg_scan;
+#[cfg(test)]
+mod jpeg_tests;
 mod label;
 mod npy;
 #[cfg(test)]
 mod photo_tests;
+mod profile;
+#[cfg(test)]
+mod profile_tests;
+mod raw;
 mod resize;
 mod sheet;
 mod srgb;
 mod stored;
+mod tiff_read;
+#[cfg(test)]
+mod tiff_tests;
 
 pub use blocks::block_row;
 pub use exif::FocalLength;
 pub use film::Film;
-pub use heif::refuse_unconverted;
+pub use foreign::refuse_unconverted;
+pub use formats::{IMAGE_EXTENSIONS, PHOTOGRAPH_EXTENSIONS, is_image_name, is_photograph_name};
 pub use image_read::{
     TurnedByExif, check_image, focal_length, image_size, read_image, read_image_of,
     read_stored_image_of, reading_memory, turned_by_exif,
@@ -29,6 +44,7 @@ pub use image_read::{
 pub use image_write::{EncodeError, png, write_image};
 pub use label::labelled;
 pub use npy::{NpyReader, npy_reader, read_npy, write_npy};
+pub use profile::{ColorProfile, color_profile};
 pub use sheet::contact_sheet;
 pub use srgb::{srgb_decode, srgb_encode};
 pub use stored::StoredImage;

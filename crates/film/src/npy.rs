@@ -8,6 +8,7 @@ use std::io::{BufReader, BufWriter, Chain, Cursor, Error, ErrorKind, Read, Write
 use std::path::Path;
 
 use files::{InputError, WriteError, atomic_write, check_memory, open};
+use half::f16;
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
 /// Bytes of memory for each byte of a .npy file: the numbers in both precisions, and the data that
@@ -25,18 +26,17 @@ const DEEPEST_HEADER: usize = 4;
 /// bytes. A shorter file is reported as no array instead of as a cut one.
 const FIXED_START_BYTES: usize = 10;
 
-/// Reads a .npy file of float32 or float64 in C order (the last index varies fastest).
+/// Reads a .npy file of float16, float32 or float64, in either order of bytes.
 ///
-/// Returns the shape and the numbers; their count is the product of the shape. Numbers of 64 bits
-/// are rounded to 32.
+/// Returns the shape and the numbers in C order (the last index varies fastest), also if the file
+/// has them in Fortran order; their count is the product of the shape. Numbers of 64 bits are
+/// rounded to 32.
 ///
 /// # Errors
 /// If the file is missing, is cut short or holds another kind of array.
 pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
     let (npy, file_bytes) = open_npy(path)?;
-    if npy.order() != Order::C {
-        return Err(array_error(path, "Fortran order"));
-    }
+    let order = npy.order();
     let number_bytes = match npy.dtype() {
         DType::Plain(t) if t.type_char() == TypeChar::Float => t.size_field(),
         other => return Err(array_error(path, other.descr())),
@@ -52,6 +52,7 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
     let shape = shape.into_iter().map(usize::try_from).collect::<Result<Vec<usize>, _>>();
     let shape = shape.map_err(|e| array_error(path, e))?;
     let numbers = match number_bytes {
+        2 => npy.into_vec::<f16>().map(|v| v.into_iter().map(f32::from).collect()),
         4 => npy.into_vec::<f32>(),
         8 => npy.into_vec::<f64>().map(|v| v.into_iter().map(rounded).collect()),
         other => return Err(array_error(path, format!("float{}", 8 * other))),
@@ -60,7 +61,33 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
         ErrorKind::UnexpectedEof => array_error(path, "a file that is cut short"),
         _ => array_error(path, e),
     })?;
+    let numbers = if order == Order::C { numbers } else { in_c_order(&shape, &numbers) };
     Ok((shape, numbers))
+}
+
+/// The numbers of an array of this shape in C order, from those in Fortran order (the first index
+/// varies fastest).
+fn in_c_order(shape: &[usize], numbers: &[f32]) -> Vec<f32> {
+    let steps: Vec<usize> = shape
+        .iter()
+        .scan(1usize, |step, n| Some(std::mem::replace(step, step.saturating_mul(*n))))
+        .collect();
+    let mut indices = vec![0; shape.len()];
+    let mut at = 0;
+    let mut next = |_| {
+        let number = numbers[at];
+        for axis in (0..shape.len()).rev() {
+            indices[axis] += 1;
+            at += steps[axis];
+            if indices[axis] < shape[axis] {
+                break;
+            }
+            at -= steps[axis] * shape[axis];
+            indices[axis] = 0;
+        }
+        number
+    };
+    (0..numbers.len()).map(&mut next).collect()
 }
 
 /// A number rounded to single precision.
@@ -153,7 +180,7 @@ fn nesting(text: &[u8]) -> usize {
 }
 
 /// The files that can be read, for messages.
-const ARRAY: &str = "a .npy file of float32 or float64, row-major";
+const ARRAY: &str = "a .npy file of float16, float32 or float64";
 
 fn array_error(path: &Path, found: impl Display) -> InputError {
     InputError::new(path, "array", found, ARRAY)
@@ -211,6 +238,47 @@ mod tests {
         damaged[start..start + rest.len()].copy_from_slice(rest);
         std::fs::write(&path, damaged).unwrap();
         assert!(read_npy(&path).unwrap_err().to_string().contains("cut short"));
+    }
+
+    #[test]
+    fn any_order_of_numbers_and_bytes_and_half_precision_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        // The number at (i, j, k) is 100 i + 10 j + k, which half precision represents.
+        let shape = [2, 3, 4];
+        let number = |[i, j, k]: [u8; 3]| 100.0 * f32::from(i) + 10.0 * f32::from(j) + f32::from(k);
+        let c_order = || (0..24u8).map(|n| [n / 12, n / 4 % 3, n % 4]);
+        let fortran_order = || (0..24u8).map(|n| [n % 2, n / 2 % 3, n / 6]);
+        let expected: Vec<f32> = c_order().map(number).collect();
+        for fortran in [false, true] {
+            let numbers: Vec<f32> = match fortran {
+                true => fortran_order().map(number).collect(),
+                false => expected.clone(),
+            };
+            let data = |bytes: &dyn Fn(f32) -> Vec<u8>| -> Vec<u8> {
+                numbers.iter().flat_map(|v| bytes(*v)).collect()
+            };
+            for (kind, bytes) in [
+                ("<f2", data(&|v| f16::from_f32(v).to_le_bytes().to_vec())),
+                (">f2", data(&|v| f16::from_f32(v).to_be_bytes().to_vec())),
+                ("<f4", data(&|v| v.to_le_bytes().to_vec())),
+                (">f4", data(&|v| v.to_be_bytes().to_vec())),
+                ("<f8", data(&|v| f64::from(v).to_le_bytes().to_vec())),
+                (">f8", data(&|v| f64::from(v).to_be_bytes().to_vec())),
+            ] {
+                let order = if fortran { "True" } else { "False" };
+                let header =
+                    format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': (2, 3, 4)}}");
+                let length = u16::try_from(header.len()).unwrap().to_le_bytes();
+                let start = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes()].concat();
+                std::fs::write(&path, [&start[..], &bytes].concat()).unwrap();
+                assert_eq!(read_npy(&path).unwrap(), (shape.to_vec(), expected.clone()), "{kind}");
+                std::fs::write(&path, [&start[..], &bytes[1..]].concat()).unwrap();
+                assert!(read_npy(&path).unwrap_err().to_string().contains("cut short"));
+            }
+        }
+        assert!(in_c_order(&[0, 3], &[]).is_empty());
+        assert_eq!(in_c_order(&[], &[7.0]), [7.0]);
     }
 
     #[test]

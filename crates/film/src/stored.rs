@@ -64,9 +64,8 @@ fn of_byte(byte: u8) -> f32 {
 }
 
 impl StoredImage {
-    /// The image that a decoder returned. Its samples of more than 8 bits are taken as linear if
-    /// `is_linear` is true, and else as sRGB.
-    pub(crate) fn of_decoded(image: DynamicImage, is_linear: bool) -> Self {
+    /// The image that a decoder returned. Floats are taken as linear, and other samples as sRGB.
+    pub(crate) fn of_decoded(image: DynamicImage) -> Self {
         let (width, height, color) = (image.width(), image.height(), image.color());
         if color.bytes_per_pixel() == color.channel_count() {
             let linear: [f32; 256] =
@@ -75,6 +74,7 @@ impl StoredImage {
             let samples = Samples::Bytes { bytes: image.into_bytes(), color, tables };
             return StoredImage { width, height, samples };
         }
+        let is_linear = matches!(color, ColorType::Rgb32F | ColorType::Rgba32F);
         let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
         let rgba = color.has_alpha().then(|| image.to_rgba32f());
         let alpha = rgba.map(|rgba| rgba.pixels().map(|p| p.0[3]).collect());

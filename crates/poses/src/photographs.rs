@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use files::{InputError, extension};
-use film::{FocalLength, check_image, focal_length, image_size, refuse_unconverted};
+use files::InputError;
+use film::{
+    FocalLength, check_image, focal_length, image_size, is_photograph_name, refuse_unconverted,
+};
 use serde::{Deserialize, Serialize};
-
-/// Extensions of photographs, in lower case.
-const READABLE: [&str; 3] = ["jpg", "jpeg", "png"];
 
 /// The least number of photographs: two have no held-out view, and few points.
 const MIN_PHOTOGRAPHS: usize = 3;
 
 /// The expected content of the folder, for messages.
-const EXPECTED: &str = "3 or more photographs as .jpg, .jpeg or .png files";
+const EXPECTED: &str = "3 or more photographs as .jpg, .png, .tif or .webp files";
 
 /// A file of a photograph. Files of the same name, length and checksum count as the same.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,7 +62,7 @@ impl Photographs {
             if shown.starts_with('.') || !path.is_file() {
                 continue;
             }
-            if !READABLE.contains(&extension(&path).as_str()) {
+            if !is_photograph_name(&path) {
                 other.push(shown);
                 continue;
             }
@@ -130,7 +129,7 @@ impl Photographs {
     pub fn left_out(&self) -> Option<String> {
         let first = self.other.first()?;
         let count = self.other.len();
-        Some(format!("files left out that are no .jpg, .jpeg or .png: {count}; first: {first}"))
+        Some(format!("files left out that are no photographs: {count}; first: {first}"))
     }
 
     /// The names of photographs, one a line.
@@ -189,6 +188,9 @@ mod tests {
             }
         }
         std::fs::write(at("notes.txt"), "x").unwrap();
+        let names = ["a.JPG", "b.jpeg", "c.tif", "d.TIFF", "e.webp", "f.png"];
+        assert!(names.iter().all(|name| is_photograph_name(&at(name))));
+        assert!(!is_photograph_name(&at("g.exr")));
         let found = Photographs::in_folder(folder.path()).unwrap();
         assert_eq!(found.list(&[0, 1, 2]), "a b.PNG\nb.png\nc.png\n");
         assert_eq!(found.alike(), [[0, 1, 2]]);
@@ -215,6 +217,10 @@ mod tests {
         std::fs::write(at("a.CR2"), "x").unwrap();
         let none = message(folder.path());
         assert!(none.contains("found none (1 other files; first: a.CR2)"), "{none}");
+        std::fs::write(at("a.CR2"), b"II*\0\x10\0\0\0CR\x02\0").unwrap();
+        let raw = message(folder.path());
+        assert!(raw.contains("a.CR2: image: found a CR2 image"), "{raw}");
+        assert!(raw.contains("darktable-cli a.CR2 a.tif"), "{raw}");
         assert!(none.contains("name ") && none.contains("images"), "{none}");
         png(&at("a.png"), 4, 4);
         png(&at("b.png"), 4, 4);

@@ -12,7 +12,7 @@ use ::poses::{Event, Job, Options, Photographs, Program, run};
 /// Arguments of `dsdf poses`.
 #[derive(Args, Debug)]
 pub(crate) struct Poses {
-    /// Folder of photographs: .jpg, .jpeg or .png
+    /// Folder of photographs: .jpg, .png, .tif or .webp
     photos: PathBuf,
     /// Data set folder to write; continues an existing folder of the same photographs from the
     /// first step whose options changed

@@ -7,16 +7,13 @@ use crate::readers::lookup::{entries, file_name, folder_named};
 use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
-use film::refuse_unconverted;
+use film::{is_photograph_name, refuse_unconverted};
 
 /// Names of the folder of full images.
 pub(crate) const FOLDERS: [&str; 2] = ["images", "input"];
 
 /// The factors of reduced copies: `images_2` has half of the width and height of `images`.
 const REDUCED: [u32; 3] = [2, 4, 8];
-
-/// Extensions of the images of a folder whose camera file does not name them.
-const LISTED: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
 /// A folder of images.
 pub(crate) struct ImageFolder {
@@ -55,7 +52,7 @@ pub(crate) fn images(folder: &Path) -> Result<Vec<PathBuf>> {
         .map_err(|e| InputError::new(folder, "images", e, "a folder with images"))?;
     if images.is_empty() {
         refuse_unconverted(folder)?;
-        return Err(InputError::new(folder, "images", "none", "PNG or JPEG files"));
+        return Err(InputError::new(folder, "images", "none", "PNG, JPEG, TIFF or WebP files"));
     }
     Ok(images)
 }
@@ -64,7 +61,7 @@ pub(crate) fn images(folder: &Path) -> Result<Vec<PathBuf>> {
 pub(crate) fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)?;
     let mut paths = entries(folder);
-    paths.retain(|path| LISTED.contains(&files::extension(path).as_str()));
+    paths.retain(|path| is_photograph_name(path));
     let stems = paths.iter().filter_map(|path| path.file_stem());
     let stems: BTreeSet<String> = stems.map(|stem| stem.to_string_lossy().into_owned()).collect();
     paths.retain(|path| !is_mask_of(&file_name(path), &stems));

@@ -121,7 +121,7 @@ fn a_folder_of_heic_photographs_is_refused_with_a_converter() {
     let images = folder.path().join("image");
     std::fs::remove_dir_all(&images).unwrap();
     std::fs::create_dir(&images).unwrap();
-    refused(folder.path(), &["image", "none", "PNG or JPEG files"]);
+    refused(folder.path(), &["image", "none", "PNG, JPEG, TIFF or WebP files"]);
     std::fs::write(images.join("a.HEIC"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     refused(folder.path(), &["a.HEIC", "HEIC", "heif-convert"]);
 }

@@ -1,10 +1,12 @@
-//! Images: PNG, JPEG, EXR and arrays.
+//! Images: PNG, JPEG, TIFF, WebP, EXR and arrays.
 
 use std::io::Write;
 
 use flate2::write::ZlibEncoder;
 use flate2::{Compression, Crc};
+use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::webp::WebPEncoder;
 use proptest::prelude::*;
 
 use crate::case::Case;
@@ -152,14 +154,57 @@ fn pngs() -> impl Strategy<Value = Png> + Clone {
     })
 }
 
-/// A JPEG file by its segments.
-fn jpeg(width: u32, height: u32, quality: u8) -> Layout {
+/// A colour profile like that of Adobe RGB: a header, and a list of tags.
+fn profile() -> Layout {
+    let header = Layout::big_endian().integer(356, 4).integer(0, 4).integer(0x0240_0000, 4);
+    let header = header.bytes(*b"mntr").bytes(*b"RGB ").bytes(*b"XYZ ").bytes([0; 12]);
+    let header = header.bytes(*b"acsp").bytes([0; 24]).integer(1, 4);
+    let header = header.integer(0xf6d6, 4).integer(0x10000, 4).integer(0xd32d, 4).bytes([0; 48]);
+    // The primaries have 20 bytes each, and the curve of all three 14.
+    let places = [(b"rXYZ", 204, 20), (b"gXYZ", 224, 20), (b"bXYZ", 244, 20)];
+    let curves = [(b"rTRC", 264, 14), (b"gTRC", 264, 14), (b"bTRC", 264, 14)];
+    let tags = [places, curves].concat();
+    let list = tags.into_iter().fold(header.integer(6, 4), |list, (name, place, length)| {
+        list.bytes(*name).integer(place, 4).integer(length, 4)
+    });
+    let primaries = [[0x9c18, 0x4fa5, 0x4fc], [0x348d, 0xa02c, 0xf95], [0x2631, 0x102f, 0xbe9c]];
+    let data = primaries.into_iter().fold(list, |data, xyz| {
+        xyz.into_iter().fold(data.bytes(*b"XYZ \0\0\0\0"), |data, v| data.integer(v, 4))
+    });
+    data.bytes(*b"curv\0\0\0\0").integer(1, 4).integer(0x0233, 2).bytes([0; 78])
+}
+
+/// A PNG photograph with a colour profile that may be harmed.
+fn profiled_pngs() -> impl Strategy<Value = Vec<u8>> {
+    let sizes = (1..9u32, 1..9u32);
+    let kinds = prop::sample::select(vec![(0u8, 8u8), (0, 16), (2, 8), (2, 16), (6, 8), (4, 8)]);
+    (spoiled(Just(profile())), sizes, kinds).prop_map(|(profile, (w, h), (colour, depth))| {
+        let mut png = png([w, h], colour, depth, 100, 9);
+        let body = [&b"p\0\0"[..], &zlib(&profile.to_bytes())].concat();
+        let body = Layout::big_endian().bytes(body);
+        png.chunks.insert(1, Chunk { kind: *b"iCCP", body, length: None });
+        png.to_bytes()
+    })
+}
+
+/// A JPEG file by its segments. It has its end, or none, or a profile, or data behind its end.
+fn jpeg(width: u32, height: u32, quality: u8, kind: u8) -> Layout {
     let image = image::RgbImage::from_fn(width, height, |x, y| {
         image::Rgb([x * 37 + y * 11, x * 5 + y * 71, x * y].map(|v| (v % 256) as u8))
     });
     let mut bytes = Vec::new();
-    let encoded = JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(&image);
-    debug_assert!(encoded.is_ok(), "a vector takes every byte");
+    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
+    let prepared = match kind {
+        2 => encoder.set_icc_profile(profile().to_bytes()).is_ok(),
+        _ => true,
+    };
+    let encoded = encoder.encode_image(&image);
+    debug_assert!(prepared && encoded.is_ok(), "a vector takes every byte");
+    match kind {
+        0 => bytes.truncate(bytes.len().saturating_sub(2)),
+        1 => bytes.extend(b"\0\0\0\x18ftypmp42\xff\xda\0\x08\xff\xd8"),
+        _ => {}
+    }
     let mut layout = Layout::big_endian();
     let mut at = 0;
     while let Some(&[0xff, marker]) = bytes.get(at..at + 2).and_then(|m| m.first_chunk()) {
@@ -182,6 +227,64 @@ fn jpeg(width: u32, height: u32, quality: u8) -> Layout {
         }
     }
     layout.bytes(bytes.get(at..).unwrap_or_default())
+}
+
+/// A TIFF file with one strip and without compression.
+fn tiff(width: u64, height: u64, channels: u64, depth: u64, compression: u64) -> Layout {
+    let format = if depth > 16 { 3 } else { 1 };
+    let length = width * height * channels * depth / 8;
+    let mut file = Layout::default().bytes(*b"II*\0").integer(24 + length, 4);
+    for value in [depth; 4].into_iter().chain([format; 4]) {
+        file = file.integer(value, 2);
+    }
+    file = file.bytes((0..length).map(|i| (i * 37 % 64) as u8).collect::<Vec<u8>>());
+    let colour = if channels < 3 { 1 } else { 2 };
+    // Values of more than four bytes are in front of the pixels.
+    let shorts = |value: u64, place: u64| match channels {
+        1 | 2 => value * 0x1_0001,
+        _ => place,
+    };
+    let entries = [
+        (256, 3, 1, width),
+        (257, 3, 1, height),
+        (258, 3, channels, shorts(depth, 8)),
+        (259, 3, 1, compression),
+        (262, 3, 1, colour),
+        (273, 4, 1, 24),
+        (274, 3, 1, 6),
+        (277, 3, 1, channels),
+        (278, 3, 1, height),
+        (279, 4, 1, length),
+        (338, 3, 1, 2 - channels % 2),
+        (339, 3, channels, shorts(format, 16)),
+    ];
+    file = file.integer(entries.len() as u64, 2);
+    file = entries.into_iter().fold(file, |file, (tag, kind, count, value)| {
+        file.integer(tag, 2).integer(kind, 2).integer(count, 4).integer(value, 4)
+    });
+    file.integer(0, 4)
+}
+
+fn tiffs() -> impl Strategy<Value = Layout> + Clone {
+    let depths = prop::sample::select(vec![8u64, 16, 32, 64]);
+    let compressions =
+        prop_oneof![7 => Just(1u64), 1 => prop::sample::select(vec![4u64, 5, 7, 8, 32773])];
+    (1..7u64, 1..7u64, 1..5u64, depths, compressions)
+        .prop_map(|(w, h, channels, depth, compression)| tiff(w, h, channels, depth, compression))
+}
+
+/// A WebP file: its header, and its only chunk.
+fn webp(width: u32, height: u32) -> Layout {
+    let image = image::RgbImage::from_fn(width, height, |x, y| {
+        image::Rgb([x * 37 + y * 11, x * 5 + y * 71, x * y].map(|v| (v % 256) as u8))
+    });
+    let mut bytes = Vec::new();
+    let encoded = image.write_with_encoder(WebPEncoder::new_lossless(&mut bytes));
+    debug_assert!(encoded.is_ok(), "a vector takes every byte");
+    let length = bytes.len() as u64;
+    let layout = Layout::default().bytes(*b"RIFF").integer(length - 8, 4).bytes(*b"WEBP");
+    let layout = layout.bytes(*b"VP8L").integer(length - 20, 4);
+    bytes.get(20..).unwrap_or_default().iter().fold(layout, |l, b| l.integer((*b).into(), 1))
 }
 
 /// An EXR file without compression, of 32 bits a channel.
@@ -226,12 +329,16 @@ pub(crate) fn png_bytes() -> BoxedStrategy<Vec<u8>> {
     spoiled(pngs()).prop_map(|png| png.to_bytes()).boxed()
 }
 
-/// A file `image.png`, `image.jpg`, `image.exr` or `image.npy`.
+/// A file `image.png`, `image.jpg`, `image.tif`, `image.webp`, `image.exr` or `image.npy`.
 pub(crate) fn image_files() -> BoxedStrategy<Case> {
-    let jpegs = (1..20u32, 1..20u32, 1..100u8).prop_map(|(w, h, q)| jpeg(w, h, q));
+    let jpegs = (1..20u32, 1..20u32, 1..100u8, 0..6u8).prop_map(|(w, h, q, k)| jpeg(w, h, q, k));
+    let webps = (1..9u32, 1..9u32).prop_map(|(w, h)| webp(w, h));
     let named = |name: &'static str| move |bytes: Vec<u8>| Case::default().file(name, bytes);
     prop_oneof![
         3 => png_bytes().prop_map(named("image.png")),
+        1 => profiled_pngs().prop_map(named("image.png")),
+        2 => spoiled(tiffs()).prop_map(|l| l.to_bytes()).prop_map(named("image.tif")),
+        1 => spoiled(webps).prop_map(|l| l.to_bytes()).prop_map(named("image.webp")),
         3 => spoiled(jpegs).prop_map(|l| l.to_bytes()).prop_map(named("image.jpg")),
         3 => spoiled(exrs()).prop_map(|l| l.to_bytes()).prop_map(named("image.exr")),
         1 => array_images().prop_map(named("image.npy")),
