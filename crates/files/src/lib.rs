@@ -5,6 +5,7 @@ mod bounds;
 mod duration;
 mod error;
 pub mod json;
+mod length;
 mod lock;
 mod memory;
 mod regular;
@@ -17,6 +18,7 @@ pub use atomic::{
 pub use bounds::{SPHERE, is_sphere, parse_bounds};
 pub use duration::parse_duration;
 pub use error::{ARGUMENTS, InputError, WriteError, is_hidden, printable};
+pub use length::{length, point};
 pub use lock::lock;
 pub use memory::{check_memory, memory_limit};
 pub use regular::{open, read, read_text};

@@ -151,7 +151,7 @@ enum Alpha {
 }
 
 impl Alpha {
-    /// By the first value of the entry ExtraSamples.
+    /// By the first value of the entry `ExtraSamples`.
     fn of(extra: Option<u16>) -> Self {
         match extra {
             Some(1) => Alpha::Multiplied,

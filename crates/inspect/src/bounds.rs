@@ -374,7 +374,8 @@ pub fn check_places(dataset: &Dataset) -> Result<(), InputError> {
     if count < 2 || eyes().any(|eye| eye.distance(first) > ONE_PLACE * first.length()) {
         return Ok(());
     }
-    let found = format!("{count} cameras at one place, {first:.4}");
+    let place = files::point(first.to_array(), first.length());
+    let found = format!("{count} cameras at one place, {place}");
     Err(InputError::new(&dataset.path, "poses", found, "photographs from different places"))
 }
 
@@ -390,9 +391,10 @@ pub fn check_cameras(dataset: &Dataset, bounds: &Sphere<f64>) -> Result<(), Inpu
     let inside = |v: &&&View| (v.camera.eye - bounds.center).length() <= bounds.radius;
     if let Some(view) = views.iter().find(inside) {
         let distance = (view.camera.eye - bounds.center).length();
-        let found = format!("a camera {distance:.4} from the centre {:.4}", bounds.center);
-        let expected =
-            format!("all cameras outside the bounding radius {:.4} (see --bounds)", bounds.radius);
+        let center = files::point(bounds.center.to_array(), bounds.radius);
+        let [distance, radius] = [distance, bounds.radius].map(|d| files::length(d, bounds.radius));
+        let found = format!("a camera {distance} from the centre {center}");
+        let expected = format!("all cameras outside the bounding radius {radius} (see --bounds)");
         return Err(InputError::new(&dataset.path, &view.name, found, expected));
     }
     let away = views.iter().filter(|v| looks_away(v, bounds)).count();

@@ -243,9 +243,57 @@ fn warnings(
              a fit finds one for each, unless --exposure is none"
         ));
     }
+    warnings.extend(of_poses(views, bounds));
     warnings.extend(of_masks(&views[..report.train_views], views));
     if report.train_views < 3 {
         warnings.push("fewer than three views to fit".to_owned());
+    }
+    warnings
+}
+
+/// The largest distance between two places that count as one, in parts of the distance from the
+/// sphere's centre, and the largest difference between two axes.
+const ONE_POSE: f64 = 1e-6;
+
+/// The distance of the principal point from the middle of the image, in parts of its width and
+/// height, above which a warning is given.
+const OFF_MIDDLE: f64 = 0.2;
+
+/// Views of one pose, and principal points far from the middle of the image.
+fn of_poses(views: &[&View], bounds: &Sphere<f64>) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let is_same = |a: &View, b: &View| {
+        let (a, b) = (&a.camera, &b.camera);
+        let reach = ONE_POSE * a.eye.distance(bounds.center);
+        let turned = a.forward.distance(b.forward).max(a.up.distance(b.up));
+        a.eye.distance(b.eye) <= reach && turned <= ONE_POSE
+    };
+    let doubles: Vec<&&View> = (0..views.len())
+        .filter(|&i| (0..views.len()).any(|j| i != j && is_same(views[i], views[j])))
+        .map(|i| &views[i])
+        .collect();
+    if let [first, second, ..] = doubles[..] {
+        let (count, all) = (doubles.len(), views.len());
+        warnings.push(format!(
+            "{count} of {all} views have the pose of another view, {} and {} for example: the poses \
+             of photographs from different places may have been lost",
+            first.name, second.name
+        ));
+    }
+    let off_middle = |view: &&&View| {
+        let camera = &view.camera;
+        let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
+        (camera.principal / size - 0.5).abs().max_element() > OFF_MIDDLE
+    };
+    let off: Vec<&&View> = views.iter().filter(off_middle).collect();
+    if let Some(first) = off.first() {
+        let (count, camera) = (off.len(), &first.camera);
+        warnings.push(format!(
+            "{count} principal points are far from the middle of their images, that of {} at {:.0}, \
+             {:.0} of {} x {} pixels: the camera file may be for images of another size, or the \
+             images were cropped",
+            first.name, camera.principal.x, camera.principal.y, camera.width, camera.height
+        ));
     }
     warnings
 }

@@ -47,6 +47,31 @@ fn report(dataset: &Dataset) -> Report {
 }
 
 #[test]
+fn views_of_one_pose_and_distant_principal_points_are_named() {
+    assert!(report(&dataset()).warnings.is_empty());
+    let mut doubled = dataset();
+    doubled.test[0].camera = doubled.train[3].camera;
+    let warnings = report(&doubled).warnings;
+    assert!(warnings[0].starts_with("2 of 6 views have the pose of another view, 3 and 5"));
+    let mut cropped = dataset();
+    cropped.train[2].camera.principal = DVec2::new(60.0, 25.0);
+    let warnings = report(&cropped).warnings;
+    assert!(warnings[0].contains("that of 2 at 60, 25 of 60 x 50 pixels"), "{warnings:?}");
+}
+
+#[test]
+fn a_tiny_scene_has_its_digits() {
+    let mut tiny = dataset();
+    for view in tiny.train.iter_mut().chain(&mut tiny.test) {
+        view.camera.eye *= 1e-5;
+    }
+    let bounds = Sphere { center: BOUNDS.center * 1e-5, radius: BOUNDS.radius * 1e-5 };
+    let text = inspect(&tiny, &bounds, &BackgroundEstimate::NOTHING, "as asked").to_string();
+    assert!(text.contains("radius 5.000e-6"), "{text}");
+    assert!(text.contains("cameras      4.000e-5 to 4.000e-5"), "{text}");
+}
+
+#[test]
 fn the_report_has_the_known_figures() {
     let report = report(&dataset());
     assert_eq!(

@@ -51,10 +51,11 @@ impl Report {
     }
 
     fn write_cameras(&self, f: &mut Formatter<'_>) -> Result {
-        let ([near, mean, far], [low, high]) = (self.distance, self.elevation);
+        let [low, high] = self.elevation;
+        let [near, mean, far] = self.distance.map(|d| files::length(d, self.radius));
         writeln!(
             f,
-            "cameras      {near:.4} to {far:.4} from the centre (mean {mean:.4}), \
+            "cameras      {near} to {far} from the centre (mean {mean}), \
              up to {:.0} degrees apart",
             self.spread
         )?;
@@ -74,11 +75,12 @@ impl Report {
     }
 
     fn write_surroundings(&self, f: &mut Formatter<'_>) -> Result {
-        let [x, y, z] = self.center;
         writeln!(
             f,
-            "sphere       centre ({x:.4}, {y:.4}, {z:.4}), radius {:.4}, {}",
-            self.radius, self.bounds_from
+            "sphere       centre {}, radius {}, {}",
+            files::point(self.center, self.radius),
+            files::length(self.radius, self.radius),
+            self.bounds_from
         )?;
         let least = self.coverage.iter().copied().fold(1.0, f64::min);
         let largest = self.coverage.iter().copied().fold(0.0, f64::max);

@@ -37,7 +37,14 @@ pub(crate) fn summary(run: &Run<'_>, spent: &str) -> String {
     let mut rows = vec![
         ("data set", run.dataset.path.display().to_string()),
         ("views", format!("{train} to fit, {test} held out")),
-        ("sphere", format!("centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, data set units")),
+        (
+            "sphere",
+            format!(
+                "centre {}, radius {}, data set units",
+                files::point([x, y, z], radius),
+                files::length(radius, radius)
+            ),
+        ),
         ("fit", spent.to_owned()),
     ];
     rows.extend(run.modelled.iter().filter_map(|line| {

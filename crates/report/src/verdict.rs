@@ -108,6 +108,10 @@ pub enum Fault {
 /// something is wrong there.
 const MOST_ON_SPHERE: f64 = 0.1;
 
+/// The same share of the surface above the table, from which on the sphere is the first fault, before
+/// poses and views: a sphere that cuts the object off spoils all views.
+const MOST_CUT_OFF: f64 = 0.3;
+
 /// The confidence in a uniform background below which one colour cannot explain it.
 const LEAST_CONFIDENCE: f32 = 0.5;
 
@@ -139,19 +143,23 @@ impl Fault {
     /// 2. the background is one colour, and more than 10 % of the surface lies on the bounding
     ///    sphere, in view of a photograph: the background is painted there if it is not uniform,
     ///    and else the sphere cuts the object off;
-    /// 3. held-out views are below 30 dB and 4 dB worse than training views: too few views if there
+    /// 3. before another background, more than 30 % of the surface lies there, in view of a photograph
+    ///    and above the table, which every sphere cuts;
+    /// 4. held-out views are below 30 dB and 4 dB worse than training views: too few views if there
     ///    are fewer than 12, and else inconsistent ones;
-    /// 4. a PSNR of training views below 26 dB where their exposures differ and are not fitted;
-    /// 5. a PSNR of training views below 23.5 dB;
-    /// 6. before another background, more than 10 % of the surface lies on the bounding sphere, in
-    ///    view of a photograph and above the table, which every sphere cuts;
-    /// 7. more than 30 % of the sides and the top of the surface is unseen, or no sampled pixel of a
+    /// 5. a PSNR of training views below 26 dB where their exposures differ and are not fitted;
+    /// 6. a PSNR of training views below 23.5 dB;
+    /// 7. the same as 3 with more than 10 % of the surface;
+    /// 8. more than 30 % of the sides and the top of the surface is unseen, or no sampled pixel of a
     ///    training view counts.
     pub fn of(evidence: &Evidence) -> Option<Fault> {
         let Some(surface) = &evidence.surface else { return Some(Fault::NoSurface) };
         if surface.seen_on_sphere > MOST_ON_SPHERE && evidence.uniform_background {
             let is_clutter = evidence.background_confidence < LEAST_CONFIDENCE;
             return Some(if is_clutter { Fault::PaintedBackground } else { Fault::SmallSphere });
+        }
+        if surface.seen_above_table > MOST_CUT_OFF {
+            return Some(Fault::SmallSphere);
         }
         let both = evidence.training_match.zip(evidence.held_out_match);
         if both.is_some_and(|(t, h)| h < GOOD_PSNR && t - h > LARGEST_GAP) {

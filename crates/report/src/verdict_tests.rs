@@ -48,6 +48,17 @@ fn each_fault_follows_from_its_evidence() {
             Evidence { uniform_background: false, training_match: Some(22.8), ..cluttered.clone() },
             Some(Fault::LowAccuracy),
         ),
+        // A sphere that cuts off most of what is seen is blamed before poses are.
+        (
+            Evidence {
+                uniform_background: false,
+                training_match: Some(18.0),
+                held_out_match: Some(12.0),
+                surface: shares(0.5, 0.1),
+                ..cluttered.clone()
+            },
+            Some(Fault::SmallSphere),
+        ),
         // A table.
         (
             Evidence {

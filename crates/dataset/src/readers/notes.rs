@@ -6,7 +6,8 @@ use crate::readers::UnreadView;
 use crate::readers::recognised::Recognised;
 use crate::readers::result::Result;
 use files::{InputError, printable};
-use film::{TurnedByExif, turned_by_exif};
+use film::{ColorProfile, TurnedByExif, color_profile, turned_by_exif};
+use rayon::prelude::*;
 
 /// Missing images that a note names.
 const NAMED: usize = 3;
@@ -28,6 +29,7 @@ pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
         scaled(views()),
         reduced(views()),
         resized_masks(views()),
+        profiles(views()),
         orientations(views()),
         fisheye(views()),
     ];
@@ -117,6 +119,22 @@ fn resized_masks<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<Stri
         "masks of another size than the photographs, and brought to their size: {count}. That of \
          {} has {} x {} pixels, and the photograph {} x {}",
         view.name, from[0], from[1], to[0], to[1],
+    ))
+}
+
+/// The note on colour profiles that cannot be applied.
+fn profiles<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
+    let views: Vec<&UnreadView> = views.collect();
+    let why = |view: &&UnreadView| match color_profile(&view.path) {
+        ColorProfile::Unknown(why) => Some((view.name.clone(), why)),
+        ColorProfile::None | ColorProfile::Srgb | ColorProfile::Converted(_) => None,
+    };
+    let all: Vec<(String, String)> = views.par_iter().filter_map(why).collect();
+    let (count, (first, why)) = (all.len(), all.first()?);
+    let images = if count == 1 { "image has" } else { "images have" };
+    Some(format!(
+        "{count} {images} a colour profile that cannot be applied, and are taken as sRGB: {first} \
+         ({why})"
     ))
 }
 

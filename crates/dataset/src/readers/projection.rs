@@ -110,8 +110,9 @@ pub(crate) fn pose_fault(pose: DMat4) -> String {
     }
     let rotation = DMat3::from_mat4(pose);
     let [x, y, z] = [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.length());
+    let mirrored = if rotation.determinant() < 0.0 { "a mirrored pose, with " } else { "" };
     format!(
-        "columns of length {x:.4}, {y:.4}, {z:.4} and determinant {:.4}",
+        "{mirrored}columns of length {x:.4}, {y:.4}, {z:.4} and determinant {:.4}",
         rotation.determinant()
     )
 }

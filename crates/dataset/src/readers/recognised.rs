@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
+use files::InputError;
 
 /// The content of a data set before its images are read.
 #[derive(Debug, Default)]
@@ -92,6 +93,12 @@ impl Views {
         image: PathBuf,
         view: impl FnOnce(PathBuf) -> Result<Option<UnreadView>>,
     ) -> Result<()> {
+        // A folder without permission is another matter than a missing image.
+        if let Err(e) = image.try_exists()
+            && e.kind() == std::io::ErrorKind::PermissionDenied
+        {
+            return Err(InputError::new(image, "image", e, "a file that may be read"));
+        }
         if image.exists() {
             match view(image.clone())? {
                 Some(view) => self.found.push(view),

@@ -527,6 +527,19 @@ fn images_and_masks_of_another_size_are_brought_to_one() {
 }
 
 #[test]
+fn a_colour_profile_that_cannot_be_applied_is_named() {
+    let (folder, all) = written(&FORMS[0]);
+    let path = folder.path().join("images/004.png");
+    let image = image::open(&path).unwrap().to_rgb8();
+    let file = fs::File::create(&path).unwrap();
+    let mut encoder = image::codecs::png::PngEncoder::new(file);
+    image::ImageEncoder::set_icc_profile(&mut encoder, b"no profile".to_vec()).unwrap();
+    image.write_with_encoder(encoder).unwrap();
+    let words = ["1 image has a colour profile that cannot be applied", "images/004.png"];
+    read(&FORMS[0], "profile", folder.path(), &all, &words);
+}
+
+#[test]
 fn a_missing_mask_of_the_camera_file_is_named_and_an_empty_name_is_none() {
     let (folder, all) = written(&FORMS[0]);
     let file = folder.path().join("transforms.json");

@@ -21,7 +21,9 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
         some => format!("{some} held out"),
     };
     global.say(&format!("views: {train} to fit, {held_out}, {width} x {height} pixels"));
-    global.say(&format!("sphere: centre ({x:.4}, {y:.4}, {z:.4}), radius {radius:.4}, {source}"));
+    let center = files::point([x, y, z], radius);
+    let length = files::length(radius, radius);
+    global.say(&format!("sphere: centre {center}, radius {length}, {source}"));
     modelled(dataset, file).iter().for_each(|line| global.say(line));
     let exposures = match file.exposure_model {
         ExposureModel::Even => "taken as equal",
