@@ -28,6 +28,8 @@ fn names_beside(path: &Path) -> Result<[String; 2], InputError> {
         let found = "a name that an .mtl file cannot hold";
         InputError::new(path, "output", found, "letters, digits and underscores")
     })?;
+    // Many readers end a name at a blank.
+    let stem = stem.replace(char::is_whitespace, "_");
     Ok([format!("{stem}.mtl"), format!("{stem}{IMAGE}")])
 }
 
@@ -54,7 +56,8 @@ pub fn check_textured_obj(path: &Path) -> Result<(), WriteError> {
 }
 
 /// Writes a mesh as an .obj file. The image of a texture goes to a file beside it, and its name to
-/// an .mtl file; both have the name of the .obj file without its extension.
+/// an .mtl file; both have the name of the .obj file without its extension, with underscores for
+/// blanks.
 pub(crate) fn write_obj(
     path: &Path,
     mesh: &Mesh,

@@ -1,7 +1,9 @@
 //! The photographs of a folder.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use dataset::readers::is_mask_of;
 use files::InputError;
 use film::{
     FocalLength, check_image, focal_length, image_size, is_photograph_name, refuse_unconverted,
@@ -56,13 +58,18 @@ impl Photographs {
         let mut names: Vec<_> = entries.flatten().map(|e| e.file_name()).collect();
         names.sort();
         let (mut files, mut other) = (Vec::new(), Vec::new());
+        let stems: BTreeSet<String> = names
+            .iter()
+            .filter_map(|name| Path::new(name).file_stem()?.to_str())
+            .map(str::to_owned)
+            .collect();
         for name in names {
             let path = folder.join(&name);
             let shown = name.to_string_lossy().into_owned();
             if shown.starts_with('.') || !path.is_file() {
                 continue;
             }
-            if !is_photograph_name(&path) {
+            if !is_photograph_name(&path) || is_mask_of(&shown, &stems) {
                 other.push(shown);
                 continue;
             }
@@ -147,11 +154,20 @@ fn found_in(folder: &Path, photographs: usize, other: &[String]) -> String {
     if let Some(first) = other.first() {
         found += &format!(" ({} other files; first: {first})", other.len());
     }
-    let inside = ["images", "input"].map(|name| folder.join(name));
-    if let Some(inside) = inside.iter().find(|path| path.is_dir()) {
-        found += &format!(" (folders inside are not searched: name {})", inside.display());
+    if let Some((count, inside)) = most_inside(folder) {
+        let inside = inside.display();
+        found += &format!(" (folders inside are not searched: {inside} has {count}, name it)");
     }
     found
+}
+
+/// The folder with the most photographs in a folder, and their number.
+fn most_inside(folder: &Path) -> Option<(usize, PathBuf)> {
+    let entries = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let count = |path: &Path| entries(path).filter(|e| is_photograph_name(&e.path())).count();
+    let inside = entries(folder).map(|e| e.path()).filter(|path| path.is_dir());
+    let counts = inside.map(|path| (count(&path), path)).filter(|(count, _)| *count > 0);
+    counts.max_by(|(a, first), (b, second)| a.cmp(b).then_with(|| second.cmp(first)))
 }
 
 /// The length of a file in bytes, and the checksum of its content.
@@ -187,6 +203,7 @@ mod tests {
                 std::fs::rename(at(name).with_extension("png"), at(name)).unwrap();
             }
         }
+        png(&at("b_mask.png"), 40, 30);
         std::fs::write(at("notes.txt"), "x").unwrap();
         let names = ["a.JPG", "b.jpeg", "c.tif", "d.TIFF", "e.webp", "f.png"];
         assert!(names.iter().all(|name| is_photograph_name(&at(name))));
@@ -194,7 +211,7 @@ mod tests {
         let found = Photographs::in_folder(folder.path()).unwrap();
         assert_eq!(found.list(&[0, 1, 2]), "a b.PNG\nb.png\nc.png\n");
         assert_eq!(found.alike(), [[0, 1, 2]]);
-        assert!(found.left_out().unwrap().ends_with("first: notes.txt"));
+        assert!(found.left_out().unwrap().ends_with("2; first: b_mask.png"));
         assert_eq!((found.most_pixels(3200), found.most_pixels(20)), (1200, 300));
         png(&at("d.png"), 30, 40);
         let found = Photographs::in_folder(folder.path()).unwrap();
@@ -213,7 +230,10 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         let message = |path: &Path| Photographs::in_folder(path).unwrap_err().to_string();
         assert!(message(&at("none")).contains("found no such folder, expected 3 or more"));
-        std::fs::create_dir(at("images")).unwrap();
+        for name in ["images/a.png", "scans/a.png", "scans/b.png"] {
+            std::fs::create_dir_all(at(name).parent().unwrap()).unwrap();
+            png(&at(name), 4, 4);
+        }
         std::fs::write(at("a.CR2"), "x").unwrap();
         let none = message(folder.path());
         assert!(none.contains("found none (1 other files; first: a.CR2)"), "{none}");
@@ -221,7 +241,7 @@ mod tests {
         let raw = message(folder.path());
         assert!(raw.contains("a.CR2: image: found a CR2 image"), "{raw}");
         assert!(raw.contains("darktable-cli a.CR2 a.tif"), "{raw}");
-        assert!(none.contains("name ") && none.contains("images"), "{none}");
+        assert!(none.contains("scans has 2, name it"), "{none}");
         png(&at("a.png"), 4, 4);
         png(&at("b.png"), 4, 4);
         assert!(message(folder.path()).contains("found 2 "));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,6 +14,28 @@ use crate::failure::{wrong, wrong_input};
 #[pyclass(frozen, module = "dsdf")]
 #[derive(Clone, Copy)]
 pub(crate) struct Camera(pub(crate) render::Camera);
+
+/// The size of a camera's film, and its other numbers to the last bit.
+type State = (u32, u32, [f64; 18]);
+
+fn state_of(camera: &render::Camera) -> State {
+    let render::Camera { width, height, focal, principal, eye, right, up, forward, radial } =
+        *camera;
+    let vectors = [eye, right, up, forward].map(|v| v.to_array());
+    let pairs = [focal, principal, radial].map(|v| v.to_array());
+    let mut numbers = [0.0; 18];
+    numbers[..12].copy_from_slice(vectors.as_flattened());
+    numbers[12..].copy_from_slice(pairs.as_flattened());
+    (width, height, numbers)
+}
+
+fn of_state((width, height, numbers): State) -> render::Camera {
+    let vector = |i: usize| DVec3::from_slice(&numbers[3 * i..]);
+    let pair = |i: usize| DVec2::from_slice(&numbers[12 + 2 * i..]);
+    let [eye, right, up, forward] = [0, 1, 2, 3].map(vector);
+    let [focal, principal, radial] = [0, 1, 2].map(pair);
+    render::Camera { width, height, focal, principal, eye, right, up, forward, radial }
+}
 
 /// A camera by the keys of a scene file. `name` is its name in messages.
 fn read(description: &Bound<'_, PyDict>, name: &str) -> PyResult<Camera> {
@@ -65,12 +87,24 @@ pub(crate) fn read_all(cameras: &Bound<'_, PyAny>) -> PyResult<Vec<render::Camer
 #[pymethods]
 impl Camera {
     #[new]
-    #[pyo3(signature = (**description))]
-    fn new(py: Python<'_>, description: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    #[pyo3(signature = (state = None, /, **description))]
+    fn new(
+        py: Python<'_>,
+        state: Option<State>,
+        description: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        if let Some(state) = state {
+            return Ok(Camera(of_state(state)));
+        }
         match description {
             Some(description) => read(description, "camera"),
             None => read(&PyDict::new(py), "camera"),
         }
+    }
+
+    /// The arguments that make an equal camera: `pickle` and `copy` ask for them.
+    fn __getnewargs__(&self) -> (State,) {
+        (state_of(&self.0),)
     }
 
     /// The width of the film, in pixels.

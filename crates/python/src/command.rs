@@ -11,6 +11,7 @@ use app::messages::Host;
 use pyo3::prelude::*;
 
 use crate::failure::of_anyhow;
+use crate::pool;
 
 /// The time between two looks at the progress and at signals.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -77,7 +78,8 @@ pub(crate) fn run(
     let (host, caller) = (Arc::clone(&shared), current());
     let command = spawn(move || {
         let arguments = std::iter::once("dsdf".into()).chain(arguments);
-        let result = app::cli::run_in_host(arguments, Arc::clone(&host) as Arc<dyn Host>);
+        let shown = Arc::clone(&host) as Arc<dyn Host>;
+        let result = pool::run(|| app::cli::run_in_host(arguments, shown));
         host.ended.store(true, Ordering::SeqCst);
         caller.unpark();
         result

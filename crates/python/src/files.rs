@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use crate::arrays::{numbers, rows, tuple};
 use crate::camera::Camera;
 use crate::failure::{of_anyhow, wrong, wrong_input};
+use crate::pool;
 
 /// An image, linear RGB: float32, height × width × 3.
 type Image<'py> = Bound<'py, PyArray3<f32>>;
@@ -86,7 +87,7 @@ pub(crate) fn read_dataset(
         return Err(wrong("arguments", "downscale", 0, "1 or more"));
     }
     let load = |path: &Path| dataset::load(path, &LoadOptions { downscale });
-    let dataset = py.detach(|| load(&path)).map_err(wrong_input)?;
+    let dataset = py.detach(|| pool::run(|| load(&path))).map_err(wrong_input)?;
     let list = |views: &[View]| -> PyResult<Vec<_>> {
         views.iter().map(|view| photograph(py, view)).collect()
     };

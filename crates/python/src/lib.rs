@@ -10,6 +10,7 @@ mod camera;
 mod command;
 mod failure;
 mod files;
+mod pool;
 mod record;
 
 use pyo3::prelude::*;

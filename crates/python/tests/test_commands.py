@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 
@@ -26,6 +27,26 @@ def data(tmp_path_factory):
     result = dsdf.synth(SCENE, folder, views=8, size="32x32", spp=8)
     assert result["views"] == 8
     return folder
+
+
+FORK = """
+import os, sys
+import dsdf
+
+count = len(dsdf.photographs(sys.argv[1])[0])
+child = os.fork()
+if child == 0:
+    again = len(dsdf.photographs(sys.argv[1])[0]) == len(dsdf.photographs(sys.argv[1])[0]) == count
+    report = dsdf.inspect(sys.argv[1])
+    os._exit(0 if again and report else 1)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_forked_child_reads_photographs_as_its_parent_did(data):
+    done = subprocess.run([sys.executable, "-c", FORK, str(data)], timeout=120)
+    assert done.returncode == 0
 
 
 FIT = {"iterations": 12, "width": 16, "grid": "none", "batch": 256, "stereo": "none",

@@ -1,10 +1,24 @@
 """Records of fields in NumPy: values, derivatives, errors."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from shapes import BOUNDS, Ball, Lit, camera
 
 import dsdf
+
+
+def test_cameras_are_copied_and_pickled_to_the_last_bit():
+    view = camera()
+    u = np.array([[0.5, 1.5], [3.25, 7.0]])
+    for other in (copy.copy(view), copy.deepcopy(view), pickle.loads(pickle.dumps(view))):
+        assert (other.width, other.height, other.focal) == (view.width, view.height, view.focal)
+        assert np.array_equal(other.pose, view.pose)
+        assert np.array_equal(other.directions(u), view.directions(u))
+    photograph = dsdf.Photograph("a", view, np.zeros((2, 3, 3), np.float32), None)
+    assert pickle.loads(pickle.dumps(photograph)).camera.focal == view.focal
 
 
 def delta_of(pixels, size):

@@ -224,8 +224,9 @@ fn has_mark(name: &str) -> bool {
     without_mark(name).is_some() || ["mask", "masks"].iter().any(|m| name.eq_ignore_ascii_case(m))
 }
 
-/// Whether the file of this name is the mask of one of the files with these stems.
-pub(crate) fn is_mask_of(name: &str, stems: &BTreeSet<String>) -> bool {
+/// Whether the file of this name is the mask of one of the files with these stems: `a_mask.png`,
+/// `a.mask.png`, `mask_a.png` or `dynamic_mask_a.png` of `a`.
+pub fn is_mask_of(name: &str, stems: &BTreeSet<String>) -> bool {
     without_mark(stem(name)).is_some_and(|of| stems.contains(of) || stems.contains(stem(of)))
 }
 

@@ -32,6 +32,7 @@ pub use colmap::{SparseCamera, SparseModel, sparse_model};
 pub use distortion::Distortion;
 pub use mask::{ALL_USED, Mask, MaskKind};
 pub(crate) use mask_files::dynamic;
+pub use mask_files::is_mask_of;
 pub use recognised::Recognised;
 pub use unread::UnreadView;
 pub use view::View;
