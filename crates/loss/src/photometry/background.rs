@@ -1,7 +1,7 @@
 //! The probability that a pixel shows the background.
 
 use field::Sphere;
-use inspect::BackgroundEstimate;
+use inspect::{BackgroundEstimate, Picture};
 
 use crate::photometry::margin::with_margin;
 use crate::photometry::photograph::Photograph;
@@ -26,6 +26,8 @@ pub struct BackgroundModel {
     pub bounds: Sphere<f64>,
     /// The estimated colour of the background: one for all views, or one for each.
     pub estimates: Vec<BackgroundEstimate>,
+    /// The picture behind all views, in the place of a colour.
+    pub picture: Option<Picture>,
     /// Whether the background is trained: pixels whose rays miss the bounding sphere then count.
     pub is_trained: bool,
 }
@@ -40,13 +42,18 @@ impl BackgroundModel {
     /// background.
     pub fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
         let (width, height) = (photograph.image.width, photograph.image.height);
-        let certain: Vec<bool> = match &photograph.coverage {
-            Some(coverage) => coverage.pixels.iter().map(|c| 1.0 - c[0] > CERTAIN).collect(),
-            None if self.estimate(view).confidence > KNOWN => {
+        let certain: Vec<bool> = match (&photograph.coverage, &self.picture) {
+            (Some(coverage), _) => coverage.pixels.iter().map(|c| 1.0 - c[0] > CERTAIN).collect(),
+            (None, Some(picture)) => {
+                let probability = picture.probabilities_at([width, height], view);
+                let pixels = photograph.image.pixels.iter().enumerate();
+                pixels.map(|(i, rgb)| probability(i, *rgb) > CERTAIN).collect()
+            }
+            (None, None) if self.estimate(view).confidence > KNOWN => {
                 let probability = self.estimate(view).probabilities();
                 photograph.image.pixels.iter().map(|rgb| probability(*rgb) > CERTAIN).collect()
             }
-            None => return vec![false; photograph.image.pixels.len()],
+            (None, None) => return vec![false; photograph.image.pixels.len()],
         };
         with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
     }

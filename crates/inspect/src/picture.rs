@@ -1,0 +1,285 @@
+//! The picture behind an object that turns in front of a fixed camera.
+
+use std::ops::Range;
+
+use dataset::View;
+use field::{Background, BackgroundRay, FilmPlace, RayAdjoint, Sphere};
+use film::{Film, srgb_encode};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::BackgroundEstimate;
+use crate::background::LEAST_SPREAD;
+use crate::still::{Still, have_one_size, without};
+
+/// The most views by which a pixel is judged; of more, evenly chosen ones.
+const MOST_VIEWS: usize = 64;
+
+/// Samples of a pixel belong together within this many spreads.
+const WIDTH: f32 = 3.0;
+
+/// The least share of the views that must show a pixel's colour, and their least number. With
+/// fewer, the object hides the pixel.
+const LEAST_SHARE: f64 = 0.125;
+const LEAST_SHOWING: usize = 3;
+
+/// The levels of the picture: the coarsest has 1/2^(LEVELS − 1) of the size.
+const LEVELS: usize = 10;
+
+/// The picture that a fixed camera sees behind an object that turns in front of it: a colour for
+/// each place on the film, the same in all views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// The picture at full size, at a half, and so on.
+    levels: Vec<Level>,
+    /// The standard deviation of a pixel over the views, in display units.
+    pub spread: f32,
+    /// The factor of each channel by which each view shows the picture; those that it was estimated
+    /// from. Empty for a picture that was read from a file.
+    pub gains: Vec<[f32; 3]>,
+}
+
+/// The picture at one size.
+#[derive(Clone, Debug, PartialEq)]
+struct Level {
+    image: Film,
+    /// Whether photographs show each pixel, row-major. The others have colours of their neighbours.
+    is_known: Vec<bool>,
+}
+
+impl Level {
+    fn index(&self, film: &FilmPlace) -> usize {
+        let along = |u: f64, side: u32, own: u32| {
+            let place = u / f64::from(side) * f64::from(own);
+            (place.max(0.0) as u32).min(own - 1) as usize
+        };
+        let [width, height] = film.size;
+        let x = along(film.u.x, width, self.image.width);
+        along(film.u.y, height, self.image.height) * self.image.width as usize + x
+    }
+}
+
+impl Picture {
+    /// The picture behind the object in these views: for each pixel, the mean of the colours of the
+    /// most views that agree, without the exposures of the views. Pixels that the object hides in
+    /// nearly all views get the colours of their neighbours, and do not count as known.
+    ///
+    /// `None` if there is no view, or the views have several sizes.
+    pub fn of(views: &[View], sphere: &Sphere<f64>) -> Option<Self> {
+        if views.is_empty() || !have_one_size(views) {
+            return None;
+        }
+        let Still { spread, gains, .. } = Still::of(views, sphere);
+        let gains = if gains.is_empty() { vec![[1.0; 3]; views.len()] } else { gains };
+        let step = views.len().div_ceil(MOST_VIEWS);
+        let chosen: Vec<(&View, [f32; 3])> =
+            views.iter().zip(gains.iter().copied()).step_by(step).collect();
+        let least = ((LEAST_SHARE * chosen.len() as f64).ceil() as usize).max(LEAST_SHOWING);
+        let width = WIDTH * spread.max(LEAST_SPREAD);
+        let of_pixel = |i: usize| {
+            let used = chosen.iter().filter(|(view, _)| view.is_used(i));
+            let colors = used.map(|(view, gain)| without(view.image.pixels[i], *gain));
+            densest(colors.collect(), width, least)
+        };
+        let found: Vec<Option<[f32; 3]>> =
+            (0..views[0].image.pixels.len()).into_par_iter().map(of_pixel).collect();
+        let [width, height] = [views[0].image.width, views[0].image.height];
+        let is_known = found.iter().map(Option::is_some).collect();
+        let pixels = found.into_iter().map(Option::unwrap_or_default).collect();
+        Self::new(Film { width, height, pixels }, is_known, spread, gains)
+    }
+
+    /// A picture of which some pixels are known, and the others are filled in. `is_known` has a
+    /// flag for each pixel, row-major; `spread` is in display units.
+    ///
+    /// `None` if a size is 0 or the numbers of pixels and of flags do not belong together.
+    pub fn new(
+        image: Film,
+        is_known: Vec<bool>,
+        spread: f32,
+        gains: Vec<[f32; 3]>,
+    ) -> Option<Self> {
+        let count = image.width as usize * image.height as usize;
+        if count == 0 || image.pixels.len() != count || is_known.len() != count {
+            return None;
+        }
+        let image = filled(image, &is_known);
+        let mut levels = vec![Level { image, is_known }];
+        while levels.len() < LEVELS {
+            let Level { image, is_known } = &levels[levels.len() - 1];
+            if image.width == 1 && image.height == 1 {
+                break;
+            }
+            let flags = is_known.iter().map(|known| f32::from(u8::from(*known)));
+            let known = Film::grey(image.width, image.height, flags).downscaled(2);
+            let is_known = known.pixels.iter().map(|share| share[0] > 0.999).collect();
+            levels.push(Level { image: image.downscaled(2), is_known });
+        }
+        Some(Picture { levels, spread, gains })
+    }
+
+    /// The picture at full size, linear RGB.
+    pub fn image(&self) -> &Film {
+        &self.levels[0].image
+    }
+
+    /// Whether each pixel is known, row-major.
+    pub fn is_known(&self) -> &[bool] {
+        &self.levels[0].is_known
+    }
+
+    /// The level whose size is the nearest to that of a film.
+    fn level(&self, size: [u32; 2]) -> &Level {
+        let off = |level: &&Level| {
+            let ratio = f64::from(level.image.width) / f64::from(size[0]);
+            (ratio.ln().abs() * 1e9) as u64
+        };
+        self.levels.iter().min_by_key(off).unwrap_or(&self.levels[0])
+    }
+
+    /// The colour at a place on a film of any size, linear RGB, and whether it is known. It is the
+    /// same over a pixel of the photographs, or of a photograph at 1/2, 1/4 and so on of their
+    /// size.
+    pub fn at(&self, film: &FilmPlace) -> ([f32; 3], bool) {
+        let level = self.level(film.size);
+        let i = level.index(film);
+        (level.image.pixels[i], level.is_known[i])
+    }
+
+    /// The probability in [0, 1] that pixel `i` of a photograph of this size, row-major, of this
+    /// linear RGB shows the picture, as a function for many pixels. It is 0 where the picture is
+    /// not known. `view` is the number of a view that the picture was estimated from, for its
+    /// exposure.
+    pub fn probabilities_at(
+        &self,
+        size: [u32; 2],
+        view: usize,
+    ) -> impl Fn(usize, [f32; 3]) -> f32 + Sync + '_ {
+        let level = self.level(size);
+        let gain = self.gains.get(view).copied().unwrap_or([1.0; 3]);
+        move |i, rgb| {
+            if !level.is_known.get(i).copied().unwrap_or(false) {
+                return 0.0;
+            }
+            let color = level.image.pixels[i];
+            let own = BackgroundEstimate { color, spread: self.spread, confidence: 1.0 };
+            own.probability(without(rgb, gain))
+        }
+    }
+
+    /// [`probabilities_at`](Self::probabilities_at) full size.
+    pub fn probabilities(&self, view: usize) -> impl Fn(usize, [f32; 3]) -> f32 + Sync + '_ {
+        self.probabilities_at([self.image().width, self.image().height], view)
+    }
+
+    /// The picture with other colours at the pixels that are not known: one for each camera of a
+    /// scene. A surface with a hole there shows a colour that no photograph has.
+    pub fn with_unknown<'a>(&'a self, colors: &'a [Vec3]) -> PictureWithUnknown<'a> {
+        PictureWithUnknown { picture: self, colors }
+    }
+}
+
+/// A picture with other colours at the pixels that are not known; see [`Picture::with_unknown`].
+#[derive(Clone, Copy, Debug)]
+pub struct PictureWithUnknown<'a> {
+    picture: &'a Picture,
+    colors: &'a [Vec3],
+}
+
+impl Background<f32> for Picture {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+
+    fn radiance(&self, rays: &[BackgroundRay<f32>], rgb: &mut [Vec3]) {
+        rays.iter().zip(rgb).for_each(|(ray, rgb)| *rgb = self.at(&ray.film).0.into());
+    }
+
+    /// The picture is the same over a pixel, and stands still on the film: it does not depend on
+    /// where the ray goes.
+    fn ray_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], bars: &mut [RayAdjoint<f32>]) {
+        bars.fill(RayAdjoint::zero());
+    }
+
+    fn parameter_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], _: &mut [f32]) {}
+}
+
+impl Background<f32> for PictureWithUnknown<'_> {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+
+    fn radiance(&self, rays: &[BackgroundRay<f32>], rgb: &mut [Vec3]) {
+        for (ray, rgb) in rays.iter().zip(rgb) {
+            let (color, is_known) = self.picture.at(&ray.film);
+            *rgb = if is_known { color.into() } else { self.colors[ray.camera] };
+        }
+    }
+
+    fn ray_vjp(&self, rays: &[BackgroundRay<f32>], of: &[Vec3], bars: &mut [RayAdjoint<f32>]) {
+        self.picture.ray_vjp(rays, of, bars);
+    }
+
+    fn parameter_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], _: &mut [f32]) {}
+}
+
+/// The mean of the colours around the one with the most others within `width` of it, in display
+/// units and in each channel; `None` if these are fewer than `least`.
+fn densest(colors: Vec<[f32; 3]>, width: f32, least: usize) -> Option<[f32; 3]> {
+    let mut all: Vec<([f32; 3], [f32; 3])> =
+        colors.into_iter().map(|rgb| (rgb.map(srgb_encode), rgb)).collect();
+    all.sort_by(|a, b| a.0[1].total_cmp(&b.0[1]));
+    let is_near = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() <= width);
+    let all = &all;
+    // Those whose green is near.
+    let window = |i: usize| -> Range<usize> {
+        let green = all[i].0[1];
+        let first = all.partition_point(|(own, _)| own[1] < green - width);
+        first..all.partition_point(|(own, _)| own[1] <= green + width)
+    };
+    let near = |i: usize| all[window(i)].iter().filter(move |own| is_near(&own.0, &all[i].0));
+    let (mut best, mut most) = (0, 0);
+    for i in 0..all.len() {
+        if window(i).len() > most {
+            let count = near(i).count();
+            if count > most {
+                (best, most) = (i, count);
+            }
+        }
+    }
+    if most < least.max(1) {
+        return None;
+    }
+    let sum = near(best).map(|(_, rgb)| Vec3::from(*rgb)).sum::<Vec3>();
+    Some((sum / most as f32).to_array())
+}
+
+/// The image with colours for the pixels that are not known: means over the known pixels of ever
+/// larger blocks.
+fn filled(mut image: Film, is_known: &[bool]) -> Film {
+    if is_known.iter().all(|known| *known) {
+        return image;
+    }
+    let (width, height) = (image.width, image.height);
+    let flags = is_known.iter().map(|known| f32::from(u8::from(*known)));
+    let share = Film::grey(width, height, flags);
+    for (pixel, share) in image.pixels.iter_mut().zip(&share.pixels) {
+        *pixel = pixel.map(|v| v * share[0]);
+    }
+    let known = image.clone();
+    let mut n = 2;
+    let mut left: Vec<usize> = (0..is_known.len()).filter(|i| !is_known[*i]).collect();
+    while !left.is_empty() && n < 2 * width.max(height) {
+        let (colors, shares) = (known.downscaled(n), share.downscaled(n));
+        left.retain(|i| {
+            let (x, y) = (*i as u32 % width / n, *i as u32 / width / n);
+            let weight = shares.at(x, y)[0];
+            if weight > 0.0 {
+                image.pixels[*i] = colors.at(x, y).map(|v| v / weight);
+            }
+            weight == 0.0
+        });
+        n *= 2;
+    }
+    image
+}
