@@ -283,3 +283,71 @@ fn filled(mut image: Film, is_known: &[bool]) -> Film {
     }
     image
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+
+    #[test]
+    fn the_colour_of_a_pixel_is_that_of_the_most_views_that_agree() {
+        // The object shows another grey in each view; six of 20 views show the backdrop.
+        let shown = |i: usize| match i % 3 {
+            0 if i < 18 => [0.2 + 0.001 * i as f32, 0.4, 0.6],
+            _ => [0.03 * i as f32 + 0.05; 3],
+        };
+        let found = densest((0..20).map(shown).collect(), 0.03, 3).unwrap();
+        assert!((found[0] - 0.2075).abs() < 1e-3 && (found[2] - 0.6).abs() < 1e-3, "{found:?}");
+        // No two views agree.
+        assert_eq!(densest((0..20).map(|i| [0.05 * i as f32; 3]).collect(), 0.02, 3), None);
+        assert_eq!(densest(Vec::new(), 0.02, 0), None);
+    }
+
+    #[test]
+    fn unknown_pixels_have_the_colours_of_their_neighbours_and_levels_those_of_reduced_photographs() {
+        let pixel = |i: usize| [0.1 * (i % 5) as f32, 0.1 * (i / 5) as f32, 0.5];
+        let mut pixels: Vec<[f32; 3]> = (0..25).map(pixel).collect();
+        pixels[12] = [0.9, 0.9, 0.9];
+        let image = Film { width: 5, height: 5, pixels };
+        let is_known = (0..25).map(|i| i != 12).collect();
+        let picture = Picture::new(image, is_known, 0.01, Vec::new()).unwrap();
+        let middle = picture.image().pixels[12];
+        assert!((middle[0] - 0.2667).abs() < 1e-3 && middle[2] == 0.5, "{middle:?}");
+        let reduced = picture.image().downscaled(2);
+        for (size, image) in [([5, 5], picture.image()), ([3, 3], &reduced)] {
+            for (i, expected) in image.pixels.iter().enumerate() {
+                let (x, y) = (i as u32 % size[0], i as u32 / size[0]);
+                let u = DVec2::new(f64::from(x), f64::from(y)) + 0.5;
+                let is_middle = u.floor() == DVec2::splat(if size[0] == 5 { 2.0 } else { 1.0 });
+                let (found, is_known) = picture.at(&FilmPlace { u, size });
+                assert_eq!((found, is_known), (*expected, !is_middle), "{u}");
+                // Anywhere in the pixel.
+                let corner = FilmPlace { u: u - 0.49, size };
+                assert_eq!(picture.at(&corner).0, *expected);
+            }
+        }
+        assert!(Picture::new(Film::new(2, 2), vec![true; 3], 0.01, Vec::new()).is_none());
+    }
+
+    #[test]
+    fn an_unknown_pixel_shows_the_colour_of_its_camera_and_is_never_the_backdrop() {
+        let image = Film { width: 2, height: 1, pixels: vec![[0.2; 3], [0.4; 3]] };
+        let picture = Picture::new(image, vec![true, false], 0.01, vec![[2.0; 3]]).unwrap();
+        let colors = [Vec3::X, Vec3::Z];
+        let ray = |x: f64, camera| BackgroundRay {
+            camera,
+            film: FilmPlace { u: DVec2::new(x, 0.5), size: [2, 1] },
+            origin: Vec3::ZERO,
+            direction: Vec3::Y,
+        };
+        let mut rgb = [Vec3::ZERO; 3];
+        let rays = [ray(0.5, 0), ray(1.5, 0), ray(1.5, 1)];
+        picture.with_unknown(&colors).radiance(&rays, &mut rgb);
+        assert_eq!(rgb, [Vec3::splat(0.2), Vec3::X, Vec3::Z]);
+        // The first view was photographed with twice the exposure.
+        let probability = picture.probabilities(0);
+        assert!(probability(0, [0.4; 3]) > 0.99 && probability(0, [0.2; 3]) < 0.01);
+        assert_eq!(probability(1, [0.8; 3]), 0.0);
+    }
+}

@@ -58,3 +58,35 @@ impl BackgroundModel {
         with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use field::Sphere;
+    use film::Film;
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn pixels_that_show_the_picture_are_certain_but_for_those_near_others() {
+        let pixel = |i: u32| [0.2 + 0.1 * (i % 4) as f32, 0.3, 0.5];
+        let image = Film { width: 8, height: 8, pixels: (0..64).map(pixel).collect() };
+        let is_known: Vec<bool> = (0..64).map(|i| i != 63).collect();
+        let picture = Picture::new(image.clone(), is_known, 0.01, Vec::new()).unwrap();
+        let model = BackgroundModel {
+            bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
+            estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            picture: Some(picture),
+            is_trained: false,
+        };
+        let mut photograph = Photograph::of_image(image);
+        photograph.image.pixels[0] = [0.9, 0.1, 0.1];
+        let certain = model.certain(0, &photograph);
+        // The object in one corner, an unknown pixel in the other, and a margin of one pixel.
+        let expected = |i: usize| {
+            let (x, y) = (i % 8, i / 8);
+            !(x < 2 && y < 2) && !(x > 5 && y > 5)
+        };
+        assert_eq!(certain, (0..64).map(expected).collect::<Vec<bool>>());
+    }
+}
