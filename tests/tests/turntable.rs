@@ -11,7 +11,8 @@ use tests::input::{Folder, refused};
 /// Photographs of two balls, which turn in front of a backdrop that stands still in the image, and
 /// the mesh of the balls.
 fn photographs(folder: &Folder) -> String {
-    let ball = |x: f64, radius: f64| json!({"type": "sphere", "center": [x, 0, 0], "radius": radius});
+    let ball =
+        |x: f64, radius: f64| json!({"type": "sphere", "center": [x, 0, 0], "radius": radius});
     let file = json!({
         "camera": {"width": 8, "height": 8, "focal": 8, "principal": [4, 4],
                    "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0]},

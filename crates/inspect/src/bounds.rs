@@ -337,7 +337,9 @@ fn hull_before_picture(views: &[View], wide: &Sphere<f64>) -> Option<Sphere<f64>
     let picture = Picture::of(views, wide)?;
     hull_before(views, wide, |view| {
         let shown = picture.probabilities(view);
-        (0..views[view].image.pixels.len()).map(|i| shown(i, views[view].image.pixels[i]) < 0.5).collect()
+        (0..views[view].image.pixels.len())
+            .map(|i| shown(i, views[view].image.pixels[i]) < 0.5)
+            .collect()
     })
 }
 

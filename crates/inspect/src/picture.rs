@@ -1,11 +1,9 @@
 //! The picture behind an object that turns in front of a fixed camera.
 
-use std::ops::Range;
-
 use dataset::View;
 use field::{Background, BackgroundRay, FilmPlace, RayAdjoint, Sphere};
 use film::{Film, srgb_encode};
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::BackgroundEstimate;
@@ -17,6 +15,10 @@ const MOST_VIEWS: usize = 64;
 
 /// Samples of a pixel belong together within this many spreads.
 const WIDTH: f32 = 3.0;
+
+/// A pixel is compared in the views that show the backdrop within 1/REACH of the longer side of the
+/// film.
+const REACH: usize = 64;
 
 /// The least share of the views that must show a pixel's colour, and their least number. With
 /// fewer, the object hides the pixel.
@@ -61,8 +63,9 @@ impl Level {
 
 impl Picture {
     /// The picture behind the object in these views: for each pixel, the mean of the colours of the
-    /// most views that agree, without the exposures of the views. Pixels that the object hides in
-    /// nearly all views get the colours of their neighbours, and do not count as known.
+    /// most views that agree, among those that show the backdrop near it, without the exposures of
+    /// the views. Pixels that the object hides in nearly all views get the colours of their
+    /// neighbours, and do not count as known.
     ///
     /// `None` if there is no view, or the views have several sizes.
     pub fn of(views: &[View], sphere: &Sphere<f64>) -> Option<Self> {
@@ -74,18 +77,10 @@ impl Picture {
         let step = views.len().div_ceil(MOST_VIEWS);
         let chosen: Vec<(&View, [f32; 3])> =
             views.iter().zip(gains.iter().copied()).step_by(step).collect();
-        let least = ((LEAST_SHARE * chosen.len() as f64).ceil() as usize).max(LEAST_SHOWING);
-        let width = WIDTH * spread.max(LEAST_SPREAD);
-        let of_pixel = |i: usize| {
-            let used = chosen.iter().filter(|(view, _)| view.is_used(i));
-            let colors = used.map(|(view, gain)| without(view.image.pixels[i], *gain));
-            densest(colors.collect(), width, least)
-        };
-        let found: Vec<Option<[f32; 3]>> =
-            (0..views[0].image.pixels.len()).into_par_iter().map(of_pixel).collect();
+        let found = grow(&chosen, sphere, WIDTH * spread.max(LEAST_SPREAD));
         let [width, height] = [views[0].image.width, views[0].image.height];
-        let is_known = found.iter().map(Option::is_some).collect();
-        let pixels = found.into_iter().map(Option::unwrap_or_default).collect();
+        let is_known = found.iter().map(|own| own.showing != 0).collect();
+        let pixels = found.into_iter().map(|own| own.color).collect();
         Self::new(Film { width, height, pixels }, is_known, spread, gains)
     }
 
@@ -223,35 +218,109 @@ impl Background<f32> for PictureWithUnknown<'_> {
     fn parameter_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], _: &mut [f32]) {}
 }
 
-/// The mean of the colours around the one with the most others within `width` of it, in display
-/// units and in each channel; `None` if these are fewer than `least`.
-fn densest(colors: Vec<[f32; 3]>, width: f32, least: usize) -> Option<[f32; 3]> {
-    let mut all: Vec<([f32; 3], [f32; 3])> =
-        colors.into_iter().map(|rgb| (rgb.map(srgb_encode), rgb)).collect();
-    all.sort_by(|a, b| a.0[1].total_cmp(&b.0[1]));
-    let is_near = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() <= width);
-    let all = &all;
-    // Those whose green is near.
-    let window = |i: usize| -> Range<usize> {
-        let green = all[i].0[1];
-        let first = all.partition_point(|(own, _)| own[1] < green - width);
-        first..all.partition_point(|(own, _)| own[1] <= green + width)
+/// What is found about a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Shown {
+    /// The colour of the backdrop, linear RGB.
+    color: [f32; 3],
+    /// A bit for each view that shows it. None for a pixel that is not known.
+    showing: u64,
+}
+
+/// The backdrop of all pixels. `views` are at most 64, with their gains, and samples agree within
+/// `width`, in display units.
+///
+/// It grows inwards from the border of the film and from the pixels whose rays miss the sphere in
+/// most views. A pixel is compared in the views alone that show the backdrop near it: where the
+/// object hides the backdrop in all views, many views of a plain object may agree about its own
+/// colour, but not the few that show the backdrop beside it.
+fn grow(views: &[(&View, [f32; 3])], sphere: &Sphere<f64>, width: f32) -> Vec<Shown> {
+    let image = &views[0].0.image;
+    let size @ [columns, rows] = [image.width as usize, image.height as usize];
+    let least = ((LEAST_SHARE * views.len() as f64).ceil() as usize).max(LEAST_SHOWING);
+    let of_pixel = |i: usize, among: u64| {
+        let is_among = |number: &usize| among >> number & 1 == 1 && views[*number].0.is_used(i);
+        let sample = |number: usize| {
+            let (view, gain) = views[number];
+            (number, without(view.image.pixels[i], gain))
+        };
+        let samples: Vec<_> = (0..views.len()).filter(is_among).map(sample).collect();
+        let least = least.max(samples.len().div_ceil(2));
+        densest(&samples, width, least)
     };
-    let near = |i: usize| all[window(i)].iter().filter(move |own| is_near(&own.0, &all[i].0));
+    let missing = |i: usize| {
+        let u = DVec2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5);
+        let misses = |(view, _): &&(&View, [f32; 3])| {
+            sphere.clip(view.camera.eye, view.camera.direction(u)).is_none()
+        };
+        let is_border =
+            [0, columns - 1].contains(&(i % columns)) || [0, rows - 1].contains(&(i / columns));
+        is_border || 2 * views.iter().filter(misses).count() > views.len()
+    };
+    let all = u64::MAX >> (64 - views.len());
+    // The views among which each pixel was compared.
+    let seeds = (0..columns * rows).into_par_iter();
+    let mut tried: Vec<u64> = seeds.map(|i| if missing(i) { all } else { 0 }).collect();
+    let first = tried.par_iter().enumerate();
+    let mut found: Vec<Shown> =
+        first.map(|(i, among)| of_pixel(i, *among).unwrap_or_default()).collect();
+    loop {
+        let showing: Vec<u64> = found.iter().map(|own| own.showing).collect();
+        let near = united(&showing, size, (columns.max(rows) / REACH).max(1));
+        let next = |(i, own): (usize, &Shown)| {
+            let is_new = own.showing == 0 && near[i] != tried[i] && near[i] != 0;
+            if is_new { of_pixel(i, near[i]) } else { None }
+        };
+        let added: Vec<Option<Shown>> = found.par_iter().enumerate().map(next).collect();
+        tried.iter_mut().zip(&near).for_each(|(tried, near)| *tried |= near);
+        if added.iter().all(Option::is_none) {
+            return found;
+        }
+        let own = found.iter_mut().zip(added);
+        own.for_each(|(own, added)| *own = added.unwrap_or(*own));
+    }
+}
+
+/// The union of the sets of the pixels in a square with this margin around each pixel.
+fn united(sets: &[u64], [columns, rows]: [usize; 2], margin: usize) -> Vec<u64> {
+    let around = |i: usize, side: usize| i.saturating_sub(margin)..(i + margin + 1).min(side);
+    let place = |i: usize| [i % columns, i / columns];
+    let in_row = |i: usize| {
+        let [x, y] = place(i);
+        around(x, columns).fold(0, |union, x| union | sets[y * columns + x])
+    };
+    let along: Vec<u64> = (0..sets.len()).into_par_iter().map(in_row).collect();
+    let in_column = |i: usize| {
+        let [x, y] = place(i);
+        around(y, rows).fold(0, |union, y| union | along[y * columns + x])
+    };
+    (0..sets.len()).into_par_iter().map(in_column).collect()
+}
+
+/// The mean of the colours around the one with the most others within `width` of it, in display
+/// units and in each channel; `None` if these are fewer than `least`. Samples are numbers of views
+/// and linear RGB.
+fn densest(samples: &[(usize, [f32; 3])], width: f32, least: usize) -> Option<Shown> {
+    let all: Vec<[f32; 3]> = samples.iter().map(|(_, rgb)| rgb.map(srgb_encode)).collect();
+    let is_near = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() <= width);
+    let count = |own: &[f32; 3]| all.iter().filter(|other| is_near(own, other)).count();
     let (mut best, mut most) = (0, 0);
-    for i in 0..all.len() {
-        if window(i).len() > most {
-            let count = near(i).count();
-            if count > most {
-                (best, most) = (i, count);
-            }
+    for (i, own) in all.iter().enumerate() {
+        let count = count(own);
+        if count > most {
+            (best, most) = (i, count);
         }
     }
     if most < least.max(1) {
         return None;
     }
-    let sum = near(best).map(|(_, rgb)| Vec3::from(*rgb)).sum::<Vec3>();
-    Some((sum / most as f32).to_array())
+    let near = samples.iter().zip(&all).filter(|(_, own)| is_near(own, &all[best]));
+    let (mut sum, mut showing) = (Vec3::ZERO, 0);
+    for ((number, rgb), _) in near {
+        sum += Vec3::from(*rgb);
+        showing |= 1u64 << number;
+    }
+    Some(Shown { color: (sum / most as f32).to_array(), showing })
 }
 
 /// The image with colours for the pixels that are not known: means over the known pixels of ever
@@ -286,26 +355,66 @@ fn filled(mut image: Film, is_known: &[bool]) -> Film {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
-
     use super::*;
 
     #[test]
     fn the_colour_of_a_pixel_is_that_of_the_most_views_that_agree() {
         // The object shows another grey in each view; six of 20 views show the backdrop.
         let shown = |i: usize| match i % 3 {
-            0 if i < 18 => [0.2 + 0.001 * i as f32, 0.4, 0.6],
-            _ => [0.03 * i as f32 + 0.05; 3],
+            0 if i < 18 => (i, [0.2 + 0.001 * i as f32, 0.4, 0.6]),
+            _ => (i, [0.03 * i as f32 + 0.05; 3]),
         };
-        let found = densest((0..20).map(shown).collect(), 0.03, 3).unwrap();
-        assert!((found[0] - 0.2075).abs() < 1e-3 && (found[2] - 0.6).abs() < 1e-3, "{found:?}");
+        let samples: Vec<_> = (0..20).map(shown).collect();
+        let Shown { color, showing } = densest(&samples, 0.03, 3).unwrap();
+        assert!((color[0] - 0.2075).abs() < 1e-3 && (color[2] - 0.6).abs() < 1e-3, "{color:?}");
+        assert_eq!(showing, 0b1001001001001001);
         // No two views agree.
-        assert_eq!(densest((0..20).map(|i| [0.05 * i as f32; 3]).collect(), 0.02, 3), None);
-        assert_eq!(densest(Vec::new(), 0.02, 0), None);
+        let grey = |i: usize| (i, [0.05 * i as f32; 3]);
+        assert_eq!(densest(&(0..20).map(grey).collect::<Vec<_>>(), 0.02, 3), None);
+        assert_eq!(densest(&[], 0.02, 0), None);
     }
 
     #[test]
-    fn unknown_pixels_have_the_colours_of_their_neighbours_and_levels_those_of_reduced_photographs() {
+    fn a_plain_object_that_always_hides_the_middle_is_no_part_of_the_picture() {
+        // A grey disc turns off the middle of the film: it always hides it, and half of the time
+        // what is around.
+        let backdrop = |x: u32, y: u32| [0.1 + 0.02 * (x % 7) as f32, 0.1 + 0.02 * y as f32, 0.4];
+        let camera = crate::test_ball::cameras(1)[0].resized(32, 32);
+        let view = |number: usize| {
+            let angle = 0.3 * number as f64;
+            let middle = DVec2::splat(16.0) + 4.0 * DVec2::new(angle.cos(), angle.sin());
+            let pixel = |i: u32| {
+                let (x, y) = (i % 32, i / 32);
+                let is_object = DVec2::new(f64::from(x), f64::from(y)).distance(middle) < 7.0;
+                if is_object { [0.5; 3] } else { backdrop(x, y) }
+            };
+            let image = Film { width: 32, height: 32, pixels: (0..1024).map(pixel).collect() };
+            View { name: String::new(), path: Default::default(), camera, image, mask: None }
+        };
+        let views: Vec<View> = (0..21).map(view).collect();
+        let sphere = crate::test_ball::ball().scaled(1.5);
+        let picture = Picture::of(&views, &sphere).unwrap();
+        for (i, is_known) in picture.is_known().iter().enumerate() {
+            let (x, y) = (i as u32 % 32, i as u32 / 32);
+            let away = DVec2::new(f64::from(x), f64::from(y)).distance(DVec2::splat(16.0));
+            if away < 2.0 {
+                assert!(!is_known, "{x}, {y}");
+            }
+            if away > 6.0 {
+                let found = picture.image().at(x, y);
+                let expected = backdrop(x, y);
+                assert!(
+                    (0..3).all(|c| (found[c] - expected[c]).abs() < 1e-4),
+                    "{x}, {y}: {found:?}"
+                );
+                assert!(is_known, "{x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_pixels_have_the_colours_of_their_neighbours_and_levels_those_of_reduced_photographs()
+    {
         let pixel = |i: usize| [0.1 * (i % 5) as f32, 0.1 * (i / 5) as f32, 0.5];
         let mut pixels: Vec<[f32; 3]> = (0..25).map(pixel).collect();
         pixels[12] = [0.9, 0.9, 0.9];

@@ -189,7 +189,8 @@ fn gains_of(places: &[Place], colors: &[[f32; 3]], views: usize) -> Vec<[f32; 3]
     let mut gains = vec![[1.0; 3]; views];
     for c in 0..3 {
         let mut ratios: Vec<Vec<f32>> = vec![Vec::new(); views];
-        for (place, color) in places.iter().zip(colors).filter(|(_, color)| color[c] > LEAST_RADIANCE)
+        for (place, color) in
+            places.iter().zip(colors).filter(|(_, color)| color[c] > LEAST_RADIANCE)
         {
             place.samples.iter().for_each(|(view, rgb)| ratios[*view].push(rgb[c] / color[c]));
         }

@@ -81,7 +81,9 @@ impl Setting {
     pub(super) fn record(&self, file: &str) -> Value {
         match self {
             Setting::Shared | Setting::Still | Setting::Noise(_) => json!({"file": file}),
-            Setting::GreyExposure(stops) | Setting::NoisyStill(stops, _) => json!({"file": file, "stops": stops}),
+            Setting::GreyExposure(stops) | Setting::NoisyStill(stops, _) => {
+                json!({"file": file, "stops": stops})
+            }
             Setting::Color(color) => json!({"file": file, "background": color}),
         }
     }

@@ -174,7 +174,8 @@ fn a_ray_that_misses_takes_the_pixel_of_the_picture() {
     for surface in [sharp(&Refined), Surface::Soft { sharpness: 200.0, depths: None }] {
         let own = found(&picture(&image), surface);
         assert!(own.stats.photometric < 1e-5, "{}", own.stats.photometric);
-        let other = found(&picture(&Film { pixels: vec![[0.9; 3]; 256], ..image.clone() }), surface);
+        let other =
+            found(&picture(&Film { pixels: vec![[0.9; 3]; 256], ..image.clone() }), surface);
         assert!(other.stats.photometric > 0.3, "{}", other.stats.photometric);
     }
 }

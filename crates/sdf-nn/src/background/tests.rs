@@ -277,8 +277,9 @@ fn the_inside_of_the_sphere_has_no_part() {
 #[test]
 fn a_direction_is_seen_alike_from_everywhere() {
     let volume = volume(Extent::Direction, 5);
-    let seen =
-        |origin: DVec3| radiance(&volume, BackgroundRay { camera: 0, film: FILM, origin, direction: DVec3::Y });
+    let seen = |origin: DVec3| {
+        radiance(&volume, BackgroundRay { camera: 0, film: FILM, origin, direction: DVec3::Y })
+    };
     assert_eq!(seen(DVec3::new(9.0, 0.0, 0.0)), seen(DVec3::new(0.0, 0.0, -7.0)));
 }
 
