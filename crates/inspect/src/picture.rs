@@ -143,7 +143,7 @@ impl Picture {
 
     /// The probability in [0, 1] that pixel `i` of a photograph of this size, row-major, of this
     /// linear RGB shows the picture, as a function for many pixels. It is 0 where the picture is
-    /// not known. `view` is the number of a view that the picture was estimated from, for its
+    /// not known, and for a size that is not one of its levels. `view` is the number of a view that the picture was estimated from, for its
     /// exposure.
     pub fn probabilities_at(
         &self,
@@ -152,8 +152,9 @@ impl Picture {
     ) -> impl Fn(usize, [f32; 3]) -> f32 + Sync + '_ {
         let level = self.level(size);
         let gain = self.gains.get(view).copied().unwrap_or([1.0; 3]);
+        let is_level = [level.image.width, level.image.height] == size;
         move |i, rgb| {
-            if !level.is_known.get(i).copied().unwrap_or(false) {
+            if !is_level || !level.is_known[i] {
                 return 0.0;
             }
             let color = level.image.pixels[i];
