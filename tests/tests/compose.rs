@@ -132,7 +132,15 @@ fn every_kind_is_a_data_set_with_the_poses_and_the_mesh_of_its_source() {
     let renders = Renders::new();
     let source = loaded(&renders.source());
     let mesh = std::fs::read(renders.source().join("truth.ply")).unwrap();
-    let kinds = [Kind::Panorama, Kind::Noise, Kind::GreyExposure, Kind::PerView, Kind::Black];
+    let kinds = [
+        Kind::Panorama,
+        Kind::Noise,
+        Kind::GreyExposure,
+        Kind::PerView,
+        Kind::Turntable,
+        Kind::TurntableNoise,
+        Kind::Black,
+    ];
     for kind in [&kinds[..], &[Kind::Alpha]].concat() {
         let Variant { folder, dataset } = renders.compose(kind, 7, &format!("{kind:?}"));
         assert_eq!((dataset.train.len(), dataset.test.len()), (4, 1));
@@ -245,13 +253,30 @@ fn the_panorama_is_a_function_of_the_direction_and_noise_is_not() {
 }
 
 #[test]
+fn the_backdrop_of_a_turntable_stands_still_in_the_image() {
+    let renders = Renders::new();
+    let source = loaded(&renders.source());
+    let made = renders.compose(Kind::Turntable, 4, "turntable").dataset;
+    let views = |d: &Dataset| [&d.train[..], &d.test[..]].concat();
+    let (made, source) = (views(&made), views(&source));
+    let is_free = |i: &usize| source.iter().all(|view| view.coverage().unwrap()[*i] == 0.0);
+    let free: Vec<usize> = (0..SIZE * SIZE).filter(is_free).collect();
+    assert!(free.len() > 50, "{}", free.len());
+    let of_view = |view: &View| free.iter().map(|i| view.image.pixels[*i]).collect::<Vec<_>>();
+    let first = of_view(&made[0]);
+    assert!(made.iter().all(|view| of_view(view) == first));
+    assert!(first.windows(2).filter(|pair| pair[0] != pair[1]).count() > free.len() / 4);
+}
+
+#[test]
 fn a_seed_decides_all_files() {
     let renders = Renders::new();
     let file = |kind, seed, name: &str| {
         let folder = renders.compose(kind, seed, name).folder;
         std::fs::read(folder.join("train/r_001.png")).unwrap()
     };
-    for kind in [Kind::Panorama, Kind::Noise, Kind::GreyExposure, Kind::PerView] {
+    let kinds = [Kind::Panorama, Kind::Noise, Kind::GreyExposure, Kind::PerView];
+    for kind in [&kinds[..], &[Kind::Turntable, Kind::TurntableNoise]].concat() {
         let at = |seed, name: &str| file(kind, seed, &format!("{kind:?}-{name}"));
         let first = at(5, "first");
         assert!(first == at(5, "again") && first != at(6, "other"), "{kind:?}");

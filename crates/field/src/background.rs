@@ -2,14 +2,27 @@
 
 use std::ops::Range;
 
+use glam::DVec2;
+
 use crate::partial_sum::PartialSum;
 use crate::real::{Real, Vector3};
+
+/// A place on the film of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilmPlace {
+    /// The position from the upper left corner, in pixels.
+    pub u: DVec2,
+    /// The width and the height of the film, in pixels.
+    pub size: [u32; 2],
+}
 
 /// A ray that hits nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackgroundRay<R: Real> {
     /// The index of its camera in the scene.
     pub camera: usize,
+    /// The place on the film that the ray belongs to.
+    pub film: FilmPlace,
     /// The eye, in world units.
     pub origin: R::Vec3,
     /// The unit direction.
@@ -142,7 +155,8 @@ mod tests {
 
     /// Rays of three cameras, with an adjoint for each. No ray is of camera 1.
     fn rays() -> (Vec<BackgroundRay<f64>>, Vec<DVec3>) {
-        let ray = |camera| BackgroundRay { camera, origin: DVec3::ZERO, direction: DVec3::X };
+        let film = FilmPlace { u: DVec2::ZERO, size: [1, 1] };
+        let ray = |camera| BackgroundRay { camera, film, origin: DVec3::ZERO, direction: DVec3::X };
         let adjoints = [[1.0, 2.0, 3.0], [-0.5, 0.25, 4.0], [0.5, 7.0, -1.0], [0.0, -3.0, 2.0]];
         ([2, 0, 2, 0].map(ray).to_vec(), adjoints.map(DVec3::from).to_vec())
     }

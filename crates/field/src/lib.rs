@@ -19,7 +19,7 @@ mod sphere;
 mod surface;
 
 pub use background::{
-    Background, BackgroundPerCamera, BackgroundRay, RayAdjoint, UniformBackground,
+    Background, BackgroundPerCamera, BackgroundRay, FilmPlace, RayAdjoint, UniformBackground,
 };
 pub use check::{Check, InvalidSetting};
 pub use clipped::{Clipped, may_reach};

@@ -41,7 +41,7 @@ pub fn align(
 ) -> Result<Vec<Camera>, FitError> {
     let given: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let colors = file.background_of(views);
-    let background = file.background_model(views);
+    let background = file.background_model(views, model.background.picture().cloned());
     let level = &pyramid(views, MaskUse::None, &background, 1)[0];
     if level.pixel_count() == 0 {
         return Ok(given);

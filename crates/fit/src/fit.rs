@@ -15,6 +15,7 @@ use crate::checkpoint::Survey;
 use crate::clock::Clock;
 use crate::lattice::FieldLattice;
 use crate::model::{HEAD_BANDS, Model};
+use crate::model_background::ModelBackground;
 use crate::optimiser::Optimiser;
 use crate::photographs::Photographs;
 use crate::run_file::RunFile;
@@ -81,10 +82,14 @@ impl Fit {
             return Err(InputError::new(source, "estimator", found, expected));
         };
         let estimator = entry.estimator(&file.options.estimator_options());
-        let model = Model::initial(&file);
+        let mut model = Model::initial(&file);
+        let photographs = Photographs::new(dataset, &file)?;
+        if let Some(picture) = &photographs.picture {
+            model.background = ModelBackground::Picture(picture.clone());
+        }
         let mut fit = Fit {
             optimiser: Optimiser::new(&model),
-            photographs: Photographs::new(dataset, &file)?,
+            photographs,
             file,
             model,
             clock: Clock::default(),

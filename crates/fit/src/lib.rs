@@ -24,6 +24,7 @@ mod objective;
 mod optimiser;
 mod options;
 mod photographs;
+mod picture_file;
 mod preview;
 mod run_cameras;
 mod run_file;

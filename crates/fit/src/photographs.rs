@@ -6,7 +6,10 @@ use dataset::{Dataset, View};
 use field::{BackgroundPerCamera, Sphere};
 use files::{InputError, check_memory};
 use glam::{DVec3, Vec3};
-use loss::photometry::{ExposureModel, Gains, Level, MEMORY_PER_PIXEL, Photograph, pyramid};
+use inspect::Picture;
+use loss::photometry::{
+    BackgroundKind, ExposureModel, Gains, Level, MEMORY_PER_PIXEL, Photograph, pyramid,
+};
 use multiview::calibrate::{Calibration, CameraDecision, Freedom};
 use multiview::stereo::{Consistency, Guide, View as StereoView};
 use render::Camera;
@@ -35,6 +38,8 @@ pub struct Photographs {
     pub(crate) levels: Vec<Level>,
     /// The background of each view, if the photographs have colours of their own.
     pub(crate) colors: Option<BackgroundPerCamera<f32>>,
+    /// The picture behind the object, if it stands still in the photographs.
+    pub(crate) picture: Option<Picture>,
     /// The exposures of the photographs, if they are fitted.
     pub(crate) gains: Option<Gains>,
     /// The corrections of the cameras.
@@ -68,6 +73,20 @@ pub(crate) fn stereo_views<'a>(
     cameras.iter().zip(photographs).map(view).collect()
 }
 
+/// The picture behind the object, if the run models one.
+fn picture_of(dataset: &Dataset, file: &RunFile) -> Result<Option<Picture>, InputError> {
+    if file.background_kind != BackgroundKind::Picture {
+        return Ok(None);
+    }
+    let picture = Picture::of(&dataset.train, &file.sphere());
+    let wrong = || {
+        let found = "picture, and photographs of several sizes";
+        let expected = "photographs of one size, from a fixed camera";
+        InputError::new(&file.dataset, "background", found, expected)
+    };
+    picture.map(Some).ok_or_else(wrong)
+}
+
 impl Photographs {
     /// The photographs of a run, before anything is fitted.
     ///
@@ -80,7 +99,7 @@ impl Photographs {
         check_memory(&file.dataset, "images", found, pixels * MEMORY_PER_PIXEL)?;
         check_sides(&dataset.train)?;
 
-        let background = file.background_model(&dataset.train);
+        let background = file.background_model(&dataset.train, picture_of(&dataset, file)?);
         let levels = pyramid(&dataset.train, file.masks, &background, LEVELS);
         if levels[0].pixel_count() == 0 {
             let found = "no pixel whose ray meets the sphere";
@@ -92,6 +111,7 @@ impl Photographs {
         Ok(Photographs {
             levels,
             colors: file.colors(&background.estimates),
+            picture: background.picture,
             gains: is_per_view.then(|| Gains::new(dataset.train.len())),
             corrections: Corrections::Undecided,
             decision: None,

@@ -9,7 +9,9 @@ use field::{BackgroundPerCamera, Check};
 use files::{ARGUMENTS, InputError, SPHERE, atomic_write, is_sphere};
 use glam::{DVec3, Vec3};
 use inspect::exposures_differ;
-use inspect::{BackgroundEstimate, SphereSource, Surroundings, check_places, surroundings};
+use inspect::{
+    BackgroundEstimate, Picture, SphereSource, Surroundings, check_places, surroundings,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::error::FitError;
@@ -47,6 +49,10 @@ pub struct RunFile {
     /// The options.
     pub options: FitOptions,
 }
+
+/// The spread of the exposures, in stops, from which on each photograph has one of its own, where a
+/// picture behind the object tells them.
+const LEAST_STOPS: f64 = 0.02;
 
 impl RunFile {
     /// The weight of the term of patches.
@@ -108,9 +114,14 @@ impl RunFile {
                 ..options.clone()
             },
         };
-        // The photographs as the fit sees them: without the background that masks remove.
-        let seen = file.composited(Cow::Borrowed(dataset));
-        let differ = exposures_differ(&seen.train, &found.sphere, &file.background());
+        let differ = match background_kind {
+            BackgroundKind::Picture => found.still.stops() > LEAST_STOPS,
+            _ => {
+                // As the fit sees them: without the background that masks remove.
+                let seen = file.composited(Cow::Borrowed(dataset));
+                exposures_differ(&seen.train, &found.sphere, &file.background())
+            }
+        };
         file.exposure_model = options.exposure.resolve(differ);
         Ok((file, found))
     }
@@ -247,11 +258,17 @@ impl RunFile {
         (self.background_kind == BackgroundKind::PerView).then(|| BackgroundPerCamera(colors()))
     }
 
-    /// The model that tells background pixels of these views from pixels of the object.
-    pub(crate) fn background_model(&self, views: &[View]) -> BackgroundModel {
+    /// The model that tells background pixels of these views from pixels of the object. `picture`
+    /// is the one behind them, if the run has one.
+    pub(crate) fn background_model(
+        &self,
+        views: &[View],
+        picture: Option<Picture>,
+    ) -> BackgroundModel {
         BackgroundModel {
             bounds: self.sphere(),
             estimates: self.estimates(views),
+            picture,
             is_trained: self.background_kind.is_trained(),
         }
     }

@@ -214,7 +214,7 @@ pub(crate) fn surrounding_places(view: &View, candidate: &Sphere<f64>) -> Vec<(u
 }
 
 /// The median; of an even number of values, the upper of the middle two.
-fn median(mut values: Vec<f32>) -> f32 {
+pub(crate) fn median(mut values: Vec<f32>) -> f32 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

@@ -16,6 +16,8 @@ use crate::cloud::{
 };
 use crate::distant::share_of_distant;
 use crate::matches::Matches;
+use crate::picture::Picture;
+use crate::still::Still;
 use dataset::{Dataset, View};
 use files::InputError;
 
@@ -94,6 +96,9 @@ pub struct Surroundings {
     /// if all of it is far away. Only parts with a pattern count. 0 in front of uniform
     /// backgrounds.
     pub distant: f32,
+    /// The backdrop, as far as it stands still in the image while the cameras move: an object that
+    /// turns in front of a fixed camera. [`Still::NONE`] in front of uniform backgrounds.
+    pub still: Still,
     /// The points on surfaces by matches between photographs, in the data set's units; none if
     /// they were not looked for.
     pub points: Vec<DVec3>,
@@ -106,15 +111,24 @@ impl Surroundings {
         // One after the other: each copies its pixels.
         let background = BackgroundEstimate::of_surroundings(&shown);
         let backgrounds = shown.par_chunks(1).map(BackgroundEstimate::of_surroundings).collect();
-        Surroundings { sphere, source, background, backgrounds, distant: 0.0, points: Vec::new() }
+        Surroundings {
+            sphere,
+            source,
+            background,
+            backgrounds,
+            distant: 0.0,
+            still: Still::NONE,
+            points: Vec::new(),
+        }
     }
 
-    /// With the share of the background that is far away.
-    fn with_distant(self, views: &[View]) -> Self {
+    /// With the parts of the background that stand still in the image, and that are far away.
+    fn with_backdrop(self, views: &[View]) -> Self {
         if self.is_uniform() {
             return self;
         }
-        Surroundings { distant: share_of_distant(views, &self.sphere), ..self }
+        let still = Still::of(views, &self.sphere);
+        Surroundings { distant: share_of_distant(views, &self.sphere), still, ..self }
     }
 
     /// With a sphere by matches between the photographs of the data set, if the cameras alone gave
@@ -137,7 +151,7 @@ impl Surroundings {
         }
         let framed = framed(views, aimed_point_at(views, &matches.depths));
         let sphere = sphere_of_matches(dataset, &matches.points, &framed);
-        let found = Self::new(views, sphere, SphereSource::Matches).with_distant(views);
+        let found = Self::new(views, sphere, SphereSource::Matches).with_backdrop(views);
         Surroundings { points: matches.points, ..found }
     }
 
@@ -167,6 +181,11 @@ impl Surroundings {
         let of_views = spreads.get(spreads.len() / 2).copied().unwrap_or(f32::INFINITY);
         let differ = !self.background.is_uniform() || self.background.spread > DIFFERENT * of_views;
         self.confidence_of_views() >= UNIFORM && differ
+    }
+
+    /// Whether the backdrop stands still in the image while the cameras move.
+    pub fn is_still(&self) -> bool {
+        self.still.is_still()
     }
 
     /// Whether everything behind the object is far away.
@@ -220,7 +239,7 @@ pub fn surroundings(
         .or_else(|| use_masks.then(|| sphere_of_masks(dataset)).flatten())
         .or_else(|| sphere_of_photographs(dataset))
         .unwrap_or_else(|| (framed(views, aimed_point(views)), SphereSource::Cameras));
-    Surroundings::new(views, sphere, source).with_distant(views)
+    Surroundings::new(views, sphere, source).with_backdrop(views)
 }
 
 /// A sphere around the visual hull of the masks and the surface points that they show, as far as
@@ -249,7 +268,7 @@ fn sphere_of_photographs(dataset: &Dataset) -> Option<(Sphere<f64>, SphereSource
                 pixels.map(|rgb| probability(*rgb) < 0.5).collect()
             })
         }
-        false => hull_before_backdrops(views, &wide),
+        false => hull_before_backdrops(views, &wide).or_else(|| hull_before_picture(views, &wide)),
     };
     let inner = sphere_of_inner(&dataset.points, &framed, MARGIN);
     let compact = sphere_of_compact(&dataset.points, &framed).map(with_margin);
@@ -308,6 +327,20 @@ fn hull_before_backdrops(views: &[View], wide: &Sphere<f64>) -> Option<Sphere<f6
         })
     };
     around(&around(wide)?)
+}
+
+/// Like [`hull_before`], in front of a backdrop that stands still in the image.
+fn hull_before_picture(views: &[View], wide: &Sphere<f64>) -> Option<Sphere<f64>> {
+    if !Still::of(views, wide).is_still() {
+        return None;
+    }
+    let picture = Picture::of(views, wide)?;
+    hull_before(views, wide, |view| {
+        let shown = picture.probabilities(view);
+        (0..views[view].image.pixels.len())
+            .map(|i| shown(i, views[view].image.pixels[i]) < 0.5)
+            .collect()
+    })
 }
 
 /// The sphere with room around it.

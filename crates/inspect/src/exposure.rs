@@ -20,7 +20,7 @@ pub struct Exposure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureSource {
-    /// The uniform background.
+    /// The background: a uniform one, or one that stands still in the image.
     Background,
     /// The image of the bounding sphere.
     Sphere,

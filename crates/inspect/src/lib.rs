@@ -12,9 +12,11 @@ mod matches;
 #[cfg(test)]
 mod matches_tests;
 mod overlay;
+mod picture;
 #[cfg(test)]
 mod real_tests;
 mod report;
+mod still;
 #[cfg(test)]
 mod surroundings_tests;
 #[cfg(test)]
@@ -29,4 +31,6 @@ pub use bounds::{
 };
 pub use exposure::{Exposure, ExposureSource, MOST_SPREAD, exposure_spread, exposures_differ};
 pub use overlay::overlay;
+pub use picture::{Picture, PictureWithUnknown};
 pub use report::{Report, inspect};
+pub use still::Still;

@@ -7,7 +7,8 @@ use serde::Serialize;
 use crate::{BackgroundEstimate, looks_away};
 use dataset::{Dataset, Distortion, MaskKind, View};
 
-use crate::exposure::{Exposure, MOST_SPREAD, exposure_spread};
+use crate::exposure::{Exposure, ExposureSource, MOST_SPREAD, exposure_spread};
+use crate::still::Still;
 
 /// A report on a data set; lengths in its own units.
 #[derive(Clone, Debug, Serialize)]
@@ -58,11 +59,22 @@ pub struct Report {
     pub background_spread: f32,
     /// How uniform the background is, 0 to 1.
     pub background_confidence: f32,
+    /// The share of the pixels around the sphere, 0 to 1, that stand still in the image while the
+    /// cameras move: see [`Still`]. 0 in front of a uniform background.
+    pub backdrop_still: f32,
     /// The spread of the exposures of the training views; `None` if they do not show it.
     pub exposure: Option<Exposure>,
     /// The notes of the data set ([`Dataset::notes`]), and one sentence for each suspicious
     /// property.
     pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// Whether the backdrop stands still in the image while the cameras move: an object that turns
+    /// in front of a fixed camera.
+    pub fn is_backdrop_still(&self) -> bool {
+        Still { share: self.backdrop_still, ..Still::NONE }.is_still()
+    }
 }
 
 /// The angle between an optical axis and the direction to the centre above which a warning is
@@ -94,6 +106,10 @@ pub fn inspect(
     let off_axis: Vec<f64> =
         views.iter().zip(&to_center).map(|(v, d)| angle(v.camera.forward, *d)).collect();
     let first = &views[0].camera;
+    let still = match background.is_uniform() {
+        true => Still::NONE,
+        false => Still::of(&dataset.train, bounds),
+    };
     let mut report = Report {
         format: dataset.format.clone(),
         train_views: dataset.train.len(),
@@ -117,7 +133,11 @@ pub fn inspect(
         background: background.color,
         background_spread: background.spread,
         background_confidence: background.confidence,
-        exposure: exposure_spread(&dataset.train, bounds, background),
+        backdrop_still: still.share,
+        exposure: match still.is_still() {
+            true => Some(Exposure { stops: still.stops(), from: ExposureSource::Background }),
+            false => exposure_spread(&dataset.train, bounds, background),
+        },
         warnings: Vec::new(),
     };
     report.warnings.clone_from(&dataset.notes);

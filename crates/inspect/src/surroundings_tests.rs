@@ -6,7 +6,7 @@ use field::Sphere;
 use glam::{DVec2, DVec3};
 
 use crate::test_ball::{BACKGROUND, ball, cameras, photographed};
-use crate::{SphereSource, Surroundings, check_cameras, check_places, surroundings};
+use crate::{SphereSource, Surroundings, check_cameras, check_places, inspect, surroundings};
 
 #[test]
 fn cameras_inside_the_sphere_or_looking_away_are_refused() {
@@ -216,4 +216,79 @@ fn points_that_masks_show_come_before_masks_and_those_of_the_room_do_not_count()
     let found = surroundings(&dataset, None, true);
     assert_eq!(found.source, SphereSource::Masks);
     assert!(!holds_the_ball(&found.sphere), "{:?}", found.sphere);
+}
+
+/// A number in [0, 1) for a place, without a pattern.
+fn hash(x: u64) -> f64 {
+    let mixed = (x + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// The ball in front of a backdrop in film coordinates: stripes on a gradient.
+fn backdrop(i: usize) -> f64 {
+    let (x, y) = (i % 48, i / 48);
+    0.15 + 0.01 * y as f64 + 0.4 * hash((x / 3 + 100 * (y / 9)) as u64)
+}
+
+/// The photographs of 24 cameras in front of the radiance of `shown`, which gets the number of the
+/// view, the number of the pixel and the direction of its ray.
+fn in_front_of(shown: impl Fn(usize, usize, DVec3) -> [f64; 3]) -> Dataset {
+    let mut dataset = photographed(&cameras(24));
+    for (number, view) in dataset.train.iter_mut().enumerate() {
+        let (camera, empty) = (view.camera, view.image.at(0, 0));
+        for (i, pixel) in view.image.pixels.iter_mut().enumerate().filter(|p| *p.1 == empty) {
+            let place = [i as u32 % camera.width, i as u32 / camera.width].map(f64::from);
+            let direction = camera.direction(DVec2::from(place) + 0.5);
+            *pixel = shown(number, i, direction).map(|v| v as f32);
+        }
+    }
+    dataset
+}
+
+/// Colours of a radiance.
+fn tinted(radiance: f64) -> [f64; 3] {
+    [radiance, 0.8 * radiance + 0.05, 0.4]
+}
+
+#[test]
+fn a_backdrop_that_stands_still_in_the_image_is_found() {
+    let clean = in_front_of(|_, i, _| tinted(backdrop(i)));
+    // Noise, other exposures, and three of 21 views with another backdrop.
+    let harmed = in_front_of(|number, i, _| {
+        let gain = 0.9 + 0.2 * hash(7000 + number as u64);
+        let noise = 0.01 * (hash((i + 5000 * number) as u64) - 0.5);
+        let i = if number % 7 == 3 { i + 13 } else { i };
+        tinted(backdrop(i)).map(|v| gain * (v + noise))
+    });
+    for dataset in [clean, harmed] {
+        let found = surroundings(&dataset, None, false);
+        assert!(found.is_still() && !found.is_uniform(), "{:?}", found.still);
+        assert!(found.still.share > 0.9, "{:?}", found.still);
+        assert_eq!(found.source, SphereSource::Outlines);
+        assert!(holds_the_ball(&found.sphere), "{:?}", found.sphere);
+        let report = inspect(&dataset, &found.sphere, &found.background, "").to_string();
+        assert!(report.contains("\nbackdrop     stands still"), "{report}");
+        assert!(report.contains("--background picture"), "{report}");
+    }
+}
+
+#[test]
+fn other_backdrops_do_not_stand_still() {
+    let share = |dataset: &Dataset| {
+        let found = surroundings(dataset, None, false);
+        let report = inspect(dataset, &found.sphere, &found.background, "").to_string();
+        assert!(!report.contains("backdrop"), "{report}");
+        found.still.share
+    };
+    let uniform = in_front_of(|_, _, _| [0.5; 3]);
+    let of_view = in_front_of(|number, i, _| tinted(backdrop(i + 13 * number)));
+    let panorama = in_front_of(|_, _, d| tinted(0.4 + 0.2 * (9.0 * d.x).sin() * (8.0 * d.y).cos()));
+    let sky = in_front_of(|_, _, d| tinted(if d.z > 0.0 { 0.9 } else { 0.2 }));
+    let shares = [uniform, of_view, panorama, sky].map(|dataset| share(&dataset));
+    assert!(shares.iter().all(|share| *share < 0.5), "{shares:?}");
+    // Frames of a video from one side: the room stands nearly still.
+    let mut near = in_front_of(|_, i, _| tinted(backdrop(i)));
+    let camera = near.train[0].camera;
+    near.train.iter_mut().for_each(|view| view.camera = camera);
+    assert_eq!(share(&near), 0.0);
 }

@@ -96,6 +96,13 @@ impl Report {
             "background   linear RGB {:.3?}, spread {spread:.3}, confidence {confidence:.2}",
             self.background
         )?;
+        if self.is_backdrop_still() {
+            writeln!(
+                f,
+                "backdrop     stands still in the image while the cameras move: an object turned in \
+                 front of a fixed camera; --background picture models it"
+            )?;
+        }
         write!(f, "exposure     {}", self.exposure_text())
     }
 }

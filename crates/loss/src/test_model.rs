@@ -71,5 +71,5 @@ impl Model {
 /// The background of photographs in front of one colour, or of a room.
 pub(crate) fn background_model(is_trained: bool) -> BackgroundModel {
     let estimate = BackgroundEstimate { color: [0.05, 0.1, 0.2], spread: 0.01, confidence: 1.0 };
-    BackgroundModel { bounds: BOUNDS, estimates: vec![estimate], is_trained }
+    BackgroundModel { bounds: BOUNDS, estimates: vec![estimate], picture: None, is_trained }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use field::{Background, BackgroundRay, Field, Real, Shader, Sphere, Vector3};
+use field::{Background, BackgroundRay, Field, FilmPlace, Real, Shader, Sphere, Vector3};
 
 use crate::camera::Camera;
 use crate::sample::Sample;
@@ -79,8 +79,13 @@ impl<'a, R: Real> Scene<'a, R> {
     /// The ray of a film sample, as the argument of the background.
     pub fn background_ray(&self, sample: &Sample) -> BackgroundRay<R> {
         let Sample { camera, u } = *sample;
-        let (eye, direction) = (self.cameras[camera].eye, self.cameras[camera].direction(u));
-        BackgroundRay { camera, origin: R::Vec3::of(eye), direction: R::Vec3::of(direction) }
+        let own = &self.cameras[camera];
+        BackgroundRay {
+            camera,
+            film: FilmPlace { u, size: [own.width, own.height] },
+            origin: R::Vec3::of(own.eye),
+            direction: R::Vec3::of(own.direction(u)),
+        }
     }
 
     /// The background's radiance along the rays of film samples, whether they hit or not.

@@ -19,7 +19,11 @@ pub fn examine(model: &Model, file: &RunFile, dataset: &Dataset) -> Result<Verdi
     let solid = Solid::new(model, file);
     let colors = file.background_of(views());
     let scene = solid.scene_in_front_of(colors.as_ref(), &cameras);
-    let (background, is_uniform) = (file.background(), !file.background_kind.is_trained());
+    let is_uniform = match file.background_kind {
+        BackgroundKind::Constant | BackgroundKind::PerView => true,
+        BackgroundKind::Picture | BackgroundKind::Direction | BackgroundKind::Volume => false,
+    };
+    let background = file.background();
     let (sphere, fits_exposures) = (file.sphere(), file.exposure_model == ExposureModel::PerView);
     let evidence =
         Evidence::collect(&scene, &sphere, dataset, &background, is_uniform, fits_exposures)?;
@@ -32,6 +36,9 @@ pub fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
         _ if file.masks == MaskUse::Coverage => "none: the masks cut the object out",
         BackgroundKind::Constant => "one colour",
         BackgroundKind::PerView => "one colour for each photograph",
+        BackgroundKind::Picture => {
+            "a picture that stands still in the image: an object turned in front of a fixed camera"
+        }
         BackgroundKind::Direction => "an environment by direction, trained",
         BackgroundKind::Volume => "a volume behind the bounding sphere, trained",
     };
@@ -56,6 +63,7 @@ pub fn modelled(dataset: &Dataset, file: &RunFile) -> [String; 2] {
             let reason = match file.options.masks {
                 MaskChoice::Ignore => "as asked",
                 _ if covered < dataset.train.len() + dataset.test.len() => "some views have none",
+                _ if file.background_kind == BackgroundKind::Picture => "a picture is behind it",
                 _ if !file.background_kind.is_trained() => "the background is uniform",
                 _ => "most are black or white everywhere, or the background was chosen",
             };

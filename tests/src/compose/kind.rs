@@ -13,6 +13,10 @@ pub enum Kind {
     GreyExposure,
     /// Another uniform colour in each view
     PerView,
+    /// One picture, which stands still in the image: an object turned in front of a fixed camera
+    Turntable,
+    /// The same with noise, and another exposure of the whole photograph in each view
+    TurntableNoise,
     /// No background: the coverage is the alpha channel
     Alpha,
     /// Black

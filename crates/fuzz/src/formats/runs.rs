@@ -72,7 +72,7 @@ pub(crate) fn background_files() -> BoxedStrategy<Case> {
     let head = model.head.to_safetensors().unwrap_or_default();
     let background = match &model.background {
         ModelBackground::Trained(volume) => volume.to_safetensors().unwrap_or_default(),
-        ModelBackground::Constant(_) => Vec::new(),
+        ModelBackground::Constant(_) | ModelBackground::Picture(_) => Vec::new(),
     };
     spoiled(Just(Tensors::of(&background)))
         .prop_map(move |background| {

@@ -1,7 +1,7 @@
 //! The probability that a pixel shows the background.
 
 use field::Sphere;
-use inspect::BackgroundEstimate;
+use inspect::{BackgroundEstimate, Picture};
 
 use crate::photometry::margin::with_margin;
 use crate::photometry::photograph::Photograph;
@@ -26,6 +26,8 @@ pub struct BackgroundModel {
     pub bounds: Sphere<f64>,
     /// The estimated colour of the background: one for all views, or one for each.
     pub estimates: Vec<BackgroundEstimate>,
+    /// The picture behind all views, in the place of a colour.
+    pub picture: Option<Picture>,
     /// Whether the background is trained: pixels whose rays miss the bounding sphere then count.
     pub is_trained: bool,
 }
@@ -40,14 +42,51 @@ impl BackgroundModel {
     /// background.
     pub fn certain(&self, view: usize, photograph: &Photograph) -> Vec<bool> {
         let (width, height) = (photograph.image.width, photograph.image.height);
-        let certain: Vec<bool> = match &photograph.coverage {
-            Some(coverage) => coverage.pixels.iter().map(|c| 1.0 - c[0] > CERTAIN).collect(),
-            None if self.estimate(view).confidence > KNOWN => {
+        let certain: Vec<bool> = match (&photograph.coverage, &self.picture) {
+            (Some(coverage), _) => coverage.pixels.iter().map(|c| 1.0 - c[0] > CERTAIN).collect(),
+            (None, Some(picture)) => {
+                let probability = picture.probabilities_at([width, height], view);
+                let pixels = photograph.image.pixels.iter().enumerate();
+                pixels.map(|(i, rgb)| probability(i, *rgb) > CERTAIN).collect()
+            }
+            (None, None) if self.estimate(view).confidence > KNOWN => {
                 let probability = self.estimate(view).probabilities();
                 photograph.image.pixels.iter().map(|rgb| probability(*rgb) > CERTAIN).collect()
             }
-            None => return vec![false; photograph.image.pixels.len()],
+            (None, None) => return vec![false; photograph.image.pixels.len()],
         };
         with_margin(&certain, [width, height], (width.max(height) / MARGIN).max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use field::Sphere;
+    use film::Film;
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn pixels_that_show_the_picture_are_certain_but_for_those_near_others() {
+        let pixel = |i: u32| [0.2 + 0.1 * (i % 4) as f32, 0.3, 0.5];
+        let image = Film { width: 8, height: 8, pixels: (0..64).map(pixel).collect() };
+        let is_known: Vec<bool> = (0..64).map(|i| i != 63).collect();
+        let picture = Picture::new(image.clone(), is_known, 0.01, Vec::new()).unwrap();
+        let model = BackgroundModel {
+            bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
+            estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            picture: Some(picture),
+            is_trained: false,
+        };
+        let mut photograph = Photograph::of_image(image);
+        photograph.image.pixels[0] = [0.9, 0.1, 0.1];
+        let certain = model.certain(0, &photograph);
+        // The object in one corner, an unknown pixel in the other, and a margin of one pixel.
+        let expected = |i: usize| {
+            let (x, y) = (i % 8, i / 8);
+            !(x < 2 && y < 2) && !(x > 5 && y > 5)
+        };
+        assert_eq!(certain, (0..64).map(expected).collect::<Vec<bool>>());
     }
 }

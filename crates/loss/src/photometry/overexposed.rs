@@ -59,6 +59,7 @@ mod tests {
                 BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING };
                 3
             ],
+            picture: None,
             is_trained: true,
         };
         // One pixel of a view is white in one channel. It shows points up and left of the middle.

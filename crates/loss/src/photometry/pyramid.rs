@@ -306,6 +306,7 @@ mod tests {
         let model = BackgroundModel {
             bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
             estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            picture: None,
             is_trained: true,
         };
         let columns = |masks| -> Vec<u16> {
@@ -326,6 +327,7 @@ mod tests {
         let model = BackgroundModel {
             bounds: Sphere { center: DVec3::ZERO, radius: 1.0 },
             estimates: vec![BackgroundEstimate { confidence: 0.0, ..BackgroundEstimate::NOTHING }],
+            picture: None,
             is_trained: true,
         };
         let level = |sides: [u32; 2]| {

@@ -9,6 +9,7 @@ use estimate::{Estimator, EstimatorOptions, Refined, Registry, SampleCounts};
 use field::{Background, UniformBackground};
 use film::Film;
 use glam::{DVec2, DVec3, Vec3};
+use inspect::Picture;
 use multiview::stereo::{DepthMap, Guide};
 use random::{Name, Stream};
 use render::{Camera, Scene, render};
@@ -146,6 +147,37 @@ fn the_mean_gradient_matches_differences_of_the_loss() {
     let relative = error(&Refined);
     println!("refined: {relative}");
     assert!(relative < 0.13, "relative error {relative} over the directions");
+}
+
+/// Rays that miss show the pixel of a picture behind the object: its own photograph has no loss
+/// there, and another one has; nothing is left of it in the gradient by the solid.
+#[test]
+fn a_ray_that_misses_takes_the_pixel_of_the_picture() {
+    let model = model(0.3, 24);
+    let cameras = [camera()];
+    let pixel = |i: u32| [0.1 + 0.05 * (i % 7) as f32, 0.5, 0.04 * (i % 11) as f32];
+    let image = Film { width: SIZE, height: SIZE, pixels: (0..SIZE * SIZE).map(pixel).collect() };
+    let picture = |image: &Film| {
+        Picture::new(image.clone(), vec![true; image.pixels.len()], 0.01, Vec::new()).unwrap()
+    };
+    let level = level_of(image.clone(), true);
+    // The corners of the film, which the ball does not reach.
+    let draws: Vec<Draw> = [(1, 1), (2, 14), (14, 2)]
+        .map(|(x, y)| Draw { view: 0, x, y, count: 1 })
+        .into_iter()
+        .collect();
+    let found = |background: &Picture, surface| {
+        let scene = Scene { background, ..scene(&model, &cameras) };
+        let objective = Objective::photometric(scene, &level, &draws, surface);
+        gradient(&objective, &mut Workspace::default()).unwrap()
+    };
+    for surface in [sharp(&Refined), Surface::Soft { sharpness: 200.0, depths: None }] {
+        let own = found(&picture(&image), surface);
+        assert!(own.stats.photometric < 1e-5, "{}", own.stats.photometric);
+        let other =
+            found(&picture(&Film { pixels: vec![[0.9; 3]; 256], ..image.clone() }), surface);
+        assert!(other.stats.photometric > 0.3, "{}", other.stats.photometric);
+    }
 }
 
 /// Two views of the target, and pixels of both.

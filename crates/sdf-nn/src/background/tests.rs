@@ -1,9 +1,9 @@
 //! Derivatives against differences, and closed forms of simple volumes.
 
 use approx::assert_relative_eq;
-use field::{Background, BackgroundRay, RayAdjoint};
+use field::{Background, BackgroundRay, FilmPlace, RayAdjoint};
 use field::{Sphere, Vector3};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use random::{Name, Stream};
 
@@ -11,6 +11,9 @@ use crate::background::grid::table_length;
 use crate::background::path::Path;
 use crate::background::quadrature::{Places, Quadrature};
 use crate::background::{Extent, Volume};
+
+/// A volume does not depend on the film.
+const FILM: FilmPlace = FilmPlace { u: DVec2::ZERO, size: [1, 1] };
 
 const SPHERE: Sphere<f64> = Sphere { center: DVec3::new(0.5, -1.0, 2.0), radius: 1.5 };
 
@@ -44,7 +47,7 @@ fn ray(seed: u64) -> BackgroundRay<f64> {
     let eye = direction(stream.at(0)) * (1.2 + 3.0 * stream.at(1).unit());
     let aim = DVec3::from(stream.at(2).in_ball()) * 2.0;
     let origin = SPHERE.center + eye * SPHERE.radius;
-    BackgroundRay { camera: 0, origin, direction: (aim - eye).normalize() }
+    BackgroundRay { camera: 0, film: FILM, origin, direction: (aim - eye).normalize() }
 }
 
 fn vjp(volume: &Volume<f64>, ray: BackgroundRay<f64>, delta: DVec3) -> (RayAdjoint<f64>, Vec<f64>) {
@@ -75,7 +78,7 @@ proptest! {
                     let along = |h: f64| {
                         let direction = (towards + turn * h).normalize();
                         let origin = origin + shift * h;
-                        radiance(&volume, BackgroundRay { camera: 0, origin, direction })
+                        radiance(&volume, BackgroundRay { camera: 0, film: FILM, origin, direction })
                     };
                     let difference = (along(h) - along(-h)) / (2.0 * h);
                     let found = bar.direction.dot(turn) + bar.origin.dot(shift);
@@ -147,7 +150,7 @@ fn the_last_point_of_the_largest_place_is_far_away_and_its_derivatives_are_finit
     for seed in 0..20 {
         let BackgroundRay { origin, direction, .. } = ray(seed);
         let (origin, direction) = (origin.as_vec3(), direction.as_vec3());
-        let ray = [BackgroundRay { camera: 0, origin, direction }];
+        let ray = [BackgroundRay { camera: 0, film: FILM, origin, direction }];
         let (mut rgb, mut expected) = ([glam::Vec3::ZERO], [glam::Vec3::ZERO]);
         last.radiance(&ray, &mut rgb);
         nearly.radiance(&ray, &mut expected);
@@ -274,8 +277,9 @@ fn the_inside_of_the_sphere_has_no_part() {
 #[test]
 fn a_direction_is_seen_alike_from_everywhere() {
     let volume = volume(Extent::Direction, 5);
-    let seen =
-        |origin: DVec3| radiance(&volume, BackgroundRay { camera: 0, origin, direction: DVec3::Y });
+    let seen = |origin: DVec3| {
+        radiance(&volume, BackgroundRay { camera: 0, film: FILM, origin, direction: DVec3::Y })
+    };
     assert_eq!(seen(DVec3::new(9.0, 0.0, 0.0)), seen(DVec3::new(0.0, 0.0, -7.0)));
 }
 
@@ -315,6 +319,7 @@ fn single_and_double_precision_agree() {
         let ray = ray(seed);
         let own = BackgroundRay {
             camera: 0,
+            film: FILM,
             origin: ray.origin.as_vec3(),
             direction: ray.direction.as_vec3(),
         };
