@@ -211,7 +211,7 @@ pub fn turned_by_exif(path: &Path) -> Option<TurnedByExif> {
         let head = tiff_read::head(path).ok()?;
         (head.size, head.orientation)
     } else {
-        let mut decoder = decoder_of(&head)?;
+        let mut decoder = decoder_of(path, &head)?;
         (decoder.dimensions(), decoder.orientation().ok()?)
     };
     match orientation {
@@ -229,7 +229,7 @@ pub fn focal_length(path: &Path) -> Option<FocalLength> {
         // An EXIF block has the form of a TIFF file, and its place in one is anywhere.
         return exif::focal_length(&read(path, "image", IMAGE).ok()?);
     }
-    exif::focal_length(&decoder_of(&head)?.exif_metadata().ok()??)
+    exif::focal_length(&decoder_of(path, &head)?.exif_metadata().ok()??)
 }
 
 /// The first bytes of a file.
@@ -240,8 +240,15 @@ fn head_of(path: &Path) -> Option<Vec<u8>> {
 }
 
 /// The decoder of an image that starts with these bytes.
-fn decoder_of(head: &[u8]) -> Option<impl ImageDecoder> {
-    ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?.into_decoder().ok()
+fn decoder_of<'a>(path: &Path, head: &'a [u8]) -> Option<Box<dyn ImageDecoder + 'a>> {
+    if head.starts_with(b"RIFF") {
+        // A WebP file has its EXIF block behind its pixels.
+        let file = BufReader::new(open(path, "image", IMAGE).ok()?.0);
+        let reader = ImageReader::new(file).with_guessed_format().ok()?;
+        return Some(Box::new(reader.into_decoder().ok()?));
+    }
+    let reader = ImageReader::new(Cursor::new(head)).with_guessed_format().ok()?;
+    Some(Box::new(reader.into_decoder().ok()?))
 }
 
 /// The size of an image as its EXIF orientation shows it.

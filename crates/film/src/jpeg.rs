@@ -91,7 +91,7 @@ impl<'a> Iterator for Segments<'a> {
             }
             // Damaged data of a scan may look like a segment that is longer than the file. A header
             // that is cut short must not be searched: it may hold a smaller image.
-            if !self.in_scans {
+            if !self.in_scans && end > self.bytes.len() {
                 return None;
             }
         }

@@ -215,13 +215,18 @@ trait Sample: Copy + Default + 'static {
     ) -> Result<Executor<Self>, CmsError>;
 }
 
-/// The values of a photograph are those of light: white stays white, and no contrast is added.
-fn options() -> TransformOptions {
-    TransformOptions {
-        rendering_intent: RenderingIntent::RelativeColorimetric,
-        prefer_fixed_point: false,
-        ..TransformOptions::default()
-    }
+/// The values of a photograph are those of light: white stays white, and no contrast is added, as
+/// far as the profile has such a table. A profile without tables has one meaning.
+fn options(profile: &moxcms::ColorProfile) -> TransformOptions {
+    let rendering_intent = match profile {
+        moxcms::ColorProfile { lut_a_to_b_colorimetric: Some(_), .. } => {
+            RenderingIntent::RelativeColorimetric
+        }
+        moxcms::ColorProfile { lut_a_to_b_perceptual: Some(_), .. } => RenderingIntent::Perceptual,
+        moxcms::ColorProfile { lut_a_to_b_saturation: Some(_), .. } => RenderingIntent::Saturation,
+        _ => RenderingIntent::RelativeColorimetric,
+    };
+    TransformOptions { rendering_intent, prefer_fixed_point: false, ..TransformOptions::default() }
 }
 
 impl Sample for u8 {
@@ -238,7 +243,7 @@ impl Sample for u8 {
         from: Layout,
         to: Layout,
     ) -> Result<Executor<u8>, CmsError> {
-        profile.create_transform_8bit(from, &moxcms::ColorProfile::new_srgb(), to, options())
+        profile.create_transform_8bit(from, &moxcms::ColorProfile::new_srgb(), to, options(profile))
     }
 }
 
@@ -256,7 +261,12 @@ impl Sample for u16 {
         from: Layout,
         to: Layout,
     ) -> Result<Executor<u16>, CmsError> {
-        profile.create_transform_16bit(from, &moxcms::ColorProfile::new_srgb(), to, options())
+        profile.create_transform_16bit(
+            from,
+            &moxcms::ColorProfile::new_srgb(),
+            to,
+            options(profile),
+        )
     }
 }
 

@@ -324,6 +324,52 @@ fn a_camera_says_adobe_rgb_in_its_exif_block() {
     }
 }
 
+/// A profile with a table for the perceptual rendering intent alone: linear values of sRGB.
+fn table_profile() -> Vec<u8> {
+    let fixed = |v: f64| ((v * 65536.0).round() as i32).to_be_bytes();
+    let words = |values: &[u16]| values.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<u8>>();
+    // The columns are the primaries for the white D50 of profiles.
+    let rows = [[0.4361, 0.3851, 0.1431], [0.2225, 0.7169, 0.0606], [0.0139, 0.0971, 0.7139]];
+    let corners = (0..8u8).map(|i| [i >> 2, i >> 1 & 1, i & 1].map(f64::from));
+    let grid: Vec<u16> =
+        corners.flat_map(|c| times(&rows, c).map(|v| (v * 32768.0).round() as u16)).collect();
+    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].map(fixed).concat();
+    let curves = words(&[0, 65535].repeat(3));
+    let start = [&b"mft2\0\0\0\0\x03\x03\x02\0"[..], &identity, &words(&[2, 2])].concat();
+    let table = [start, curves.clone(), words(&grid), curves].concat();
+    let length = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
+    let white = [0.9642, 1.0, 0.8249].map(fixed).concat();
+    [
+        &length(144 + table.len())[..],
+        b"\0\0\0\0\x02\x40\0\0mntrRGB XYZ ",
+        &[0; 12],
+        b"acsp",
+        &[0; 28],
+        &white,
+        &[0; 48],
+        &length(1),
+        b"A2B0",
+        &length(144),
+        &length(table.len()),
+        &table,
+    ]
+    .concat()
+}
+
+#[test]
+fn a_profile_with_a_table_for_one_rendering_intent_is_applied() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, with] = pair(folder.path(), "png", &table_profile());
+    let found = color_profile(&with);
+    assert!(matches!(found, ColorProfile::Converted(_)), "{found:?}");
+    for (from, to) in display(&plain).0.iter().zip(display(&with).0) {
+        for (from, to) in from.iter().zip(to) {
+            // The package interpolates on a grid of its own.
+            assert!(255.0 * (srgb_encode(*from) - to).abs() < 12.0, "{from} became {to}");
+        }
+    }
+}
+
 #[test]
 fn damaged_profiles_are_no_panic() {
     let folder = tempfile::tempdir().unwrap();

@@ -228,7 +228,7 @@ impl Shape {
         let width = self.size.0 as usize;
         let in_byte = usize::from(8 / bits);
         let scale = 255 / (u8::MAX >> (8 - bits));
-        let rows = bytes.chunks_exact(width.div_ceil(in_byte));
+        let rows = bytes.chunks_exact(width.div_ceil(in_byte).max(1));
         let value = |row: &[u8], x: usize| {
             let shifted = row[x / in_byte] << (x % in_byte * usize::from(bits));
             (shifted >> (8 - bits)) * scale

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use image::codecs::webp::WebPEncoder;
-use image::{DynamicImage, ExtendedColorType};
+use image::{DynamicImage, ExtendedColorType, ImageEncoder};
 
 use crate::{
     Film, TurnedByExif, image_size, read_image, read_image_of, srgb_decode, srgb_encode,
@@ -211,6 +211,28 @@ fn a_tiff_image_is_turned_by_its_orientation() {
         // The first row becomes the last column.
         assert_eq!(film.at(shown.0 - 1, 0), [1.0; 3]);
     }
+}
+
+#[test]
+fn a_webp_image_is_turned_by_the_orientation_at_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    // Noise of more bytes than the start of a file in which other formats have their block.
+    let mut state = 1u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let noise = image::RgbImage::from_fn(400, 300, |_, _| image::Rgb([next(), next(), next()]));
+    let mut file = Vec::new();
+    let mut encoder = WebPEncoder::new_lossless(&mut file);
+    let block = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+    encoder.set_exif_metadata(block.to_vec()).unwrap();
+    noise.write_with_encoder(encoder).unwrap();
+    assert!(file.len() > 300_000);
+    let path = written(folder.path(), "a.webp", &file);
+    assert_eq!(turned_by_exif(&path), Some(TurnedByExif::OtherSize));
+    let (film, _) = read_image_of(&path, (300, 400)).unwrap();
+    assert_eq!((film.width, film.height), (300, 400));
 }
 
 #[test]
