@@ -1,6 +1,6 @@
 //! The total loss of a fit over some pixels, and its gradient.
 
-use field::{Background, BackgroundPerCamera, Counted, Evaluations};
+use field::{BackgroundPerCamera, Counted, Evaluations};
 use film::srgb_decode;
 use glam::Vec3;
 use loss::photometry::{Draw, MaskUse, without_gains};
@@ -56,16 +56,8 @@ pub(crate) fn differentiate(
     let divided = without_gains(colors, &gains);
     let colors = divided.as_ref().or(colors);
     let trained = model.background.jittered(stream);
-    // A hole in front of an unknown pixel of a picture shows a colour that no photograph has.
-    let picture = model.background.picture();
-    let unknown = picture.map_or_else(Vec::new, |_| random_colors(cameras.len(), stream).0);
-    let picture = picture.map(|picture| picture.with_unknown(&unknown));
-    let own: &dyn Background<f32> = match (&trained, &picture) {
-        (Some(trained), _) => trained,
-        (None, Some(picture)) => picture,
-        (None, None) => scene.background,
-    };
-    let background = colors.map_or(own, |colors| colors);
+    let trained = trained.as_ref().map_or(scene.background, |trained| trained);
+    let background = colors.map_or(trained, |colors| colors);
 
     let depths = photographs.guide(drawn.level);
     let surface = match sharpness(progress, options.soft()) {

@@ -31,6 +31,6 @@ pub use bounds::{
 };
 pub use exposure::{Exposure, ExposureSource, MOST_SPREAD, exposure_spread, exposures_differ};
 pub use overlay::overlay;
-pub use picture::{Picture, PictureWithUnknown};
+pub use picture::Picture;
 pub use report::{Report, inspect};
 pub use still::Still;

@@ -167,19 +167,6 @@ impl Picture {
     pub fn probabilities(&self, view: usize) -> impl Fn(usize, [f32; 3]) -> f32 + Sync + '_ {
         self.probabilities_at([self.image().width, self.image().height], view)
     }
-
-    /// The picture with other colours at the pixels that are not known: one for each camera of a
-    /// scene. A surface with a hole there shows a colour that no photograph has.
-    pub fn with_unknown<'a>(&'a self, colors: &'a [Vec3]) -> PictureWithUnknown<'a> {
-        PictureWithUnknown { picture: self, colors }
-    }
-}
-
-/// A picture with other colours at the pixels that are not known; see [`Picture::with_unknown`].
-#[derive(Clone, Copy, Debug)]
-pub struct PictureWithUnknown<'a> {
-    picture: &'a Picture,
-    colors: &'a [Vec3],
 }
 
 impl Background<f32> for Picture {
@@ -195,25 +182,6 @@ impl Background<f32> for Picture {
     /// where the ray goes.
     fn ray_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], bars: &mut [RayAdjoint<f32>]) {
         bars.fill(RayAdjoint::zero());
-    }
-
-    fn parameter_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], _: &mut [f32]) {}
-}
-
-impl Background<f32> for PictureWithUnknown<'_> {
-    fn parameter_count(&self) -> usize {
-        0
-    }
-
-    fn radiance(&self, rays: &[BackgroundRay<f32>], rgb: &mut [Vec3]) {
-        for (ray, rgb) in rays.iter().zip(rgb) {
-            let (color, is_known) = self.picture.at(&ray.film);
-            *rgb = if is_known { color.into() } else { self.colors[ray.camera] };
-        }
-    }
-
-    fn ray_vjp(&self, rays: &[BackgroundRay<f32>], of: &[Vec3], bars: &mut [RayAdjoint<f32>]) {
-        self.picture.ray_vjp(rays, of, bars);
     }
 
     fn parameter_vjp(&self, _: &[BackgroundRay<f32>], _: &[Vec3], _: &mut [f32]) {}
@@ -441,10 +409,9 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_pixel_shows_the_colour_of_its_camera_and_is_never_the_backdrop() {
+    fn a_ray_shows_its_pixel_and_an_unknown_one_is_never_certain() {
         let image = Film { width: 2, height: 1, pixels: vec![[0.2; 3], [0.4; 3]] };
         let picture = Picture::new(image, vec![true, false], 0.01, vec![[2.0; 3]]).unwrap();
-        let colors = [Vec3::X, Vec3::Z];
         let ray = |x: f64, camera| BackgroundRay {
             camera,
             film: FilmPlace { u: DVec2::new(x, 0.5), size: [2, 1] },
@@ -452,9 +419,9 @@ mod tests {
             direction: Vec3::Y,
         };
         let mut rgb = [Vec3::ZERO; 3];
-        let rays = [ray(0.5, 0), ray(1.5, 0), ray(1.5, 1)];
-        picture.with_unknown(&colors).radiance(&rays, &mut rgb);
-        assert_eq!(rgb, [Vec3::splat(0.2), Vec3::X, Vec3::Z]);
+        // An unknown pixel has the colour of its neighbour.
+        picture.radiance(&[ray(0.5, 0), ray(0.1, 1), ray(1.5, 0)], &mut rgb);
+        assert_eq!(rgb, [Vec3::splat(0.2); 3]);
         // The first view was photographed with twice the exposure.
         let probability = picture.probabilities(0);
         assert!(probability(0, [0.4; 3]) > 0.99 && probability(0, [0.2; 3]) < 0.01);
