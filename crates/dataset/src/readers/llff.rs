@@ -70,9 +70,10 @@ fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
     let npy = film::npy_reader(BufReader::new(opened)).map_err(|e| error(e.to_string()))?;
     let shape = npy.shape().to_vec();
     let &[count, 17] = shape.as_slice() else { return Err(error(format!("shape {shape:?}"))) };
-    if count == 0 || npy.order() == npyz::Order::Fortran {
-        return Err(error(format!("shape {shape:?} in {:?} order", npy.order())));
+    if count == 0 {
+        return Err(error(format!("shape {shape:?}")));
     }
+    let by_columns = npy.order() == npyz::Order::Fortran;
     // A row has 4 bytes a number at least.
     if count > length / (4 * NUMBERS as u64) {
         return Err(error(format!("a file that is cut short, of shape {shape:?}")));
@@ -82,6 +83,11 @@ fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
         std::io::ErrorKind::UnexpectedEof => error("a file that is cut short".to_owned()),
         _ => error(e.to_string()),
     })?;
+    if by_columns {
+        let rows = numbers.len() / NUMBERS;
+        let row = |i| std::array::from_fn(|column| numbers[column * rows + i]);
+        return Ok((0..rows).map(row).collect());
+    }
     let (rows, _) = numbers.as_chunks::<NUMBERS>();
     Ok(rows.to_vec())
 }

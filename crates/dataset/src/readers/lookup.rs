@@ -14,6 +14,12 @@ use crate::readers::images::FOLDERS;
 const EXTENSIONS: [&str; 10] =
     ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG", "tif", "tiff", "webp"];
 
+/// Extensions of photographs that people convert: the copy counts, if there is one.
+const CONVERTED: [&str; 14] = [
+    "heic", "heif", "avif", "dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "bmp", "jxl",
+    "gif",
+];
+
 /// A name without differences of capitals and of composed accents.
 pub(crate) fn folded(name: &str) -> String {
     name.nfc().collect::<String>().to_lowercase()
@@ -70,7 +76,7 @@ fn as_named(folder: &Path, name: &str) -> Option<PathBuf> {
     let path = folder.join(name);
     let added = EXTENSIONS.map(|e| folder.join(format!("{name}.{e}")));
     let replaced = EXTENSIONS.map(|e| path.with_extension(e));
-    let is_converted = ["heic", "heif", "avif"].contains(&files::extension(&path).as_str());
+    let is_converted = CONVERTED.contains(&files::extension(&path).as_str());
     let (first, last) = if is_converted { (None, Some(path)) } else { (Some(path), None) };
     let places = first.into_iter().chain(added).chain(replaced).chain(last);
     places.into_iter().find(|p| p.is_file())

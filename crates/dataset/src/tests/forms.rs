@@ -102,6 +102,22 @@ fn llff_agrees_with_nerf_at_full_and_reduced_size() {
 }
 
 #[test]
+fn poses_of_llff_may_be_stored_by_columns() {
+    use npyz::WriterBuilder;
+    let folder = tempfile::tempdir().unwrap();
+    let all = centred(9);
+    write_photographs(&folder.path().join("images"), &all, [WIDTH, HEIGHT]);
+    let numbers = poses_bounds(&all);
+    let file = std::fs::File::create(folder.path().join("poses_bounds.npy")).unwrap();
+    let options = npyz::WriteOptions::new().default_dtype().shape(&[9, 17]);
+    let mut array = options.order(npyz::Order::Fortran).writer(file).begin_nd().unwrap();
+    let by_columns = (0..17).flat_map(|c| (0..9).map(move |r| 17 * r + c));
+    array.extend(by_columns.map(|i| numbers[i])).unwrap();
+    array.finish().unwrap();
+    assert_agrees_with_nerf(folder.path(), &all);
+}
+
+#[test]
 fn wrong_poses_of_llff_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let all = centred(3);
