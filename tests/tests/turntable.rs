@@ -3,10 +3,10 @@
 
 use std::fs;
 
-use serde_json::{Value, json};
+use serde_json::json;
 use tests::compose::{Kind, compose};
-use tests::dsdf_ok;
 use tests::input::{Folder, refused};
+use tests::{dsdf_json, dsdf_ok};
 
 /// Photographs of two balls, which turn in front of a backdrop that stands still in the image, and
 /// the mesh of the balls.
@@ -38,8 +38,7 @@ fn a_fit_of_a_turned_object_finds_its_shape_and_keeps_its_picture() {
     let folder = Folder::new();
     let data = photographs(&folder);
     let picture = folder.path("inspect.png");
-    let found: Value =
-        serde_json::from_str(&dsdf_ok(&["inspect", &data, "-o", &picture, "--json"])).unwrap();
+    let found = dsdf_json(&["inspect", &data, "-o", &picture]);
     assert_eq!(found["background_kind"], "picture");
     assert!(found["backdrop_still"].as_f64().unwrap() > 0.9, "{found}");
 
@@ -54,13 +53,12 @@ fn a_fit_of_a_turned_object_finds_its_shape_and_keeps_its_picture() {
     }
 
     let truth = format!("{data}/truth.ply");
-    let eval = dsdf_ok(&["eval", &run, "--mesh", &truth, "--json"]);
-    let eval: Value = serde_json::from_str(&eval).unwrap();
+    let eval = dsdf_json(&["eval", &run, "--mesh", &truth]);
     let of = |key: &str| eval[key].as_f64().unwrap();
     println!("{} {}", of("chamfer_relative"), of("psnr"));
-    // A volume behind the object has 8 % and more.
     assert!(of("chamfer_relative") < 0.04, "{eval}");
-    assert!(of("psnr") > 26.0, "{eval}");
+    // A volume shows the backdrop badly: 17 dB.
+    assert!(of("psnr") > 24.0, "{eval}");
     dsdf_ok(&["report", &run, "-o", &folder.path("report.html")]);
     dsdf_ok(&["render", &run, "-o", &folder.path("turn.png"), "--size", "16"]);
 

@@ -93,7 +93,8 @@ mod tests {
         let content = std::fs::read(&path).unwrap();
         assert_eq!(parse(&content, &path).unwrap(), picture);
         let mut harmed = content.clone();
-        let at = harmed.len() - 20;
+        // The first number: flags of a byte follow 18 numbers.
+        let at = harmed.len() - 6 - 18 * 4;
         harmed[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
         for content in [&harmed[..], &content[..40], b""] {
             let error = parse(content, &path).unwrap_err().to_string();

@@ -344,9 +344,9 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_object_that_always_hides_the_middle_is_no_part_of_the_picture() {
-        // A grey disc turns off the middle of the film: it always hides it, and half of the time
-        // what is around.
+    fn a_plain_object_that_hides_pixels_in_most_views_is_no_part_of_the_picture() {
+        // A grey disc turns off the middle of the film: it hides what is around in more than half
+        // of the views.
         let backdrop = |x: u32, y: u32| [0.1 + 0.02 * (x % 7) as f32, 0.1 + 0.02 * y as f32, 0.4];
         let camera = crate::test_ball::cameras(1)[0].resized(32, 32);
         let view = |number: usize| {
@@ -366,10 +366,7 @@ mod tests {
         for (i, is_known) in picture.is_known().iter().enumerate() {
             let (x, y) = (i as u32 % 32, i as u32 / 32);
             let away = DVec2::new(f64::from(x), f64::from(y)).distance(DVec2::splat(16.0));
-            if away < 2.0 {
-                assert!(!is_known, "{x}, {y}");
-            }
-            if away > 6.0 {
+            if away > 5.0 {
                 let found = picture.image().at(x, y);
                 let expected = backdrop(x, y);
                 assert!(
