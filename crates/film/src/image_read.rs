@@ -3,13 +3,14 @@
 #![warn(clippy::cast_possible_truncation)]
 
 use std::borrow::Cow;
-use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use files::{InputError, check_memory, extension, open, read};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
+use crate::cut_short::{cut_short, is_cut_short};
 use crate::exif::{self, FocalLength};
 use crate::film::Film;
 use crate::foreign::{refuse, refuse_content, refuse_unconverted};
@@ -314,31 +315,6 @@ fn undecodable(path: &Path, error: ImageError) -> InputError {
         return cut_short(path, &format!(" ({error})"));
     }
     InputError::new(path, "image", format!("a damaged image ({error})"), IMAGE)
-}
-
-/// The error of a file whose end is missing; `why` is what the decoder says.
-pub(crate) fn cut_short(path: &Path, why: &str) -> InputError {
-    InputError::new(path, "image", format!("an image that is cut short{why}"), "a whole image")
-}
-
-/// Whether an end of file is in the chain of causes. Decoders report missing bytes either with the
-/// kind `UnexpectedEof` or in the text of an error only.
-pub(crate) fn is_cut_short(error: &(dyn std::error::Error + 'static)) -> bool {
-    let mut cause = Some(error);
-    while let Some(error) = cause {
-        let is_end = error
-            .downcast_ref::<std::io::Error>()
-            .is_some_and(|e| e.kind() == ErrorKind::UnexpectedEof);
-        let text = error.to_string();
-        let says_end = ["unexpected end of file", "failed to fill whole buffer", "missing bytes"]
-            .iter()
-            .any(|t| text.contains(t));
-        if is_end || says_end {
-            return true;
-        }
-        cause = error.source();
-    }
-    false
 }
 
 fn read_npy_image(path: &Path) -> Result<Film, InputError> {

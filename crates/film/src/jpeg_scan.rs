@@ -3,7 +3,7 @@
 
 #![warn(clippy::cast_possible_truncation)]
 
-use crate::jpeg::{SOS, Segments};
+use crate::jpeg_segments::{SOS, Segments};
 
 /// The most blocks of a channel of a progressive image that are followed, with 8 bytes each.
 const MOST_BLOCKS: usize = 1 << 23;

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod blocks;
+mod cut_short;
 mod exif;
 mod film;
 mod foreign;
@@ -14,6 +15,7 @@ mod image_tests;
 mod image_write;
 mod jpeg;
 mod jpeg_scan;
+mod jpeg_segments;
 #[cfg(test)]
 mod jpeg_tests;
 mod label;

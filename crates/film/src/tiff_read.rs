@@ -13,8 +13,8 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
+use crate::cut_short::{cut_short, is_cut_short};
 use crate::formats::IMAGE;
-use crate::image_read::{cut_short, is_cut_short};
 
 /// The kinds of TIFF images that are read, for messages.
 const KINDS: &str = "a TIFF image of grey or RGB with 8 or 16 bits or floats";

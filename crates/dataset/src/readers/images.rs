@@ -3,14 +3,11 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::readers::lookup::{entries, file_name, folder_named};
+use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, number};
 use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
 use film::{is_photograph_name, refuse_unconverted};
-
-/// Names of the folder of full images.
-pub(crate) const FOLDERS: [&str; 2] = ["images", "input"];
 
 /// The factors of reduced copies: `images_2` has half of the width and height of `images`.
 const REDUCED: [u32; 3] = [2, 4, 8];
@@ -112,14 +109,6 @@ pub(crate) fn positions(images: &[PathBuf], count: usize) -> Option<Vec<usize>> 
     let is_clear = (first == 0 && last < count) || is_all;
     (different.len() == images.len() && is_clear)
         .then(|| numbers.iter().map(|number| number - first).collect())
-}
-
-/// The last number in the name of a file, without its extension.
-pub(crate) fn number(path: &Path) -> Option<usize> {
-    let stem = path.file_stem()?.to_string_lossy().into_owned();
-    let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
-    let start = end.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-    end[start..].parse().ok()
 }
 
 #[cfg(test)]

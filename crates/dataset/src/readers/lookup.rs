@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use unicode_normalization::UnicodeNormalization;
 
-use crate::readers::images::FOLDERS;
+/// Names of the folder of full images.
+pub(crate) const FOLDERS: [&str; 2] = ["images", "input"];
 
 /// Extensions of images, in the order in which they are tried.
 const EXTENSIONS: [&str; 10] =
@@ -133,6 +134,14 @@ pub(crate) fn is_image(extension: &str) -> bool {
 /// The path of [`image_named`], or of the missing image with this very name.
 pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
     image_named(folder, name).unwrap_or_else(|| folder.join(name))
+}
+
+/// The last number in the name of a file, without its extension.
+pub(crate) fn number(path: &Path) -> Option<usize> {
+    let stem = path.file_stem()?.to_string_lossy().into_owned();
+    let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let start = end.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    end[start..].parse().ok()
 }
 
 #[cfg(test)]

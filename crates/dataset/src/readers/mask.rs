@@ -1,5 +1,7 @@
 //! Masks of views, and their meanings.
 
+use std::path::PathBuf;
+
 /// The mask of a view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
@@ -36,4 +38,14 @@ impl Mask {
     pub fn is_used(&self, i: usize) -> bool {
         self.kind != MaskKind::Used || self.values[i] >= LEAST_USED
     }
+}
+
+/// A mask file of a view.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct MaskFile {
+    pub(crate) kind: MaskKind,
+    pub(crate) path: PathBuf,
+    /// White leaves pixels out, as in the `dynamic_mask_*` of instant-ngp, unless all of it is in
+    /// the middle of the photographs.
+    pub(crate) is_dynamic: bool,
 }

@@ -10,20 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use crate::readers::MaskKind;
-use crate::readers::images::{FOLDERS, number};
-use crate::readers::lookup::{entries, file_name, folded, is_image};
+use crate::readers::lookup::{FOLDERS, entries, file_name, folded, is_image, number};
+use crate::readers::mask::MaskFile;
 use crate::readers::recognised::Recognised;
 use crate::readers::unread::UnreadView;
-
-/// A mask file of a view.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct MaskFile {
-    pub(crate) kind: MaskKind,
-    pub(crate) path: PathBuf,
-    /// White leaves pixels out, as in the `dynamic_mask_*` of instant-ngp, unless all of it is in
-    /// the middle of the photographs.
-    pub(crate) is_dynamic: bool,
-}
 
 /// Folders within a folder of masks that are looked into.
 const DEPTH: usize = 4;

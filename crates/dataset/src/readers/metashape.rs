@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DMat4, DVec2, DVec3};
 use roxmltree::{Document, Node};
 
-use crate::readers::images::{FOLDERS, reduced_copies};
+use crate::readers::images::reduced_copies;
 use crate::readers::lens::Lens;
-use crate::readers::lookup::image_named;
+use crate::readers::lookup::{FOLDERS, image_named};
 use crate::readers::projection::{PoseFault, camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;

@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::readers::MaskKind;
 use crate::readers::lens::Lens;
 use crate::readers::lookup::image_place;
-use crate::readers::mask_files::MaskFile;
+use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
 use crate::readers::projection::{PoseFault, flipped, placed};
 use crate::readers::recognised::{Recognised, Views};

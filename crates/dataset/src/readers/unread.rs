@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec2;
 
 use crate::readers::lens::Lens;
-use crate::readers::mask_files::MaskFile;
+use crate::readers::mask::MaskFile;
 use crate::readers::{Mask, MaskKind, View};
 use files::InputError;
 use film::{Film, StoredImage};

@@ -9,7 +9,7 @@ use super::frame::Frame;
 use crate::readers::MaskKind;
 use crate::readers::images::reduced_copies;
 use crate::readers::lookup::{image_named, image_place};
-use crate::readers::mask_files::MaskFile;
+use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
 use crate::readers::projection::{PoseFault, flipped, placed};
 use crate::readers::recognised::Views;
