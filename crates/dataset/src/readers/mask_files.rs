@@ -30,6 +30,8 @@ struct Candidate {
     /// The folders between the folder of masks and the file. Of a mask beside its photograph: all
     /// folders of its path.
     folders: Vec<String>,
+    /// The folder beside or within which its photograph is.
+    within: PathBuf,
     /// The names of photographs that it fits, without their extension or with it.
     names: Vec<String>,
     /// The place of its folder of masks in the order in which they count; those beside the
@@ -47,7 +49,7 @@ pub(crate) fn find(recognised: &mut Recognised, folder: &Path) {
     if candidates.is_empty() {
         return;
     }
-    let photographs = Photographs::of(recognised);
+    let photographs = Photographs::of(recognised, folder);
     let mut fits: Vec<Fit> = candidates.iter().map(|c| photographs.fit(c)).collect();
     let by_number = photographs.by_number(&candidates, &mut fits, recognised.pairs_by_order);
     let mut best: BTreeMap<&Path, &Candidate> = BTreeMap::new();
@@ -117,10 +119,11 @@ fn candidates(
     let mut all = Vec::new();
     let places = mask_folders(folder, folders, is_reduced);
     for (rank, place) in places.iter().enumerate() {
+        let within = place.parent().unwrap_or(place).to_owned();
         let is_dynamic = file_name(place).to_lowercase().starts_with(DYNAMIC);
         collect(place, &mut Vec::new(), &mut |path, folders| {
             let (folders, names) = (folders.to_vec(), names_of(&file_name(&path)));
-            all.push(Candidate { path, folders, names, rank, is_dynamic });
+            all.push(Candidate { path, folders, within: within.clone(), names, rank, is_dynamic });
         });
     }
     for place in folders {
@@ -128,8 +131,9 @@ fn candidates(
             let name = file_name(&path);
             if has_mark(stem(&name)) && is_image(&files::extension(&path)) && path.is_file() {
                 let is_dynamic = name.to_lowercase().starts_with(DYNAMIC);
-                let (folders, rank) = (parts(place), places.len());
-                all.push(Candidate { path, folders, names: names_of(&name), rank, is_dynamic });
+                let (folders, rank, within) = (parts(place), places.len(), place.clone());
+                let names = names_of(&name);
+                all.push(Candidate { path, folders, within, names, rank, is_dynamic });
             }
         }
     }
@@ -262,6 +266,8 @@ struct Photographs {
     all: Vec<Photograph>,
     /// Those with views come first.
     with_views: usize,
+    /// The folder of the data set.
+    folder: PathBuf,
     /// By their file's name, folded: without the extension, and with it.
     by_name: BTreeMap<String, Vec<usize>>,
 }
@@ -278,7 +284,7 @@ enum Fit {
 }
 
 impl Photographs {
-    fn of(recognised: &Recognised) -> Self {
+    fn of(recognised: &Recognised, folder: &Path) -> Self {
         let mut all: Vec<Photograph> = Vec::new();
         let mut known = BTreeSet::new();
         let mut add = |all: &mut Vec<Photograph>, path: &Path, name: &str| {
@@ -306,7 +312,7 @@ impl Photographs {
                 by_name.entry(folded(key)).or_default().push(i);
             }
         }
-        Photographs { all, with_views, by_name }
+        Photographs { all, with_views, folder: folder.to_owned(), by_name }
     }
 
     fn fit(&self, mask: &Candidate) -> Fit {
@@ -322,8 +328,12 @@ impl Photographs {
             let mut both = folders.iter().rev().zip(mask.folders.iter().rev());
             folders.len() >= mask.folders.len() && both.all(|(a, b)| folded(a) == folded(b))
         };
+        let is_near = |i: usize| {
+            let path = &self.all[i].path;
+            path.starts_with(&mask.within) || !path.starts_with(&self.folder)
+        };
         let all: Vec<usize> =
-            same_name.into_iter().filter(|i| ends(&self.all[*i].folders)).collect();
+            same_name.into_iter().filter(|i| is_near(*i) && ends(&self.all[*i].folders)).collect();
         self.choice(&all, mask)
     }
 

@@ -247,8 +247,18 @@ fn a_bare_name_serves_one_photograph_only() {
     // The last number is in `train` alone.
     let with_mask = |found: &Dataset| found.train.iter().filter(|v| v.mask.is_some()).count();
     assert_eq!(with_mask(&found), 1);
-    // With their folders, all are found.
+    // Folders of masks within those of the photographs serve these alone.
     fs::remove_dir_all(at("masks")).unwrap();
+    for (i, camera) in all.iter().enumerate() {
+        let place = name(i).replace("r_", "masks/r_");
+        write_mask(&at(&place), camera, false);
+    }
+    let found = read(&FORMS[0], "within", folder.path(), &all, &[]);
+    assert_eq!(with_mask(&found), VIEWS);
+    for place in ["train/masks", "test/masks"] {
+        fs::remove_dir_all(at(place)).unwrap();
+    }
+    // With their folders, all are found.
     for (i, camera) in all.iter().enumerate() {
         write_mask(&at(&format!("masks/{}", name(i))), camera, false);
     }
