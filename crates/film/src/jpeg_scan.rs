@@ -8,6 +8,9 @@ use crate::jpeg_segments::{SOS, Segments};
 /// The most blocks of a channel of a progressive image that are followed, with 8 bytes each.
 const MOST_BLOCKS: usize = 1 << 23;
 
+/// The most bits of a coefficient, or of a run of blocks.
+const MOST_BITS: u32 = 16;
+
 /// The largest number of scans that are followed. Programs write about ten.
 const MOST_SCANS: usize = 200;
 
@@ -68,8 +71,9 @@ impl Bits<'_> {
         Some(usize::from((self.hold >> self.count) & 1))
     }
 
-    /// A number of so many bits.
+    /// A number of so many bits; `None` for more than a coefficient has: the file is damaged.
     fn number(&mut self, bits: u32) -> Option<usize> {
+        (bits <= MOST_BITS).then_some(())?;
         (0..bits).try_fold(0, |number, _| Some(2 * number + self.bit()?))
     }
 
