@@ -200,7 +200,7 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
     let (models, materials) = tobj::load_obj(&path, &options).unwrap();
     let material = &materials.unwrap()[models[0].mesh.material_id.unwrap()];
     let image = material.diffuse_texture.as_ref().unwrap();
-    assert_eq!(image, "a shape_texture.png");
+    assert_eq!(image, "a_shape_texture.png");
     let (image, _) = film::read_image(&folder.path().join(image)).unwrap();
     assert_eq!(bytes_of(&image), bytes_of(&texture.image));
     let read = &models[0].mesh;
@@ -214,9 +214,9 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
     assert_eq!(read_mesh(&path).unwrap().faces, mesh.faces);
     // The files of an earlier export are replaced, those of another program are not.
     export_mesh(&path, &mesh, &export).unwrap();
-    std::fs::write(path.with_extension("mtl"), "newmtl mine\n").unwrap();
+    std::fs::write(folder.path().join("a_shape.mtl"), "newmtl mine\n").unwrap();
     let error = export_mesh(&path, &mesh, &export).unwrap_err().to_string();
-    assert!(error.contains("a shape.mtl: output: found a file of another program"), "{error}");
+    assert!(error.contains("a_shape.mtl: output: found a file of another program"), "{error}");
     std::fs::write(folder.path().join("b_texture.png"), "mine").unwrap();
     for (name, word) in [("b.obj", "b_texture.png"), (" c.obj", "name"), ("-s 1.obj", "name")] {
         let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
