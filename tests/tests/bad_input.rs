@@ -126,7 +126,7 @@ fn wrong_data_sets_are_refused() {
         assert!(!PathBuf::from(&run).exists(), "a refused fit leaves no folder");
     };
     let mut bad = good.clone();
-    bad["frames"][1]["transform_matrix"][0][3] = json!(null);
+    bad["frames"][1]["transform_matrix"][0][3] = json!("far");
     check(&bad, &["frames/1/transform_matrix"]);
     bad["frames"][1]["transform_matrix"] =
         json!([[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);

@@ -129,8 +129,23 @@ fn work_beyond_the_memory_is_refused_before_it_starts() {
     let mut root = dataset(&folder);
     (root["w"], root["h"]) = (json!(60000), json!(60000));
     folder.write("transforms.json", &root);
+    (0..3).for_each(|i| fs::write(folder.path(&format!("{i}.png")), large_png(60000)).unwrap());
     let whole = ["inspect", &data, "-o", &folder.path("i.png"), "--downscale", "1"];
     refused(&whole, &["images: found 10800000000 pix"]);
+}
+
+/// The chunks of a PNG file of so many grey pixels a side, without the pixels.
+fn large_png(side: u32) -> Vec<u8> {
+    let chunk = |name: &[u8], content: &[u8]| {
+        let body = [name, content].concat();
+        let divided = |sum: u32| (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg());
+        let of_byte = |sum: u32, byte: &u8| (0..8).fold(sum ^ u32::from(*byte), |s, _| divided(s));
+        let sum = !body.iter().fold(!0, of_byte);
+        [&(content.len() as u32).to_be_bytes()[..], &body, &sum.to_be_bytes()].concat()
+    };
+    let size = side.to_be_bytes();
+    let header = chunk(b"IHDR", &[&size[..], &size, &[8, 0, 0, 0, 0]].concat());
+    [b"\x89PNG\r\n\x1a\n".to_vec(), header, chunk(b"IDAT", b""), chunk(b"IEND", b"")].concat()
 }
 
 #[test]

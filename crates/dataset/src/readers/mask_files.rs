@@ -78,7 +78,7 @@ pub(crate) fn find(recognised: &mut Recognised, folder: &Path) {
 fn drop_missing(recognised: &mut Recognised, folder: &Path) {
     let mut missing = Vec::new();
     for view in recognised.views_mut() {
-        missing.extend(view.mask.take_if(|mask| !mask.path.is_file()).map(|mask| mask.path));
+        missing.extend(view.mask.take_if(|mask| !mask.path.exists()).map(|mask| mask.path));
     }
     if !missing.is_empty() {
         let (count, names) = (missing.len(), listed(&missing, folder));
