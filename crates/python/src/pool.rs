@@ -17,7 +17,7 @@ static FORKED: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let process = id();
     let first = FIRST.compare_exchange(0, process, Ordering::SeqCst, Ordering::SeqCst);
-    if matches!(first, Ok(_)) || first == Err(process) {
+    if first.is_ok() || first == Err(process) {
         return work();
     }
     let pool = {
