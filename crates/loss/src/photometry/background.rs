@@ -85,7 +85,7 @@ mod tests {
         // The object in one corner, an unknown pixel in the other, and a margin of one pixel.
         let expected = |i: usize| {
             let (x, y) = (i % 8, i / 8);
-            !(x < 2 && y < 2) && !(x > 5 && y > 5)
+            !((x < 2 && y < 2) || (x > 5 && y > 5))
         };
         assert_eq!(certain, (0..64).map(expected).collect::<Vec<bool>>());
     }
