@@ -61,8 +61,17 @@ pub fn read(path: &Path) -> Result<Value> {
 const NOT_FINITE: [&str; 3] = ["-Infinity", "Infinity", "NaN"];
 
 /// Whether a value is a number that is not finite, as [`read`] returns it: a string.
-pub fn not_finite(value: &Value) -> bool {
+fn not_finite(value: &Value) -> bool {
     value.as_str().is_some_and(|text| NOT_FINITE.contains(&text))
+}
+
+/// Whether a number is missing, or one in arrays of any depth: null, or not finite as [`read`]
+/// returns it.
+pub fn has_gap(value: &Value) -> bool {
+    match value {
+        Value::Array(items) => items.iter().any(has_gap),
+        item => item.is_null() || not_finite(item),
+    }
 }
 
 /// The text with Python's words for numbers that are not finite as strings: JSON has none.

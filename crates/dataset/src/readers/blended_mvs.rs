@@ -12,7 +12,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::readers::lens::Lens;
 use crate::readers::lookup::image_place;
-use crate::readers::projection::{PoseFault, camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -106,13 +106,10 @@ impl CameraFile {
         let pose = camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye);
         let (focal, principal) = (DVec2::new(k[0], k[4]), DVec2::new(k[2], k[5]));
         let lens = Lens { skew: k[1], ..Lens::default() };
-        match placed([width, height], focal, principal, pose) {
-            Ok((camera, scale)) => Ok(Some((camera, scale, lens))),
-            Err(PoseFault::None) => Ok(None),
-            Err(PoseFault::Wrong(found)) => {
-                let expected = "a rotation and a translation, world-to-camera";
-                Err(InputError::new(file, "extrinsic", found, expected))
-            }
-        }
+        let placed = placed([width, height], focal, principal, pose, |found| {
+            let expected = "a rotation and a translation, world-to-camera";
+            InputError::new(file, "extrinsic", found, expected)
+        })?;
+        Ok(placed.map(|(camera, scale)| (camera, scale, lens)))
     }
 }

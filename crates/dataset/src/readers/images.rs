@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, number};
+use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, numbered};
 use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
@@ -68,19 +68,12 @@ pub(crate) fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 /// Puts images into the order of their numbers, if their names differ by one number only, and
 /// returns a note if that is not the order of the names.
 pub(crate) fn by_number(images: &mut [PathBuf]) -> Option<String> {
-    let parts = |path: &PathBuf| {
-        let stem = path.file_stem()?.to_string_lossy().into_owned();
-        let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
-        let start = end.trim_end_matches(|c: char| c.is_ascii_digit());
-        let number: u64 = end[start.len()..].parse().ok()?;
-        Some((start.to_owned(), stem[end.len()..].to_owned(), number))
-    };
-    let all = images.iter().map(parts).collect::<Option<Vec<_>>>()?;
-    let (start, end, _) = all.first()?;
-    if all.iter().any(|(a, b, _)| (a, b) != (start, end)) || all.is_sorted_by_key(|p| p.2) {
+    let all = images.iter().map(|path| numbered(path)).collect::<Option<Vec<_>>>()?;
+    let (_, around) = all.first()?;
+    if all.iter().any(|(_, other)| other != around) || all.is_sorted_by_key(|(number, _)| *number) {
         return None;
     }
-    let number = |path: &PathBuf| parts(path).map(|parts| parts.2);
+    let number = |path: &PathBuf| numbered(path).map(|(number, _)| number);
     let first_by_name = images.iter().zip(&images[1..]).find(|(a, b)| number(a) > number(b));
     let (a, b) = first_by_name.map(|(a, b)| (file_name(a), file_name(b)))?;
     images.sort_by_key(number);
@@ -100,7 +93,8 @@ pub(crate) fn positions(images: &[PathBuf], count: usize) -> Option<Vec<usize>> 
     if images.len() == count {
         return Some((0..count).collect());
     }
-    let numbers = images.iter().map(|path| number(path)).collect::<Option<Vec<usize>>>()?;
+    let number = |path: &PathBuf| numbered(path).map(|(number, _)| number);
+    let numbers = images.iter().map(number).collect::<Option<Vec<usize>>>()?;
     let (first, last) = (*numbers.iter().min()?, *numbers.iter().max()?);
     let mut different = numbers.clone();
     different.sort_unstable();

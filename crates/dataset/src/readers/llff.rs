@@ -13,9 +13,8 @@ use glam::{DMat4, DVec2, DVec3};
 
 use crate::readers::images::{by_number, image_folder, images, images_in, positions};
 use crate::readers::lens::Lens;
-use crate::readers::npy;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::{PoseFault, placed};
+use crate::readers::projection::placed;
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -73,21 +72,15 @@ fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
     if count == 0 {
         return Err(error(format!("shape {shape:?}")));
     }
-    let by_columns = npy.order() == npyz::Order::Fortran;
-    // A row has 4 bytes a number at least.
-    if count > length / (4 * NUMBERS as u64) {
+    // A row has 2 bytes a number at least.
+    if count > length / (2 * NUMBERS as u64) {
         return Err(error(format!("a file that is cut short, of shape {shape:?}")));
     }
     files::check_memory(file, "array", format!("{count} rows"), count * MEMORY_PER_ROW)?;
-    let numbers = npy::numbers(npy).map_err(|e| match e.kind() {
+    let numbers = film::npy_numbers(npy).map_err(|e| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => error("a file that is cut short".to_owned()),
         _ => error(e.to_string()),
     })?;
-    if by_columns {
-        let rows = numbers.len() / NUMBERS;
-        let row = |i| std::array::from_fn(|column| numbers[column * rows + i]);
-        return Ok((0..rows).map(row).collect());
-    }
     let (rows, _) = numbers.as_chunks::<NUMBERS>();
     Ok(rows.to_vec())
 }
@@ -98,14 +91,15 @@ fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Option<(Camera,
         return Ok(None);
     }
     let error = |field: &str, found: String, expected: &str| {
-        Err(InputError::new(file, format!("row {i} {field}"), found, expected))
+        InputError::new(file, format!("row {i} {field}"), found, expected)
     };
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
     let [height, width, focal] = column(4).to_array();
     let size = [width, height].map(whole_pixels);
     let ([Some(columns), Some(rows)], true) = (size, focal > 0.0) else {
         let found = format!("height {height}, width {width}, focal length {focal}");
-        return error("size", found, "whole pixels from 1 to 65535, and a focal length above 0");
+        let expected = "whole pixels from 1 to 65535, and a focal length above 0";
+        return Err(error("size", found, expected));
     };
     let [down, right, backwards, eye] = [0, 1, 2, 3].map(column);
     let pose = DMat4::from_cols(
@@ -115,11 +109,7 @@ fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Option<(Camera,
         eye.extend(1.0),
     );
     let principal = DVec2::new(width, height) / 2.0;
-    match placed([columns, rows], DVec2::splat(focal), principal, pose) {
-        Ok(camera) => Ok(Some(camera)),
-        Err(PoseFault::None) => Ok(None),
-        Err(PoseFault::Wrong(found)) => {
-            error("pose", found, "a rotation (down, right, backwards) and an eye")
-        }
-    }
+    placed([columns, rows], DVec2::splat(focal), principal, pose, |found| {
+        error("pose", found, "a rotation (down, right, backwards) and an eye")
+    })
 }

@@ -57,7 +57,7 @@ pub(crate) fn folder_named(place: &Path, name: &str) -> Option<PathBuf> {
 }
 
 /// The only item; `None` if there are several.
-fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
+pub(crate) fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
     let first = items.next();
     first.filter(|_| items.next().is_none())
 }
@@ -114,13 +114,12 @@ fn along(folder: &Path, parts: &[&str]) -> Option<PathBuf> {
     as_named(&place, last).or_else(|| {
         let all: Vec<PathBuf> = entries(&place).into_iter().filter(|p| p.is_file()).collect();
         let wanted = folded(last);
-        let stem =
-            |name: &str| Some(name.rsplit_once('.').filter(|(_, e)| is_image(e))?.0.to_owned());
         let of = |path: &&PathBuf| folded(&file_name(path));
         let same = all.iter().filter(|path| of(path) == wanted);
         let same_stem = all.iter().filter(|path| {
-            let found = stem(&of(path));
-            found.is_some() && (found.as_ref() == Some(&wanted) || found == stem(&wanted))
+            let found = of(path);
+            let stem = without_extension(&found);
+            stem != found && (stem == wanted || stem == without_extension(&wanted))
         });
         only(same).or_else(|| only(same_stem)).cloned()
     })
@@ -131,17 +130,23 @@ pub(crate) fn is_image(extension: &str) -> bool {
     EXTENSIONS.iter().any(|e| e.eq_ignore_ascii_case(extension))
 }
 
+/// A name without the extension of an image.
+pub(crate) fn without_extension(name: &str) -> &str {
+    name.rsplit_once('.').filter(|(_, e)| is_image(e)).map_or(name, |(stem, _)| stem)
+}
+
 /// The path of [`image_named`], or of the missing image with this very name.
 pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
     image_named(folder, name).unwrap_or_else(|| folder.join(name))
 }
 
-/// The last number in the name of a file, without its extension.
-pub(crate) fn number(path: &Path) -> Option<usize> {
+/// The last number in the name of a file, without its extension, and what is before and behind it.
+pub(crate) fn numbered(path: &Path) -> Option<(usize, [String; 2])> {
     let stem = path.file_stem()?.to_string_lossy().into_owned();
     let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
-    let start = end.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-    end[start..].parse().ok()
+    let start = end.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = end[start.len()..].parse().ok()?;
+    Some((number, [start.to_owned(), stem[end.len()..].to_owned()]))
 }
 
 #[cfg(test)]

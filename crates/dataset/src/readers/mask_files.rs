@@ -10,16 +10,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use crate::readers::MaskKind;
-use crate::readers::lookup::{FOLDERS, entries, file_name, folded, is_image, number};
+use crate::readers::lookup::{
+    FOLDERS, entries, file_name, folded, is_image, numbered, only, without_extension,
+};
 use crate::readers::mask::MaskFile;
+use crate::readers::notes::{first_of, relative};
 use crate::readers::recognised::Recognised;
 use crate::readers::unread::UnreadView;
 
 /// Folders within a folder of masks that are looked into.
 const DEPTH: usize = 4;
-
-/// Files that a note names.
-const NAMED: usize = 3;
 
 /// The start of the names of instant-ngp's masks.
 const DYNAMIC: &str = "dynamic_mask";
@@ -90,13 +90,7 @@ fn drop_missing(recognised: &mut Recognised, folder: &Path) {
 
 /// The first names of these files, relative to the folder.
 fn listed<P: AsRef<Path>>(paths: &[P], folder: &Path) -> String {
-    let name = |path: &P| {
-        let path = path.as_ref();
-        path.strip_prefix(folder).unwrap_or(path).display().to_string()
-    };
-    let names: Vec<String> = paths.iter().take(NAMED).map(name).collect();
-    let more = if paths.len() > NAMED { ", …" } else { "" };
-    format!("{}{more}", names.join(", "))
+    first_of(paths, |path| relative(path.as_ref(), folder))
 }
 
 /// The folders of the photographs, and that of the data set.
@@ -129,7 +123,10 @@ fn candidates(
     for place in folders {
         for path in entries(place) {
             let name = file_name(&path);
-            if has_mark(stem(&name)) && is_image(&files::extension(&path)) && path.is_file() {
+            if has_mark(without_extension(&name))
+                && is_image(&files::extension(&path))
+                && path.is_file()
+            {
                 let is_dynamic = name.to_lowercase().starts_with(DYNAMIC);
                 let (folders, rank, within) = (parts(place), places.len(), place.clone());
                 let names = names_of(&name);
@@ -191,11 +188,6 @@ fn collect(place: &Path, folders: &mut Vec<String>, add: &mut dyn FnMut(PathBuf,
     }
 }
 
-/// A name without the extension of an image.
-fn stem(name: &str) -> &str {
-    name.rsplit_once('.').filter(|(_, e)| is_image(e)).map_or(name, |(stem, _)| stem)
-}
-
 const SEPARATORS: [char; 4] = ['_', '.', '-', ' '];
 
 /// A stem without a mark of masks: `a_mask`, `mask-a`, `dynamic_mask_a`.
@@ -209,7 +201,7 @@ fn without_mark(stem: &str) -> Option<&str> {
         let tail = stem.get(at..).filter(|tail| tail.eq_ignore_ascii_case(mark));
         tail.and_then(|_| stem[..at].strip_suffix(SEPARATORS))
     };
-    let found = ["dynamic_mask", "masks", "mask"].iter().find_map(|mark| start(mark));
+    let found = [DYNAMIC, "masks", "mask"].iter().find_map(|mark| start(mark));
     found.or_else(|| ["masks", "mask"].iter().find_map(|mark| end(mark))).filter(|s| !s.is_empty())
 }
 
@@ -221,12 +213,13 @@ fn has_mark(name: &str) -> bool {
 /// Whether the file of this name is the mask of one of the files with these stems: `a_mask.png`,
 /// `a.mask.png`, `mask_a.png` or `dynamic_mask_a.png` of `a`.
 pub fn is_mask_of(name: &str, stems: &BTreeSet<String>) -> bool {
-    without_mark(stem(name)).is_some_and(|of| stems.contains(of) || stems.contains(stem(of)))
+    without_mark(without_extension(name))
+        .is_some_and(|of| stems.contains(of) || stems.contains(without_extension(of)))
 }
 
 /// The names of photographs that a mask of this name fits.
 fn names_of(name: &str) -> Vec<String> {
-    let whole = stem(name);
+    let whole = without_extension(name);
     let both = [Some(whole), without_mark(whole)];
     both.into_iter().flatten().map(str::to_owned).collect()
 }
@@ -301,14 +294,14 @@ impl Photographs {
         let with_views = all.len();
         let beside = folders.into_iter().flat_map(entries);
         let beside = beside.filter(|p| is_image(&files::extension(p)));
-        let unposed = |p: &PathBuf| !has_mark(stem(&file_name(p)));
+        let unposed = |p: &PathBuf| !has_mark(without_extension(&file_name(p)));
         beside.filter(unposed).for_each(|path| add(&mut all, &path, ""));
         let missing = [&recognised.missing, &recognised.missing_test, &recognised.unposed];
         missing.into_iter().flatten().for_each(|path| add(&mut all, path, ""));
         let mut by_name: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for (i, photograph) in all.iter().enumerate() {
             let name = file_name(&photograph.path);
-            for key in BTreeSet::from([stem(&name), &name]) {
+            for key in BTreeSet::from([without_extension(&name), &name]) {
                 by_name.entry(folded(key)).or_default().push(i);
             }
         }
@@ -319,7 +312,7 @@ impl Photographs {
         let same_name: BTreeSet<usize> = mask
             .names
             .iter()
-            .flat_map(|name| [name.as_str(), stem(name)])
+            .flat_map(|name| [name.as_str(), without_extension(name)])
             .filter_map(|name| self.by_name.get(&folded(name)))
             .flatten()
             .copied()
@@ -343,18 +336,14 @@ impl Photographs {
         let own = |i: &&usize| self.all[**i].named == mask.folders;
         let exact = |i: &&usize| {
             let name = file_name(&self.all[**i].path);
-            mask.names.iter().any(|of| *of == name || of == stem(&name))
+            mask.names.iter().any(|of| *of == name || of == without_extension(&name))
         };
-        let only = |mut found: Box<dyn Iterator<Item = &usize> + '_>| {
-            let first = found.next().copied();
-            first.filter(|_| found.next().is_none())
-        };
-        let found = only(Box::new(all.iter()))
-            .or_else(|| only(Box::new(all.iter().filter(own))))
-            .or_else(|| only(Box::new(all.iter().filter(exact))))
-            .or_else(|| only(Box::new(all.iter().filter(own).filter(exact))));
+        let found = only(all.iter())
+            .or_else(|| only(all.iter().filter(own)))
+            .or_else(|| only(all.iter().filter(exact)))
+            .or_else(|| only(all.iter().filter(own).filter(exact)));
         match (found, all) {
-            (Some(i), _) if i < self.with_views => Fit::One(i),
+            (Some(i), _) if *i < self.with_views => Fit::One(*i),
             (Some(_), _) => Fit::Unposed,
             (None, []) => Fit::None,
             (None, several) => Fit::Several(several.to_vec()),
@@ -378,7 +367,7 @@ impl Photographs {
             return None;
         }
         let numbers = |paths: Vec<&Path>| -> Option<BTreeMap<usize, usize>> {
-            let all = paths.iter().enumerate().map(|(i, path)| Some((number(path)?, i)));
+            let all = paths.iter().enumerate().map(|(i, path)| Some((numbered(path)?.0, i)));
             let all: BTreeMap<usize, usize> = all.collect::<Option<_>>()?;
             (all.len() == paths.len()).then_some(all)
         };

@@ -16,7 +16,7 @@ use roxmltree::{Document, Node};
 use crate::readers::images::reduced_copies;
 use crate::readers::lens::Lens;
 use crate::readers::lookup::{FOLDERS, image_named};
-use crate::readers::projection::{PoseFault, camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -270,14 +270,12 @@ impl<'a, 'i> Chunk<'a, 'i> {
             let (path, is_reduced) = image_of(folder, label);
             views.add(path, |path| {
                 let (Camera { width, height, focal, principal, .. }, lens) = sensors[id];
-                let (camera, scale) = match placed([width, height], focal, principal, pose) {
-                    Ok(placed) => placed,
-                    Err(PoseFault::None) => return Ok(None),
-                    Err(PoseFault::Wrong(found)) => {
-                        let place = format!("camera {label:?} transform");
-                        return Err(self.error(&place, &found, "a rotation and a translation"));
-                    }
+                let wrong = |found: String| {
+                    let place = format!("camera {label:?} transform");
+                    self.error(&place, &found, "a rotation and a translation")
                 };
+                let placed = placed([width, height], focal, principal, pose, wrong)?;
+                let Some((camera, scale)) = placed else { return Ok(None) };
                 let view = UnreadView::of_image(label.to_owned(), path, camera, lens);
                 let view = view.with_pose_scale(scale);
                 let view = UnreadView { size_source: Some(format!("sensor {id}")), ..view };

@@ -11,7 +11,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::readers::lens::Lens;
 use crate::readers::lookup::image_place;
-use crate::readers::projection::{PoseFault, camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -101,12 +101,8 @@ impl Line<'_> {
         let axes = r.transpose();
         let pose = camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, -(axes * t));
         let lens = Lens { skew: k.y_axis.x, ..Lens::default() };
-        match placed(size.into(), focal, principal, pose) {
-            Ok((camera, scale)) => Ok(Some((camera, scale, lens))),
-            Err(PoseFault::None) => Ok(None),
-            Err(PoseFault::Wrong(fault)) => {
-                Err(self.error(format!("R with {fault}"), "a rotation R"))
-            }
-        }
+        let wrong = |fault| self.error(format!("R with {fault}"), "a rotation R");
+        let placed = placed(size.into(), focal, principal, pose, wrong)?;
+        Ok(placed.map(|(camera, scale)| (camera, scale, lens)))
     }
 }

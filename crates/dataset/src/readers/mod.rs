@@ -16,7 +16,6 @@ mod middlebury;
 mod nerf;
 mod neus;
 mod notes;
-mod npy;
 mod pixels;
 mod ply;
 mod projection;

@@ -17,7 +17,6 @@ use zip::result::ZipError;
 
 use crate::readers::images::{by_number, images, images_in, positions};
 use crate::readers::lookup::folder_named;
-use crate::readers::npy;
 use crate::readers::projection::decompose;
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
@@ -103,7 +102,7 @@ impl Archive {
         })
     }
 
-    /// A 4 × 4 matrix in single or double precision, stored by rows or by columns.
+    /// A 4 × 4 matrix of floats, stored by rows or by columns.
     fn matrix(&mut self, name: &str) -> Result<DMat4> {
         let error = |found: String| {
             InputError::new(&self.file, name, found, "a 4 x 4 matrix of finite floats")
@@ -117,13 +116,9 @@ impl Archive {
         if shape != [4, 4] {
             return Err(error(format!("shape {shape:?}")));
         }
-        let by_columns = npy.order() == npyz::Order::Fortran;
-        let numbers = npy::numbers(npy).map_err(|e| error(e.to_string()))?;
+        let numbers = film::npy_numbers(npy).map_err(|e| error(e.to_string()))?;
         match <[f64; 16]>::try_from(numbers) {
-            Ok(m) => {
-                let m = DMat4::from_cols_array(&m);
-                Ok(if by_columns { m } else { m.transpose() })
-            }
+            Ok(m) => Ok(DMat4::from_cols_array(&m).transpose()),
             Err(_) => Err(error("another number of floats".to_owned())),
         }
     }

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::readers::UnreadView;
+use crate::readers::lookup::file_name;
 use crate::readers::recognised::Recognised;
 use crate::readers::result::Result;
 use files::{InputError, printable};
 use film::{ColorProfile, TurnedByExif, color_profile, turned_by_exif};
 use rayon::prelude::*;
 
-/// Missing images that a note names.
+/// Files that a note names.
 const NAMED: usize = 3;
 
 /// The most characters of a note.
@@ -22,16 +23,15 @@ const MAX_NOTE_CHARACTERS: usize = 400;
 pub(crate) fn add(recognised: &mut Recognised, path: &Path) -> Result<()> {
     let missing = missing(recognised, path)?;
     let unposed = unposed(recognised, path)?;
-    let views = || recognised.train.iter().chain(recognised.test.iter().flatten());
     let notes = [
         missing,
         unposed,
-        scaled(views()),
-        reduced(views()),
-        resized_masks(views()),
-        profiles(views()),
-        orientations(views()),
-        fisheye(views()),
+        scaled(recognised.views()),
+        reduced(recognised.views()),
+        resized_masks(recognised.views()),
+        profiles(recognised.views()),
+        orientations(recognised.views()),
+        fisheye(recognised.views()),
     ];
     recognised.notes.extend(notes.into_iter().flatten());
     // Notes have names from files.
@@ -55,12 +55,21 @@ fn missing(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
     }
     let all = train.len() + recognised.test.as_ref().map_or(0, Vec::len) + missing.len();
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
-    let name = |image: &&PathBuf| image.strip_prefix(folder).unwrap_or(image).display().to_string();
-    let names: Vec<String> = missing.iter().take(NAMED).map(name).collect();
-    let more = if missing.len() > NAMED { ", …" } else { "" };
-    let (count, names) = (missing.len(), names.join(", "));
-    let verb = if count == 1 { "is" } else { "are" };
-    Ok(Some(format!("{count} of {all} images {verb} missing and left out: {names}{more}")))
+    let names = first_of(&missing, |image| relative(image, folder));
+    let (count, verb) = (missing.len(), if missing.len() == 1 { "is" } else { "are" });
+    Ok(Some(format!("{count} of {all} images {verb} missing and left out: {names}")))
+}
+
+/// A path relative to a folder, if it is in it.
+pub(crate) fn relative(path: &Path, folder: &Path) -> String {
+    path.strip_prefix(folder).unwrap_or(path).display().to_string()
+}
+
+/// The names of the first of these items, for a note.
+pub(crate) fn first_of<T>(items: &[T], name: impl FnMut(&T) -> String) -> String {
+    let names: Vec<String> = items.iter().take(NAMED).map(name).collect();
+    let more = if items.len() > NAMED { ", …" } else { "" };
+    format!("{}{more}", names.join(", "))
 }
 
 /// The note on images without a usable pose.
@@ -68,18 +77,15 @@ fn unposed(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
     let Recognised { train, unposed, test, .. } = recognised;
     let Some(first) = unposed.first() else { return Ok(None) };
     let (count, all) = (unposed.len(), train.len() + test.as_ref().map_or(0, Vec::len));
-    let name =
-        |image: &PathBuf| image.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if train.len() < count {
-        let (first, all) = (name(first), all + count);
+        let (first, all) = (file_name(first), all + count);
         let found = format!("{count} of {all} without a pose of finite numbers: {first}, …");
         return Err(InputError::new(path, "poses", found, "at least half of the poses"));
     }
-    let names: Vec<String> = unposed.iter().take(NAMED).map(name).collect();
-    let more = if count > NAMED { ", …" } else { "" };
-    let (verb, names) = (if count == 1 { "image has" } else { "images have" }, names.join(", "));
+    let names = first_of(unposed, |image| file_name(image));
+    let verb = if count == 1 { "image has" } else { "images have" };
     Ok(Some(format!(
-        "{count} {verb} no usable pose (null, singular or not finite) and are left out: {names}{more}"
+        "{count} {verb} no usable pose (null, singular or not finite) and are left out: {names}"
     )))
 }
 

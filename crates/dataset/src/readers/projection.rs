@@ -5,6 +5,8 @@ use glam::{DMat3, DMat4, DVec2, DVec3};
 use render::Camera;
 
 use crate::readers::lens::Lens;
+use crate::readers::result::Result;
+use files::InputError;
 
 /// Focal lengths below this fraction of the other entries of K are rounding errors: K is singular.
 const LEAST_FOCAL: f64 = 1e-9;
@@ -50,16 +52,6 @@ pub(crate) fn decompose(p: DMat4, width: u32, height: u32) -> Option<(Camera, Le
     camera.map(|camera| (camera, lens))
 }
 
-/// Why a pose has no camera.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum PoseFault {
-    /// The program that wrote it has no pose for the photograph: a number is not finite, or the
-    /// axes do not span space.
-    None,
-    /// It is no rotation, for this reason.
-    Wrong(String),
-}
-
 /// The largest deviation of axes from a uniform scale and from right angles, as in
 /// [`Camera::from_pose`].
 const UNEVEN: f64 = 1e-3;
@@ -68,23 +60,28 @@ const UNEVEN: f64 = 1e-3;
 const LEAST_VOLUME: f64 = 1e-6;
 
 /// The camera of a pose, and the uniform scale that was divided out of its axes: 1 if they are a
-/// rotation as they are.
+/// rotation as they are. `None` if the program that wrote it has no pose for the photograph: a
+/// number is not finite, or the axes do not span space.
+///
+/// # Errors
+/// If the axes are no rotation: `wrong` makes the error of this reason.
 pub(crate) fn placed(
     [width, height]: [u32; 2],
     focal: DVec2,
     principal: DVec2,
     pose: DMat4,
-) -> Result<(Camera, f64), PoseFault> {
+    wrong: impl FnOnce(String) -> InputError,
+) -> Result<Option<(Camera, f64)>> {
     let camera = |pose| Camera::from_pose(width, height, focal, principal, pose);
     if let Some(camera) = camera(pose) {
-        return Ok((camera, 1.0));
+        return Ok(Some((camera, 1.0)));
     }
     let axes = DMat3::from_mat4(pose);
     let lengths = axes.to_cols_array_2d().map(|column| DVec3::from(column).length());
     let volume = lengths.iter().product::<f64>();
     let spans_space = axes.determinant().abs() > LEAST_VOLUME * volume;
     if !pose.is_finite() || !spans_space {
-        return Err(PoseFault::None);
+        return Ok(None);
     }
     let scale = lengths.iter().sum::<f64>() / 3.0;
     let is_even = lengths.iter().all(|length| (length / scale - 1.0).abs() <= UNEVEN);
@@ -95,7 +92,7 @@ pub(crate) fn placed(
         pose.w_axis,
     );
     let camera = camera(unscaled).filter(|_| is_even);
-    camera.map(|camera| (camera, scale)).ok_or_else(|| PoseFault::Wrong(pose_fault(pose)))
+    camera.map(|camera| Some((camera, scale))).ok_or_else(|| wrong(pose_fault(pose)))
 }
 
 /// Describes for a message why the upper 3 × 3 of a pose is not a rotation.
@@ -154,26 +151,24 @@ mod tests {
         let eye = DVec3::new(1.0, 2.0, 3.0);
         let camera =
             Camera::look_at(200, 150, focal, principal, eye, DVec3::ZERO, DVec3::Y).unwrap();
-        let with = |scale: DVec3| {
-            let pose = camera.pose() * DMat4::from_scale(scale);
-            placed([200, 150], focal, principal, pose)
+        let of = |pose| {
+            let error = |found| InputError::new("cameras.json", "pose", found, "a rotation");
+            placed([200, 150], focal, principal, pose, error)
         };
+        let with = |scale: DVec3| of(camera.pose() * DMat4::from_scale(scale));
         for scale in [1.0, 1.002, 0.33, 1e-5, 1e5] {
-            let (found, divided) = with(DVec3::splat(scale)).unwrap();
+            let (found, divided) = with(DVec3::splat(scale)).unwrap().unwrap();
             assert_relative_eq!(divided, scale, max_relative = 1e-9);
             assert_relative_eq!(found.forward, camera.forward, epsilon = 1e-9);
             assert_eq!(found.eye, eye);
         }
         for scale in [DVec3::ZERO, DVec3::new(1.0, 0.0, 1.0), DVec3::splat(f64::INFINITY)] {
-            assert_eq!(with(scale), Err(PoseFault::None), "{scale}");
+            assert_eq!(with(scale).unwrap(), None, "{scale}");
         }
-        assert_eq!(placed([200, 150], focal, principal, DMat4::NAN), Err(PoseFault::None));
+        assert_eq!(of(DMat4::NAN).unwrap(), None);
         for scale in [DVec3::new(1.0, 1.01, 1.0), DVec3::splat(-1.0), DVec3::new(2.0, 2.0, 1.0)] {
-            let wrong = with(scale);
-            assert!(
-                matches!(&wrong, Err(PoseFault::Wrong(text)) if text.contains("determinant")),
-                "{wrong:?}"
-            );
+            let wrong = with(scale).unwrap_err().to_string();
+            assert!(wrong.contains("determinant"), "{wrong}");
         }
     }
 

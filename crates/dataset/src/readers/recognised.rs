@@ -93,20 +93,19 @@ impl Views {
         image: PathBuf,
         view: impl FnOnce(PathBuf) -> Result<Option<UnreadView>>,
     ) -> Result<()> {
-        // A folder without permission is another matter than a missing image.
-        if let Err(e) = image.try_exists()
-            && e.kind() == std::io::ErrorKind::PermissionDenied
-        {
-            return Err(InputError::new(image, "image", e, "a file that may be read"));
-        }
-        if image.exists() {
-            match view(image.clone())? {
+        match image.try_exists() {
+            // A folder without permission is another matter than a missing image.
+            Err(e) if e.kind() == std::io::ErrorKind::PermissionDenied => {
+                return Err(InputError::new(image, "image", e, "a file that may be read"));
+            }
+            Ok(true) => match view(image.clone())? {
                 Some(view) => self.found.push(view),
                 None => self.unposed.push(image),
+            },
+            Ok(false) | Err(_) => {
+                refuse_unconverted(&image)?;
+                self.missing.push(image);
             }
-        } else {
-            refuse_unconverted(&image)?;
-            self.missing.push(image);
         }
         Ok(())
     }

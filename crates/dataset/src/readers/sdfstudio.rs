@@ -15,12 +15,12 @@ use crate::readers::lens::Lens;
 use crate::readers::lookup::image_place;
 use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::{PoseFault, flipped, placed};
+use crate::readers::projection::{flipped, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
 use files::InputError;
-use files::json::{not_finite, numbers, shown};
+use files::json::{has_gap, numbers, shown};
 use film::image_size;
 
 /// Whether a JSON file has this form.
@@ -42,13 +42,10 @@ pub(crate) fn read(folder: &Path, file: &Path, root: &Value) -> Result<Recognise
         views.add(path, |path| {
             let size = frame.size(&path)?;
             let (focal, principal) = frame.intrinsics()?;
-            let (camera, scale) = match placed(size, focal, principal, frame.pose()?) {
-                Ok(placed) => placed,
-                Err(PoseFault::None) => return Ok(None),
-                Err(PoseFault::Wrong(found)) => {
-                    return Err(frame.error("camtoworld", &found, "a rotation and a translation"));
-                }
-            };
+            let wrong =
+                |found: String| frame.error("camtoworld", &found, "a rotation and a translation");
+            let placed = placed(size, focal, principal, frame.pose()?, wrong)?;
+            let Some((camera, scale)) = placed else { return Ok(None) };
             let view = UnreadView::of_image(name.to_owned(), path, camera, Lens::default());
             let mask = frame.mask(folder);
             let stated = root["width"].is_number().then(|| "meta_data.json".to_owned());
@@ -93,8 +90,7 @@ impl<'a> Frame<'a> {
     /// The rows of a matrix with `N` columns; all of it is NaN if a number is not finite.
     fn rows<const N: usize>(&self, key: &str, least: usize) -> Result<Vec<[f64; N]>> {
         let value = &self.frame[key];
-        let entries = || value.as_array().into_iter().flatten().flat_map(|row| row.as_array());
-        if value.is_null() || entries().flatten().any(|v| v.is_null() || not_finite(v)) {
+        if has_gap(value) {
             return Ok(vec![[f64::NAN; N]; least]);
         }
         let rows: Option<Vec<[f64; N]>> =

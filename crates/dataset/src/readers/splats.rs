@@ -14,12 +14,12 @@ use crate::readers::lens::Lens;
 use crate::readers::lookup::image_place;
 use crate::readers::pixels::whole_pixels;
 use crate::readers::ply;
-use crate::readers::projection::{PoseFault, camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
 use files::InputError;
-use files::json::{not_finite, numbers, shown};
+use files::json::{has_gap, numbers, shown};
 
 /// Whether a JSON file has this form.
 pub(crate) fn is_form(root: &Value) -> bool {
@@ -68,14 +68,10 @@ impl Entry<'_> {
         let Some((axes, eye)) = self.pose()? else { return Ok(None) };
         let pose = camera_to_world(axes.x_axis, axes.y_axis, axes.z_axis, eye);
         let principal = DVec2::new(f64::from(size[0]), f64::from(size[1])) / 2.0;
-        let (camera, scale) = match placed(size, focal, principal, pose) {
-            Ok(placed) => placed,
-            Err(PoseFault::None) => return Ok(None),
-            Err(PoseFault::Wrong(found)) => {
-                let place = format!("{}/rotation", self.i);
-                return Err(InputError::new(self.file, place, found, "a rotation"));
-            }
-        };
+        let wrong =
+            |found| InputError::new(self.file, format!("{}/rotation", self.i), found, "a rotation");
+        let placed = placed(size, focal, principal, pose, wrong)?;
+        let Some((camera, scale)) = placed else { return Ok(None) };
         let view = UnreadView::of_image(name.to_owned(), path, camera, Lens::default());
         let size_source = Some("cameras.json".to_owned());
         Ok(Some(UnreadView { size_source, ..view }.with_pose_scale(scale)))
@@ -83,20 +79,15 @@ impl Entry<'_> {
 
     /// The axes in the columns of a matrix, and the position; `None` if a number is not finite.
     fn pose(&self) -> Result<Option<(DMat3, DVec3)>> {
-        let (rotation, position) = (&self.camera["rotation"], &self.camera["position"]);
-        let rows = rotation.as_array().into_iter().flatten().flat_map(|row| row.as_array());
-        let all = rows.flatten().chain(position.as_array().into_iter().flatten());
-        if all.into_iter().any(|v| v.is_null() || not_finite(v)) {
+        if ["rotation", "position"].iter().any(|key| self.camera.get(key).is_some_and(has_gap)) {
             return Ok(None);
         }
-        let rows = || {
-            Some([0, 1, 2].map(|i| numbers::<3>(&rotation[i])))
-                .filter(|r| r.iter().all(Option::is_some))
+        let row = |i: usize| {
+            let row = numbers::<3>(&self.camera["rotation"][i]).map(DVec3::from);
+            row.ok_or_else(|| self.error("rotation", "3 x 3 finite numbers"))
         };
-        let rows = rows().ok_or_else(|| self.error("rotation", "3 x 3 finite numbers"))?;
-        let rows = rows.map(|row| DVec3::from(row.unwrap_or_default()));
-        let eye =
-            numbers::<3>(position).ok_or_else(|| self.error("position", "3 finite numbers"))?;
-        Ok(Some((DMat3::from_cols(rows[0], rows[1], rows[2]).transpose(), eye.into())))
+        let eye = numbers::<3>(&self.camera["position"]).map(DVec3::from);
+        let eye = eye.ok_or_else(|| self.error("position", "3 finite numbers"))?;
+        Ok(Some((DMat3::from_cols(row(0)?, row(1)?, row(2)?).transpose(), eye)))
     }
 }

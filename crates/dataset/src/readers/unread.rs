@@ -73,7 +73,10 @@ const FOCAL: [f64; 2] = [1e-3, 1e5];
 const MOST_OFF_FILM: f64 = 1e3;
 
 /// Programs round the sides of a reduced image to whole pixels, down or up.
-const ROUNDING: f64 = 1.5001;
+const ROUNDING: f64 = 1.5;
+
+/// A side that differs by a pixel was cropped, not rounded: the limit of images that were resized.
+const RESIZED: f64 = 1.0 - 1e-9;
 
 /// The remedy for images that do not have the shape of their cameras.
 const RESHAPED: &str = "an image that was cropped needs the uncropped one, or new poses";
@@ -86,7 +89,7 @@ fn to_vector((width, height): (u32, u32)) -> DVec2 {
 fn is_same_shape(size: (u32, u32), full: (u32, u32), rounding: f64) -> bool {
     let (size, full) = (to_vector(size), to_vector(full));
     let scale = (size / full).max_element();
-    (full * scale - size).max_element() < rounding * scale.max(1.0)
+    (full * scale - size).max_element() <= rounding * scale.max(1.0)
 }
 
 /// A view's [`UnreadView::size_source`] in messages.
@@ -207,8 +210,7 @@ impl UnreadView {
         if [(w, h), (h, w)].contains(&(width, height)) {
             return Ok(self);
         }
-        // One that lost a row or a column was cropped.
-        self.of_image_within(1.0)
+        self.of_image_within(RESIZED)
     }
 
     /// The size of the mask file, if it is another one than that of the photograph.

@@ -23,7 +23,7 @@ use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
 use crate::readers::images::{ImageFolder, image_folder};
 use crate::readers::lens::Lens;
 use crate::readers::lookup::{image_named, image_place};
-use crate::readers::projection::{PoseFault, camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -166,7 +166,8 @@ fn parameters(
     })
 }
 
-/// The view of an image record, `None` without a usable pose; `file` is the file of the record, and `path` that of the image.
+/// The view of an image record, `None` without a usable pose; `file` is the file of the record, and
+/// `path` that of the image.
 fn unread_view(
     file: &Path,
     path: PathBuf,
@@ -179,14 +180,12 @@ fn unread_view(
     })?;
     let Camera { width, height, focal, principal, .. } = *camera;
     let pose = pose(file, &image)?;
-    let (camera, _) = match placed([width, height], focal, principal, pose) {
-        Ok(placed) => placed,
-        Err(PoseFault::None) => return Ok(None),
-        Err(PoseFault::Wrong(found)) => {
-            let place = format!("pose of {}", image.name);
-            return Err(InputError::new(file, place, found, "a rotation and a translation"));
-        }
+    let wrong = |found| {
+        let place = format!("pose of {}", image.name);
+        InputError::new(file, place, found, "a rotation and a translation")
     };
+    let placed = placed([width, height], focal, principal, pose, wrong)?;
+    let Some((camera, _)) = placed else { return Ok(None) };
     Ok(Some(UnreadView {
         size_source: Some(size_source),
         ..UnreadView::of_image(image.name, path, camera, *lens)

@@ -11,12 +11,12 @@ use crate::readers::images::reduced_copies;
 use crate::readers::lookup::{image_named, image_place};
 use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::{PoseFault, flipped, placed};
+use crate::readers::projection::{flipped, placed};
 use crate::readers::recognised::Views;
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
 use files::InputError;
-use files::json::{not_finite, numbers, shown};
+use files::json::{has_gap, numbers, shown};
 use film::image_size;
 use render::Camera;
 
@@ -49,7 +49,7 @@ impl Frame<'_> {
     fn read(&self, folder: &Path, views: &mut Views) -> Result<()> {
         let name = self.frame["file_path"]
             .as_str()
-            .filter(|_| !not_finite(&self.frame["file_path"]))
+            .filter(|_| !has_gap(&self.frame["file_path"]))
             .ok_or_else(|| self.error("file_path", "a file's name"))?;
         let (path, is_reduced) = image_path(folder, name);
         views.add(path, |path| {
@@ -96,14 +96,10 @@ impl Frame<'_> {
         };
         let is_opencv = self.root["from_na"].as_bool() == Some(true);
         let pose = if is_opencv { flipped(self.pose()?) } else { self.pose()? };
-        match placed([width, height], focal, principal, pose) {
-            Ok(camera) => Ok(Some(camera)),
-            Err(PoseFault::None) => Ok(None),
-            Err(PoseFault::Wrong(found)) => {
-                let expected = "a camera-to-world matrix whose upper 3 x 3 is a rotation";
-                Err(InputError::new(self.file, self.place("transform_matrix"), found, expected))
-            }
-        }
+        placed([width, height], focal, principal, pose, |found| {
+            let expected = "a camera-to-world matrix whose upper 3 x 3 is a rotation";
+            InputError::new(self.file, self.place("transform_matrix"), found, expected)
+        })
     }
 
     /// Focal lengths and principal point of NeuS2's `intrinsic_matrix`: K, with zeros around it or
@@ -175,11 +171,7 @@ impl Frame<'_> {
     /// null, or has a number that is not finite.
     fn pose(&self) -> Result<DMat4> {
         let value = &self.frame["transform_matrix"];
-        let is_none = |value: &Value| value.is_null() || not_finite(value);
-        let entries = || value.as_array().into_iter().flatten().flat_map(|row| row.as_array());
-        if self.frame.get("transform_matrix").is_some_and(Value::is_null)
-            || entries().flatten().any(is_none)
-        {
+        if self.frame.get("transform_matrix").is_some_and(has_gap) {
             return Ok(DMat4::NAN);
         }
         let error =
