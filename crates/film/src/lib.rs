@@ -45,7 +45,7 @@ pub use image_read::{
 };
 pub use image_write::{EncodeError, png, write_image};
 pub use label::labelled;
-pub use npy::{NpyReader, npy_reader, read_npy, write_npy};
+pub use npy::{NpyReader, npy_numbers, npy_reader, read_npy, write_npy};
 pub use profile::{ColorProfile, color_profile};
 pub use sheet::contact_sheet;
 pub use srgb::{srgb_decode, srgb_encode};

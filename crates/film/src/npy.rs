@@ -65,9 +65,29 @@ pub fn read_npy(path: &Path) -> Result<(Vec<usize>, Vec<f32>), InputError> {
     Ok((shape, numbers))
 }
 
+/// The numbers of an array of float16, float32 or float64, in C order: those of [`read_npy`] for a
+/// small array from any reader.
+///
+/// # Errors
+/// If the array has another type or is cut short.
+pub fn npy_numbers<R: Read>(npy: NpyReader<R>) -> std::io::Result<Vec<f64>> {
+    let shape = npy.shape().iter().map(|n| usize::try_from(*n)).collect::<Result<Vec<usize>, _>>();
+    let shape = shape.map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
+    let order = npy.order();
+    let descr = npy.dtype().descr();
+    let numbers: Vec<f64> = if descr.contains("f8") {
+        npy.into_vec()?
+    } else if descr.contains("f2") {
+        npy.into_vec::<f16>()?.into_iter().map(f64::from).collect()
+    } else {
+        npy.into_vec::<f32>()?.into_iter().map(f64::from).collect()
+    };
+    Ok(if order == Order::C { numbers } else { in_c_order(&shape, &numbers) })
+}
+
 /// The numbers of an array of this shape in C order, from those in Fortran order (the first index
 /// varies fastest).
-fn in_c_order(shape: &[usize], numbers: &[f32]) -> Vec<f32> {
+fn in_c_order<T: Copy>(shape: &[usize], numbers: &[T]) -> Vec<T> {
     let steps: Vec<usize> = shape
         .iter()
         .scan(1usize, |step, n| Some(std::mem::replace(step, step.saturating_mul(*n))))
@@ -273,11 +293,17 @@ mod tests {
                 let start = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes()].concat();
                 std::fs::write(&path, [&start[..], &bytes].concat()).unwrap();
                 assert_eq!(read_npy(&path).unwrap(), (shape.to_vec(), expected.clone()), "{kind}");
+                let npy = npy_reader(File::open(&path).unwrap()).unwrap();
+                let of_reader = npy_numbers(npy).unwrap();
+                assert!(
+                    of_reader.iter().copied().eq(expected.iter().map(|v| f64::from(*v))),
+                    "{kind}"
+                );
                 std::fs::write(&path, [&start[..], &bytes[1..]].concat()).unwrap();
                 assert!(read_npy(&path).unwrap_err().to_string().contains("cut short"));
             }
         }
-        assert!(in_c_order(&[0, 3], &[]).is_empty());
+        assert!(in_c_order::<f32>(&[0, 3], &[]).is_empty());
         assert_eq!(in_c_order(&[], &[7.0]), [7.0]);
     }
 
