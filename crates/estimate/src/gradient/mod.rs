@@ -6,6 +6,6 @@ mod replicates;
 mod target_gradient;
 
 pub use derivative_image::{Derivative, Direction, differentiate, random_unit};
-pub use differences::finite_difference;
+pub use differences::{Difference, finite_difference};
 pub use replicates::Sampling;
 pub use target_gradient::{TargetGradient, target_gradient};

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use estimate::EstimatorPrecision;
-use estimate::gradient::finite_difference;
+use estimate::gradient::{Difference, finite_difference};
 use field::{Counted, Evaluations, Field, SLOPE_POINTS};
 use files::InputError;
 use film::Film;
@@ -43,22 +43,24 @@ impl Gradient {
         let value = files::json::read(&self.scene)?;
         let pixel = file.camera.pixel_angle() * surface_distance(file)?;
         let evaluations = RefCell::new(Evaluations::default());
-        let mut derivatives = Vec::new();
+        let (mut derivatives, mut notes) = (Vec::new(), Vec::new());
         for (done, wrt) in self.wrt.iter().enumerate() {
             let share = |fraction: f64| progress((done as f64 + fraction) / self.wrt.len() as f64);
             let step =
                 if wrt.starts_with("/sdf/") { FIELD_STEP_PIXELS * pixel } else { APPEARANCE_STEP };
             let step = self.valid_step(&value, wrt, step)?;
-            derivatives.push(finite_difference(self.sampling(), step, &share, |offset, part| {
+            let difference = finite_difference(self.sampling(), step, &share, |offset, part| {
                 let changed = self.changed_scene(&value, wrt, offset)?;
                 let (film, used) = image::<R>(&changed, tracing, part.counts.spp, part.seed)
                     .map_err(|e| self.field_error(e))?;
                 *evaluations.borrow_mut() += used;
                 anyhow::Ok(film)
-            })?);
+            })?;
+            notes.extend(note(wrt, step, &difference));
+            derivatives.push(difference.derivative);
         }
         let report = self.write_images(&derivatives, start.elapsed().as_secs_f64())?;
-        Ok(GradientReport { evaluations: evaluations.into_inner(), ..report })
+        Ok(GradientReport { evaluations: evaluations.into_inner(), notes, ..report })
     }
 
     /// The scene with `offset` added to the number at the JSON pointer `wrt`.
@@ -96,6 +98,21 @@ impl Gradient {
             Ok(e) => InputError::new(&self.scene, "/sdf", e, "a finite field").into(),
             Err(error) => error,
         }
+    }
+}
+
+/// The sentence about a step that is not the usual one, or too long still.
+fn note(wrt: &str, step: f64, difference: &Difference) -> Option<String> {
+    let halved = format!("{:.3e} in place of {step:.3e}", difference.step);
+    match difference {
+        Difference { is_one_sided: true, .. } => Some(format!(
+            "{wrt}: the image changes more than twice as much on one side of the number as on the \
+             other, with a step of {halved}, too: it may have no derivative here"
+        )),
+        Difference { step: used, .. } if *used < step => Some(format!(
+            "{wrt}: the step is {halved}, with which a thin part of the scene appears or vanishes"
+        )),
+        Difference { .. } => None,
     }
 }
 

@@ -72,7 +72,15 @@ impl Gradient {
             .try_fold(0.0, |worst, e| e.map(|e| e.max(worst)));
         let evaluations = Evaluations::default();
         let unmodelled = Vec::new();
-        Ok(GradientReport { seconds, evaluations, standard_error, unmodelled, outputs, loss: None })
+        Ok(GradientReport {
+            seconds,
+            evaluations,
+            standard_error,
+            unmodelled,
+            notes: Vec::new(),
+            outputs,
+            loss: None,
+        })
     }
 
     fn check_finite(&self, derivative: &Derivative, wrt: &str) -> Result<(), InputError> {

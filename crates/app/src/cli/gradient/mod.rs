@@ -44,6 +44,7 @@ impl Gradient {
             let left_out = report.unmodelled.join(" and ");
             global.say(&format!("WARNING the estimator leaves out {left_out}"));
         }
+        report.notes.iter().for_each(|note| global.say(&format!("WARNING {note}")));
         global.report(&report, || report.text())
     }
 

@@ -17,6 +17,9 @@ pub(super) struct GradientReport {
     pub(super) standard_error: Option<f64>,
     /// The terms that the estimator leaves out for this scene. No standard error shows them.
     pub(super) unmodelled: Vec<&'static str>,
+    /// One sentence for each thing that a user should know about the steps of finite differences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) notes: Vec<String>,
     /// The files written.
     pub(super) outputs: Vec<PathBuf>,
     /// The loss, with `--target`.

@@ -46,6 +46,7 @@ impl Gradient {
             evaluations: Evaluations::default(),
             standard_error: gradient.standard_error,
             unmodelled: Vec::new(),
+            notes: Vec::new(),
             outputs: vec![self.output.clone()],
             loss: Some(gradient.loss),
         })
