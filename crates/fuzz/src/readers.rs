@@ -66,7 +66,7 @@ macro_rules! reader {
 }
 
 /// All readers.
-pub const READERS: [Reader; 19] = [
+pub const READERS: [Reader; 21] = [
     reader!("array", arrays::array_files(), Call::Library(read_array)),
     reader!("image", images::image_files(), Call::Library(read_images)),
     reader!("mesh", meshes::mesh_files(), Call::Library(read_meshes)),
@@ -81,6 +81,8 @@ pub const READERS: [Reader; 19] = [
     reader!("llff", forms::llff(), Call::Library(read_dataset)),
     reader!("blended_mvs", forms::blended_mvs(), Call::Library(read_dataset)),
     reader!("metashape", forms::metashape(), Call::Library(read_dataset)),
+    reader!("sdfstudio", forms::sdfstudio(), Call::Library(read_dataset)),
+    reader!("splats", forms::splats(), Call::Library(read_dataset)),
     reader!("run", runs::run_folders(), Call::Library(read_run)),
     reader!("sweep", sweeps::sweep_files(), Call::Library(read_sweep)),
     reader!("results", sweeps::result_files(), Call::Library(read_results)),

@@ -63,6 +63,8 @@ readers! {
     llff: 96,
     blended_mvs: 96,
     metashape: 96,
+    sdfstudio: 96,
+    splats: 96,
     run: 96,
     sweep: 96,
     results: 96,

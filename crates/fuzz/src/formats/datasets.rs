@@ -70,6 +70,13 @@ fn transforms(frames: usize, intrinsics: usize, extras: usize) -> Tree {
             put("train_filenames", json!(["images/000.png"]));
             put("val_filenames", json!((1..frames).map(image_name).collect::<Vec<_>>()));
         }
+        6 => {
+            put("from_na", json!(true));
+            put("intrinsic_matrix", json!([[FOCAL, 0, 4], [0, FOCAL, 4], [0, 0, 1]]));
+            put("sphere_center", json!([0, 0, 0]));
+            put("sphere_radius", json!(1));
+        }
+        7 => root["frames"][0]["transform_matrix"] = Value::Null,
         _ => {}
     }
     root.into()
@@ -77,7 +84,7 @@ fn transforms(frames: usize, intrinsics: usize, extras: usize) -> Tree {
 
 /// A folder of a NeRF data set.
 pub(crate) fn nerf() -> BoxedStrategy<Case> {
-    let roots = (1..5usize, 0..3usize, 0..8usize);
+    let roots = (1..5usize, 0..3usize, 0..10usize);
     let roots = roots.prop_flat_map(|(frames, intrinsics, extras)| {
         let root = spoiled(Just(transforms(frames, intrinsics, extras)));
         (root, Just(frames), any::<bool>(), meshes::point_clouds())
@@ -87,7 +94,7 @@ pub(crate) fn nerf() -> BoxedStrategy<Case> {
         let case = Case::default().file("points.ply", points);
         let case = if split {
             case.file("transforms_train.json", root.json())
-                .file("transforms_test.json", transforms(1, 0, 9).json())
+                .file("transforms_test.json", transforms(1, 0, 99).json())
         } else {
             case.file("transforms.json", root.json())
         };
@@ -267,7 +274,13 @@ pub(crate) fn colmap() -> BoxedStrategy<Case> {
 
 /// A data set of any format, in the folder `data`.
 pub(crate) fn any_dataset() -> BoxedStrategy<Case> {
-    let more = prop_oneof![forms::llff(), forms::blended_mvs(), forms::metashape()];
+    let more = prop_oneof![
+        forms::llff(),
+        forms::blended_mvs(),
+        forms::metashape(),
+        forms::sdfstudio(),
+        forms::splats(),
+    ];
     prop_oneof![nerf(), neus(), middlebury(), colmap(), more]
         .prop_map(|case| Case::default().case("data", case))
         .boxed()
@@ -275,7 +288,7 @@ pub(crate) fn any_dataset() -> BoxedStrategy<Case> {
 
 /// A valid data set of three views.
 pub(crate) fn small_dataset() -> Case {
-    let case = Case::default().file("transforms.json", transforms(3, 0, 9).json());
+    let case = Case::default().file("transforms.json", transforms(3, 0, 99).json());
     (0..3)
         .fold(case, |case, i| case.file(format!("images/{i:03}.png"), photograph([SIZE; 2], false)))
 }

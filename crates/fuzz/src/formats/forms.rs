@@ -1,14 +1,18 @@
-//! Data sets: LLFF, BlendedMVS and Metashape, each with tiny photographs.
+//! Data sets: LLFF, BlendedMVS, Metashape, SDFStudio and 3D Gaussian splatting, each with tiny
+//! photographs.
 
 use std::fmt::Write;
 
 use proptest::prelude::*;
+use serde_json::{Value, json};
 
 use crate::case::Case;
 use crate::formats::arrays::Array;
+use crate::formats::meshes;
 use crate::formats::views::{FOCAL, SIZE, TRANSLATION, axes, eye, with_photographs, words};
 use crate::lines::Lines;
 use crate::spoil::{sometimes_spoiled, spoiled};
+use crate::tree::Tree;
 
 /// A folder of an LLFF data set; the images may be reduced copies.
 pub(crate) fn llff() -> BoxedStrategy<Case> {
@@ -61,7 +65,65 @@ pub(crate) fn blended_mvs() -> BoxedStrategy<Case> {
     }))
 }
 
-/// A folder with a camera file of Metashape. Its words are harmed: names, numbers, tags.
+/// The name of image `i`.
+fn image_name(i: usize) -> String {
+    format!("images/{i:03}.png")
+}
+
+/// A folder with the file that `tree` makes for a number of views and one of three variants.
+fn json_set(name: &'static str, tree: fn(usize, usize) -> Value) -> BoxedStrategy<Case> {
+    let sets = (1..5usize, 0..3usize).prop_flat_map(move |(views, variant)| {
+        let file = spoiled(Just(Tree::from(tree(views, variant))));
+        (Just(views), file, meshes::point_clouds())
+    });
+    with_photographs(sets.prop_map(move |(views, file, points)| {
+        let case = Case::default().file(name, file.json()).file("input.ply", points);
+        (case, (0..views).map(image_name).collect())
+    }))
+}
+
+/// A folder with the `meta_data.json` of SDFStudio.
+pub(crate) fn sdfstudio() -> BoxedStrategy<Case> {
+    json_set("meta_data.json", |views, variant| {
+        let half = f64::from(SIZE) / 2.0;
+        let frame = |i: usize| {
+            let ([right, down, forward], at) = (axes(i), eye(i));
+            let row = |r: usize| json!([right[r], down[r], forward[r], at[r]]);
+            let k = match variant {
+                0 => json!([[FOCAL, 0, half], [0, FOCAL, half], [0, 0, 1]]),
+                _ => json!([[FOCAL, 0, half, 0], [0, FOCAL, half, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+            };
+            json!({"rgb_path": image_name(i), "foreground_mask": image_name(i), "intrinsics": k,
+                   "camtoworld": [row(0), row(1), row(2), [0, 0, 0, 1]]})
+        };
+        let scene = match variant {
+            0 => json!({"aabb": [[-1, -1, -1], [1, 1, 1]], "radius": 1}),
+            1 => json!({"aabb": [[-1, -1, -1], [1, 1, 1]]}),
+            _ => Value::Null,
+        };
+        json!({"width": SIZE, "height": SIZE, "scene_box": scene, "camera_model": "OPENCV",
+               "frames": (0..views).map(frame).collect::<Vec<_>>()})
+    })
+}
+
+/// A folder with the `cameras.json` of 3D Gaussian splatting.
+pub(crate) fn splats() -> BoxedStrategy<Case> {
+    json_set("cameras.json", |views, variant| {
+        let camera = |i: usize| {
+            let [right, down, forward] = axes(i);
+            let row = |r: usize| json!([right[r], down[r], forward[r]]);
+            // The size of the photographs, twice that, or none.
+            let side = [json!(SIZE), json!(2 * SIZE), Value::Null][variant].clone();
+            json!({"id": i, "img_name": format!("{i:03}"), "width": side, "height": side,
+                   "position": eye(i), "rotation": [row(0), row(1), row(2)],
+                   "fx": FOCAL, "fy": FOCAL})
+        };
+        (0..views).map(camera).collect()
+    })
+}
+
+/// A folder with a camera file of Metashape. Its words are harmed: names, numbers, tags. The last
+/// camera may be one of a rig.
 pub(crate) fn metashape() -> BoxedStrategy<Case> {
     let file = |views: usize, kind: &str| {
         let resolution = format!("<resolution width=\"{SIZE}\" height=\"{SIZE}\"/>");
@@ -79,9 +141,10 @@ pub(crate) fn metashape() -> BoxedStrategy<Case> {
             let ([right, down, forward], at) = (axes(i), eye(i));
             let rows = (0..3).flat_map(|r| [right[r], down[r], forward[r], at[r]]);
             let numbers = rows.chain([0.0, 0.0, 0.0, 1.0]).collect::<Vec<f64>>();
+            let master = if i > 0 && i + 1 == views { "master_id=\"0\" " } else { "" };
             let _ = writeln!(
                 text,
-                "<camera id=\"{i}\" sensor_id=\"0\" component_id=\"0\" label=\"{i:03}\">\n\
+                "<camera id=\"{i}\" {master}sensor_id=\"0\" component_id=\"0\" label=\"{i:03}\">\n\
                  <transform> {} </transform>\n</camera>",
                 words(&numbers)
             );

@@ -27,14 +27,39 @@ pub(super) fn eye(i: usize) -> [f64; 3] {
 /// The translation of the world-to-camera pose: the origin is on every camera's axis.
 pub(super) const TRANSLATION: [f64; 3] = [0.0, 0.0, DISTANCE];
 
-/// Adds the photographs `NAME.png` of a folder; one in ten sets has a harmed one.
+/// The names of a mask of the photograph `STEM.png` in `FOLDER`.
+const MASKS: [&str; 7] = [
+    "masks/STEM.png",
+    "Mask/STEM.png.png",
+    "FOLDER/STEM_mask.png",
+    "FOLDER/STEM.mask.png",
+    "FOLDER/dynamic_mask_STEM.png",
+    "masks/FOLDER/STEM.png",
+    "masks/other.png",
+];
+
+/// The file of a mask of a photograph: a harmed one, or one of another size.
+fn mask() -> impl Strategy<Value = (&'static str, Vec<u8>)> {
+    let sides = prop::sample::select(vec![SIZE, 2 * SIZE, SIZE + 1]);
+    let whole = sides.prop_map(|side| photograph([side; 2], false));
+    (prop::sample::select(MASKS.to_vec()), prop_oneof![whole, png_bytes()])
+}
+
+/// Adds the photographs `NAME.png` of a folder; one in ten sets has a harmed one, and one in four a
+/// mask.
 pub(super) fn with_photographs(
     cases: impl Strategy<Value = (Case, Vec<String>)> + 'static,
 ) -> BoxedStrategy<Case> {
     let harmed = prop_oneof![9 => Just(None), 1 => (0..9usize, png_bytes()).prop_map(Some)];
-    (cases, any::<bool>(), harmed)
-        .prop_map(|((mut case, names), alpha, harmed)| {
+    let mask = prop_oneof![3 => Just(None), 1 => mask().prop_map(Some)];
+    (cases, any::<bool>(), harmed, mask)
+        .prop_map(|((mut case, names), alpha, harmed, mask)| {
             let count = names.len();
+            if let (Some((pattern, bytes)), Some(name)) = (mask, names.first()) {
+                let (folder, file) = name.rsplit_once('/').unwrap_or((".", name));
+                let stem = file.trim_end_matches(".png");
+                case = case.file(pattern.replace("FOLDER", folder).replace("STEM", stem), bytes);
+            }
             for (i, name) in names.into_iter().enumerate() {
                 let bytes = match &harmed {
                     Some((which, bytes)) if which % count == i => bytes.clone(),
