@@ -203,15 +203,15 @@ impl Fault {
             }
             Fault::Inconsistent => {
                 "held-out views are much worse than training views: check the poses with \
-                 `dsdf inspect`, or try more photographs"
+                 `dsdf inspect` (their order, axes, a mirrored world), or try more photographs"
             }
             Fault::Exposure => {
                 "the exposures of the photographs differ: try --exposure per-view, or photographs \
                  with a fixed exposure"
             }
             Fault::LowAccuracy => {
-                "training views are not matched: check the poses and the sphere with \
-                 `dsdf inspect`, or try a longer --time"
+                "training views are not matched: check the poses (their order, axes, a mirrored \
+                 world) and the sphere with `dsdf inspect`, or try a longer --time"
             }
             Fault::Unseen => {
                 "no photograph sees a large part of the surface: try photographs from other sides"

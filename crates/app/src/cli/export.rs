@@ -116,6 +116,11 @@ struct TextureReport {
 }
 
 impl Exported {
+    /// Whether the file has vertices several times, along the seams of a texture.
+    pub(super) fn has_seams(&self) -> bool {
+        self.texture.is_some_and(|texture| texture.charts > 0)
+    }
+
     /// The end of the sentence about a mesh.
     pub(super) fn text(&self) -> String {
         let of = if self.texture.is_some() { "the texture" } else { "the vertices" };

@@ -37,7 +37,8 @@ struct MeshReport {
     vertices: usize,
     /// Number of triangles.
     faces: usize,
-    /// Whether the mesh has no border.
+    /// Whether the mesh has no border. Programs that do not merge the vertices of equal positions
+    /// see borders along the seams of a texture.
     closed: bool,
     /// Number of handles; `None` unless the mesh is closed and of one piece.
     genus: Option<i64>,
@@ -107,7 +108,11 @@ impl MeshReport {
     }
 
     fn text(&self) -> String {
-        let closed = if self.closed { "closed" } else { "open" };
+        let closed = match (self.closed, self.exported.has_seams()) {
+            (true, false) => "closed",
+            (true, true) => "closed (merge vertices of equal positions: the texture has seams)",
+            (false, _) => "open",
+        };
         let exported = self.exported.text();
         format!("{} vertices, {} faces, {closed}{exported}", self.vertices, self.faces)
     }
