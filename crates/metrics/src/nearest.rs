@@ -168,6 +168,31 @@ fn triangle_distance(x: DVec3, corners: &[DVec3; 3]) -> f64 {
     edges.iter().map(edge_distance).fold(f64::INFINITY, f64::min)
 }
 
+/// The barycentric weights of the point of a triangle that is nearest to `x`.
+pub(crate) fn nearest_weights(x: DVec3, corners: &[DVec3; 3]) -> [f64; 3] {
+    let edges = edges(corners);
+    let normal = edges[0].1.cross(edges[1].1);
+    // Twice the area of the triangle of the foot and the edge that begins at each corner.
+    let parts = edges.map(|(start, edge)| edge.cross(x - start).dot(normal));
+    if parts.iter().all(|part| *part >= 0.0) && has_area(corners) {
+        let sum = parts.iter().sum::<f64>();
+        return [parts[1] / sum, parts[2] / sum, parts[0] / sum];
+    }
+    let mut best = (f64::INFINITY, [1.0, 0.0, 0.0]);
+    for (k, (start, edge)) in edges.iter().enumerate() {
+        let length = edge.length_squared().max(f64::MIN_POSITIVE);
+        let along = ((x - start).dot(*edge) / length).clamp(0.0, 1.0);
+        let distance = (x - start - along * edge).length();
+        if distance < best.0 {
+            let mut weights = [0.0; 3];
+            weights[k] = 1.0 - along;
+            weights[(k + 1) % 3] = along;
+            best = (distance, weights);
+        }
+    }
+    best.1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,6 +242,11 @@ mod tests {
             let x = x[0].as_dvec3();
             let (found, searched) = (triangle_distance(x, &t), searched_distance(x, t));
             prop_assert!((found - searched).abs() < 1e-4, "{found} against {searched}");
+            let weights = nearest_weights(x, &t);
+            let at = (0..3).map(|k| weights[k] * t[k]).sum::<DVec3>().distance(x);
+            prop_assert!((found - at).abs() < 1e-12, "{found} against {at}");
+            let sum = weights.iter().sum::<f64>();
+            prop_assert!((sum - 1.0).abs() < 1e-12 && weights.iter().all(|w| *w >= 0.0));
         }
 
         #[test]

@@ -22,6 +22,31 @@ pub struct SurfacePoint {
 /// by less than 2 from `count` times its share of the area. The result is a pure function of the
 /// arguments. It is empty for a mesh without faces.
 pub fn sample_surface(mesh: &Mesh, count: usize, seed: u64) -> Vec<SurfacePoint> {
+    let point = |place: Place| {
+        let normal = mesh.face_cross(place.face).normalize_or_zero();
+        SurfacePoint { position: place.position(mesh), normal }
+    };
+    sample_places(mesh, count, seed).into_iter().map(point).collect()
+}
+
+/// A place on a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) face: usize,
+    /// The weights of the corners of the face: 0 or more, with the sum 1.
+    pub(crate) weights: [f64; 3],
+}
+
+impl Place {
+    /// The position, world units.
+    pub(crate) fn position(&self, mesh: &Mesh) -> DVec3 {
+        let corners = mesh.corners(self.face);
+        (0..3).map(|k| corners[k] * self.weights[k]).sum()
+    }
+}
+
+/// The places of the points of [`sample_surface`].
+pub(crate) fn sample_places(mesh: &Mesh, count: usize, seed: u64) -> Vec<Place> {
     if mesh.faces.is_empty() {
         return Vec::new();
     }
@@ -37,20 +62,19 @@ pub fn sample_surface(mesh: &Mesh, count: usize, seed: u64) -> Vec<SurfacePoint>
                 face += 1;
                 area_up_to_face += face_area(face);
             }
-            let normal = mesh.face_cross(face).normalize_or_zero();
-            SurfacePoint { position: point_in_triangle(mesh.corners(face), b, c), normal }
+            Place { face, weights: weights_in_triangle(b, c) }
         })
         .collect()
 }
 
-/// A uniform point of a triangle from two uniform numbers in [0, 1).
+/// The weights of a uniform point of a triangle from two uniform numbers in [0, 1).
 ///
-/// (1 − √b) p + √b (1 − c) q + √b c r: Osada, Funkhouser, Chazelle, Dobkin, "Shape Distributions",
+/// 1 − √b, √b (1 − c) and √b c: Osada, Funkhouser, Chazelle, Dobkin, "Shape Distributions",
 /// ACM Transactions on Graphics 2002. The root makes each line parallel to the edge q r as likely
 /// as it is long.
-fn point_in_triangle([p, q, r]: [DVec3; 3], b: f64, c: f64) -> DVec3 {
+fn weights_in_triangle(b: f64, c: f64) -> [f64; 3] {
     let root = b.sqrt();
-    p * (1.0 - root) + q * (root * (1.0 - c)) + r * (root * c)
+    [1.0 - root, root * (1.0 - c), root * c]
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use export::cut::CutReport;
 use mesh::Mesh;
-use metrics::compare;
+use metrics::{Normals, compare};
 use serde::Serialize;
 
 /// The errors of a run. A metric is `None` if the data set or the command line has no reference for
@@ -29,6 +29,8 @@ pub(in crate::cli) struct EvalReport {
     pub(super) normal_error: Option<f64>,
     /// Like `normal_error`, the median.
     pub(super) normal_error_median: Option<f64>,
+    /// Which normals of the true surface are compared: `vertices`, `smoothed` or `faces`.
+    pub(super) normals: Option<&'static str>,
     /// Mean distance from points of the reconstruction to the reference points, up to the cap.
     pub(super) accuracy: Option<f64>,
     /// Mean distance from the reference points to points of the reconstruction, up to the cap.
@@ -95,11 +97,21 @@ impl EvalReport {
         self.normal_consistency = Some(c.normal_consistency);
         self.normal_error = Some(c.normal_error);
         self.normal_error_median = Some(c.normal_error_median);
+        self.normals = Some(match c.normals {
+            Normals::OfVertices => "vertices",
+            Normals::Smoothed => "smoothed",
+            Normals::OfFaces => "faces",
+        });
     }
 
     /// The report as a table, one metric per line.
     pub(in crate::cli) fn table(&self) -> String {
         let units = "data set units";
+        let degrees = match self.normals {
+            Some("vertices") => "degrees, to normals of the truth's vertices",
+            Some("smoothed") => "degrees, to normals of the truth, smoothed up to 30°",
+            _ => "degrees, to normals of the truth's faces",
+        };
         let percent = |value: Option<f64>| value.map(|part| 100.0 * part);
         let rows = [
             ("PSNR", self.psnr, "dB"),
@@ -110,8 +122,8 @@ impl EvalReport {
             ("Chamfer / bounding radius", percent(self.chamfer_relative), "%"),
             ("F-score at 1 % of the bounding radius", self.f_score, ""),
             ("normal consistency", self.normal_consistency, ""),
-            ("normal error", self.normal_error, "degrees"),
-            ("normal error, median", self.normal_error_median, "degrees"),
+            ("normal error", self.normal_error, degrees),
+            ("normal error, median", self.normal_error_median, degrees),
         ];
         let of_points = [
             ("accuracy, to points", self.accuracy, units),
