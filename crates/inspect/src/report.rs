@@ -237,7 +237,7 @@ fn warnings(
     if 2 * away > all {
         warnings.push(format!(
             "{away} of {all} cameras look away from the centre: \
-             the poses may be in the OpenCV convention, or world-to-camera"
+             the poses may be in the OpenCV convention, world-to-camera, or mirrored"
         ));
     } else if past > 0 {
         warnings.push(format!(
@@ -277,7 +277,7 @@ const ONE_POSE: f64 = 1e-6;
 
 /// The distance of the principal point from the middle of the image, in parts of its width and
 /// height, above which a warning is given.
-const OFF_MIDDLE: f64 = 0.2;
+const OFF_MIDDLE: f64 = 0.15;
 
 /// Views of one pose, and principal points far from the middle of the image.
 fn of_poses(views: &[&View], bounds: &Sphere<f64>) -> Vec<String> {
@@ -342,7 +342,7 @@ fn of_masks(train: &[&View], views: &[&View]) -> Vec<String> {
         let (count, all, name) = (even.len(), train.len() - without.len(), &first.name);
         warnings.push(format!(
             "{count} of {all} masks of the object are black or white everywhere; the first is that \
-             of {name}"
+             of {name}. White is the object: the numbers 1 or 2 of 255 count as black"
         ));
     }
     let of_view = |v: &&View| {

@@ -8,11 +8,11 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
 use crate::readers::lens::Lens;
-use crate::readers::lookup::image_place;
-use crate::readers::projection::{camera_to_world, placed};
+use crate::readers::lookup::{entries, file_name, image_place};
+use crate::readers::projection::{camera_to_world, is_none, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -20,15 +20,13 @@ use files::InputError;
 use film::image_size;
 use render::Camera;
 
-/// The camera files of a data set, in the order of their names; `None` if there are none. Another
-/// file there, `pair.txt`, has the neighbours of each view.
+/// The end of the name of a camera file. Other files, `pair.txt` for example, may be beside it.
+const CAMERA_FILE: &str = "_cam.txt";
+
+/// The camera files of a data set, in the order of their names; `None` if there are none.
 pub(crate) fn cameras(folder: &Path) -> Option<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder.join("cams")).ok()?;
-    let is_camera = |path: &PathBuf| {
-        path.extension().is_some_and(|e| e == "txt") && !path.ends_with("pair.txt")
-    };
-    let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(is_camera).collect();
-    files.sort();
+    let is_camera = |path: &PathBuf| file_name(path).ends_with(CAMERA_FILE);
+    let files: Vec<PathBuf> = entries(&folder.join("cams")).into_iter().filter(is_camera).collect();
     (!files.is_empty()).then_some(files)
 }
 
@@ -86,6 +84,12 @@ impl CameraFile {
         (width, height): (u32, u32),
     ) -> Result<Option<(Camera, f64, Lens)>> {
         let (m, k) = (&self.extrinsic, &self.intrinsic);
+        let matrix =
+            <[f64; 16]>::try_from(m.as_slice()).map_or(DMat4::NAN, |m| DMat4::from_cols_array(&m));
+        // The axes of an inverse span space if its own do.
+        if is_none(matrix.transpose()) {
+            return Ok(None);
+        }
         if m[12..] != [0.0, 0.0, 0.0, 1.0] {
             let found = format!("last row {:?}", &m[12..]);
             return Err(InputError::new(file, "extrinsic", found, "last row [0, 0, 0, 1]"));

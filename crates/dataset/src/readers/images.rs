@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, numbered};
+use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, natural_order, numbered};
 use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
@@ -65,20 +65,15 @@ pub(crate) fn images_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Puts images into the order of their numbers, if their names differ by one number only, and
-/// returns a note if that is not the order of the names.
+/// Puts images, which are in the order of their names, into that in which numbers in names count as
+/// numbers, and returns a note if that is another one.
 pub(crate) fn by_number(images: &mut [PathBuf]) -> Option<String> {
-    let all = images.iter().map(|path| numbered(path)).collect::<Option<Vec<_>>>()?;
-    let (_, around) = all.first()?;
-    if all.iter().any(|(_, other)| other != around) || all.is_sorted_by_key(|(number, _)| *number) {
-        return None;
-    }
-    let number = |path: &PathBuf| numbered(path).map(|(number, _)| number);
-    let first_by_name = images.iter().zip(&images[1..]).find(|(a, b)| number(a) > number(b));
-    let (a, b) = first_by_name.map(|(a, b)| (file_name(a), file_name(b)))?;
-    images.sort_by_key(number);
+    let before = images.to_vec();
+    images.sort_by(|a, b| natural_order(&file_name(a), &file_name(b)));
+    let (b, a) = before.iter().zip(&*images).find(|(before, after)| before != after)?;
+    let (a, b) = (file_name(a), file_name(b));
     Some(format!(
-        "images are paired with the cameras by their numbers: {b} comes before {a}, though not by \
+        "images are paired with the cameras by their numbers: {a} comes before {b}, though not by \
          name. If the cameras are in the order of the names, rename the images with leading zeros"
     ))
 }

@@ -87,7 +87,9 @@ fn rows(file: &Path) -> Result<Vec<[f64; NUMBERS]>> {
 
 /// The camera of a row, of the full image, and the scale of its pose; `None` without a usable pose.
 fn camera(file: &Path, i: usize, row: &[f64; NUMBERS]) -> Result<Option<(Camera, f64)>> {
-    if row.iter().any(|number| !number.is_finite()) {
+    // The last two numbers are the depths of the points: they are not used.
+    let pose = &row[..NUMBERS - 2];
+    if pose.iter().any(|number| !number.is_finite()) || pose.iter().all(|number| *number == 0.0) {
         return Ok(None);
     }
     let error = |field: &str, found: String, expected: &str| {

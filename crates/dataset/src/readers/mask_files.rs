@@ -11,7 +11,8 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::readers::MaskKind;
 use crate::readers::lookup::{
-    FOLDERS, entries, file_name, folded, is_image, numbered, only, without_extension,
+    FOLDERS, entries, file_name, folded, is_foreign, is_image, natural_order, numbered, only,
+    without_extension,
 };
 use crate::readers::mask::MaskFile;
 use crate::readers::notes::{first_of, relative};
@@ -30,6 +31,9 @@ struct Candidate {
     /// The folders between the folder of masks and the file. Of a mask beside its photograph: all
     /// folders of its path.
     folders: Vec<String>,
+    /// The folder around that of masks, if it has no photographs: the last one of the photograph's
+    /// own, or none of them.
+    aside: Option<String>,
     /// The folder beside or within which its photograph is.
     within: PathBuf,
     /// The names of photographs that it fits, without their extension or with it.
@@ -38,6 +42,8 @@ struct Candidate {
     /// photographs are last.
     rank: usize,
     is_dynamic: bool,
+    /// Whether it is in a folder of reduced copies.
+    is_copy: bool,
 }
 
 /// Gives masks to the views that have none from their camera file, and adds notes on files that
@@ -45,7 +51,13 @@ struct Candidate {
 pub(crate) fn find(recognised: &mut Recognised, folder: &Path) {
     drop_missing(recognised, folder);
     let folders = image_folders(recognised, folder);
-    let candidates = candidates(recognised, folder, &folders);
+    let (candidates, foreign) = candidates(recognised, folder, &folders);
+    if !foreign.is_empty() {
+        let (count, names) = (foreign.len(), listed(&foreign, folder));
+        let look = if count == 1 { "file looks like a mask" } else { "files look like masks" };
+        let text = format!("{count} {look}, in a format that is not read: {names}. Convert to PNG");
+        recognised.notes.push(text);
+    }
     if candidates.is_empty() {
         return;
     }
@@ -99,12 +111,12 @@ fn image_folders(recognised: &Recognised, folder: &Path) -> BTreeSet<PathBuf> {
     of_views.chain([folder.to_owned()]).collect()
 }
 
-/// The files that look like masks.
+/// The files that look like masks, and those in formats that are not read.
 fn candidates(
     recognised: &Recognised,
     folder: &Path,
     folders: &BTreeSet<PathBuf>,
-) -> Vec<Candidate> {
+) -> (Vec<Candidate>, Vec<PathBuf>) {
     let taken = recognised.views().flat_map(|view| {
         [Some(&view.path), view.mask.as_ref().map(|mask| &mask.path)].into_iter().flatten()
     });
@@ -112,35 +124,95 @@ fn candidates(
     let is_reduced = recognised.views().any(|view| view.full_size.is_some());
     let mut all = Vec::new();
     let places = mask_folders(folder, folders, is_reduced);
-    for (rank, place) in places.iter().enumerate() {
-        let within = place.parent().unwrap_or(place).to_owned();
+    for (rank, MaskFolder { path: place, aside, is_copy, .. }) in places.iter().enumerate() {
+        let beside = place.parent().unwrap_or(place);
+        let within = if aside.is_some() { folder } else { beside }.to_owned();
         let is_dynamic = file_name(place).to_lowercase().starts_with(DYNAMIC);
         collect(place, &mut Vec::new(), &mut |path, folders| {
             let (folders, names) = (folders.to_vec(), names_of(&file_name(&path)));
-            all.push(Candidate { path, folders, within: within.clone(), names, rank, is_dynamic });
+            let (within, aside, is_copy) = (within.clone(), aside.clone(), *is_copy);
+            all.push(Candidate { path, folders, aside, within, names, rank, is_dynamic, is_copy });
         });
     }
     for place in folders {
         for path in entries(place) {
             let name = file_name(&path);
-            if has_mark(without_extension(&name))
-                && is_image(&files::extension(&path))
-                && path.is_file()
-            {
+            if has_mark(without_extension(&name)) && is_image_or_foreign(&path) && path.is_file() {
                 let is_dynamic = name.to_lowercase().starts_with(DYNAMIC);
                 let (folders, rank, within) = (parts(place), places.len(), place.clone());
-                let names = names_of(&name);
-                all.push(Candidate { path, folders, within, names, rank, is_dynamic });
+                let (names, aside, is_copy) = (names_of(&name), None, false);
+                all.push(Candidate {
+                    path,
+                    folders,
+                    aside,
+                    within,
+                    names,
+                    rank,
+                    is_dynamic,
+                    is_copy,
+                });
             }
         }
     }
     all.retain(|candidate| !taken.contains(candidate.path.as_path()));
-    all
+    let (read, foreign): (Vec<Candidate>, Vec<Candidate>) =
+        all.into_iter().partition(|candidate| is_image(&files::extension(&candidate.path)));
+    (read, foreign.into_iter().map(|candidate| candidate.path).collect())
 }
 
+/// Whether a file is an image, or one in a format that is not read here.
+fn is_image_or_foreign(path: &Path) -> bool {
+    let extension = files::extension(path);
+    is_image(&extension) || is_foreign(&extension)
+}
+
+/// A folder of masks.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct MaskFolder {
+    /// The kind of its name: those that count first have the least.
+    kind: usize,
+    path: PathBuf,
+    /// The folder around it, if that has no photograph: `cam0` for `cam0/masks` beside
+    /// `images/cam0`.
+    aside: Option<String>,
+    /// Whether the name is that of a reduced copy, `masks_4`.
+    is_copy: bool,
+}
+
+impl MaskFolder {
+    /// A folder with this name, if it says that masks are in it.
+    fn of(path: PathBuf, aside: Option<String>, is_reduced: bool) -> Option<Self> {
+        let name = file_name(&path).to_lowercase();
+        let base = name.rsplit_once('_').filter(|(_, factor)| factor.parse::<u32>().is_ok());
+        let is_copy = base.is_some_and(|(base, _)| base.contains("mask"));
+        let is_mask = name.contains("mask") && !name.contains("masked");
+        if !path.is_dir() || !(is_mask || OTHER_NAMES.contains(&name.as_str())) {
+            return None;
+        }
+        let kind = match name.as_str() {
+            _ if is_copy => {
+                if is_reduced {
+                    0
+                } else {
+                    4
+                }
+            }
+            "masks" => 1,
+            "mask" => 2,
+            _ => 3,
+        };
+        let kind = kind + if aside.is_some() { 5 } else { 0 };
+        Some(MaskFolder { kind, path, aside, is_copy })
+    }
+}
+
+/// Names of folders of masks without `mask` in them.
+const OTHER_NAMES: [&str; 4] = ["silhouette", "silhouettes", "matte", "mattes"];
+
 /// The folders of masks in the order in which they count: `masks`, `mask`, and others by name. A
-/// copy like `masks_4` counts for reduced photographs, and comes first then.
-fn mask_folders(folder: &Path, folders: &BTreeSet<PathBuf>, is_reduced: bool) -> Vec<PathBuf> {
+/// copy like `masks_4` comes first for reduced photographs, and last for others. Folders aside of
+/// those of photographs come behind all.
+fn mask_folders(folder: &Path, folders: &BTreeSet<PathBuf>, is_reduced: bool) -> Vec<MaskFolder> {
     let outside = |path: &&PathBuf| !path.starts_with(folder);
     let mut places: BTreeSet<&Path> = BTreeSet::from([folder]);
     for path in folders {
@@ -148,31 +220,22 @@ fn mask_folders(folder: &Path, folders: &BTreeSet<PathBuf>, is_reduced: bool) ->
         places.extend(path.ancestors().take_while(|p| p.starts_with(folder)));
         places.extend(Some(path).filter(outside).into_iter().flat_map(|p| p.ancestors().take(2)));
     }
-    let copy = |name: &str| {
-        let (base, factor) = name.rsplit_once('_')?;
-        (!base.is_empty() && factor.parse::<u32>().is_ok()).then(|| base.to_owned())
+    let near = places.iter().flat_map(|place| entries(place)).map(|path| (path, None));
+    let aside = entries(folder).into_iter().filter(|path| path.is_dir());
+    let aside = aside.filter(|path| !places.contains(path.as_path()));
+    let within = |path: PathBuf| {
+        let name = file_name(&path);
+        entries(&path).into_iter().map(move |inner| (inner, Some(name.clone())))
     };
-    let mut found: Vec<(usize, PathBuf)> = Vec::new();
-    for path in places.into_iter().flat_map(entries).filter(|path| path.is_dir()) {
-        let name = file_name(&path).to_lowercase();
-        let is_copy = copy(&name).is_some_and(|base| base.contains("mask"));
-        if !name.contains("mask") || name.contains("masked") || (is_copy && !is_reduced) {
-            continue;
-        }
-        let rank = match name.as_str() {
-            _ if is_copy => 0,
-            "masks" => 1,
-            "mask" => 2,
-            _ => 3,
-        };
-        found.push((rank, path));
-    }
-    found.sort();
-    found.dedup();
-    let all: Vec<PathBuf> = found.into_iter().map(|(_, path)| path).collect();
+    let of = |(path, aside)| MaskFolder::of(path, aside, is_reduced);
+    let mut all: Vec<MaskFolder> = near.chain(aside.flat_map(within)).filter_map(of).collect();
+    all.sort();
+    all.dedup();
+    let paths: Vec<PathBuf> = all.iter().map(|own| own.path.clone()).collect();
     let is_within =
-        |path: &PathBuf| all.iter().any(|other| path != other && path.starts_with(other));
-    all.iter().filter(|path| !is_within(path)).cloned().collect()
+        |path: &PathBuf| paths.iter().any(|other| path != other && path.starts_with(other));
+    all.retain(|own| !is_within(&own.path));
+    all
 }
 
 /// Calls `add` for the images in a folder and in those within it, with their folders.
@@ -182,7 +245,7 @@ fn collect(place: &Path, folders: &mut Vec<String>, add: &mut dyn FnMut(PathBuf,
             folders.push(file_name(&path));
             collect(&path, folders, add);
             folders.pop();
-        } else if is_image(&files::extension(&path)) && path.is_file() {
+        } else if is_image_or_foreign(&path) && path.is_file() {
             add(path, folders);
         }
     }
@@ -190,19 +253,32 @@ fn collect(place: &Path, folders: &mut Vec<String>, add: &mut dyn FnMut(PathBuf,
 
 const SEPARATORS: [char; 4] = ['_', '.', '-', ' '];
 
-/// A stem without a mark of masks: `a_mask`, `mask-a`, `dynamic_mask_a`.
+/// A stem without a mark of masks: `a_mask`, `mask-a`, `dynamic_mask_a`, `a_mask1`, `mask000`,
+/// `000mask`.
 fn without_mark(stem: &str) -> Option<&str> {
     let start = |mark: &str| {
-        let head = stem.get(..mark.len()).filter(|head| head.eq_ignore_ascii_case(mark));
-        head.and_then(|_| stem[mark.len()..].strip_prefix(SEPARATORS))
+        let head = stem.get(..mark.len()).filter(|head| head.eq_ignore_ascii_case(mark))?;
+        let rest = &stem[head.len()..];
+        rest.strip_prefix(SEPARATORS).or(Some(rest).filter(|r| r.starts_with(is_digit)))
     };
-    let end = |mark: &str| {
+    let end = |stem: &'_ str, mark: &str| -> Option<usize> {
         let at = stem.len().checked_sub(mark.len())?;
-        let tail = stem.get(at..).filter(|tail| tail.eq_ignore_ascii_case(mark));
-        tail.and_then(|_| stem[..at].strip_suffix(SEPARATORS))
+        stem.get(at..).filter(|tail| tail.eq_ignore_ascii_case(mark))?;
+        let rest = &stem[..at];
+        let whole = Some(rest).filter(|rest| rest.ends_with(is_digit));
+        rest.strip_suffix(SEPARATORS).or(whole).map(str::len)
     };
-    let found = [DYNAMIC, "masks", "mask"].iter().find_map(|mark| start(mark));
-    found.or_else(|| ["masks", "mask"].iter().find_map(|mark| end(mark))).filter(|s| !s.is_empty())
+    let unnumbered = stem.trim_end_matches(is_digit);
+    let at_start = [DYNAMIC, "masks", "mask"].iter().find_map(|mark| start(mark));
+    let at_end = || {
+        let ends = [stem, unnumbered].into_iter().flat_map(|s| ["masks", "mask"].map(|m| (s, m)));
+        ends.into_iter().find_map(|(stem, mark)| end(stem, mark)).map(|length| &stem[..length])
+    };
+    at_start.or_else(at_end).filter(|rest| !rest.is_empty())
+}
+
+fn is_digit(c: char) -> bool {
+    c.is_ascii_digit()
 }
 
 /// Whether a stem says that the file is a mask.
@@ -325,8 +401,17 @@ impl Photographs {
             let path = &self.all[i].path;
             path.starts_with(&mask.within) || !path.starts_with(&self.folder)
         };
-        let all: Vec<usize> =
+        let mut all: Vec<usize> =
             same_name.into_iter().filter(|i| is_near(*i) && ends(&self.all[*i].folders)).collect();
+        if let Some(aside) = &mask.aside {
+            let before = |folders: &[String]| {
+                let at = folders.len().checked_sub(mask.folders.len() + 1);
+                at.is_some_and(|at| folded(&folders[at]) == folded(aside))
+            };
+            if all.iter().any(|i| before(&self.all[*i].folders)) {
+                all.retain(|i| before(&self.all[*i].folders));
+            }
+        }
         self.choice(&all, mask)
     }
 
@@ -361,7 +446,10 @@ impl Photographs {
     ) -> Option<String> {
         let has_name = fits.iter().any(|fit| *fit != Fit::None);
         let first = masks.iter().map(|mask| mask.rank).min()?;
-        let of_first: Vec<usize> = (0..masks.len()).filter(|i| masks[*i].rank == first).collect();
+        let mut of_first: Vec<usize> =
+            (0..masks.len()).filter(|i| masks[*i].rank == first).collect();
+        let name = |i: usize| file_name(&masks[i].path);
+        of_first.sort_by(|a, b| natural_order(&name(*a), &name(*b)));
         let views: Vec<usize> = (0..self.with_views).collect();
         if has_name || of_first.len() != views.len() || views.len() < 2 {
             return None;
@@ -451,7 +539,8 @@ fn notes(
     }
     let used: BTreeSet<&Path> = best.values().map(|mask| mask.path.as_path()).collect();
     let is_idle = |rank: usize| {
-        let mut of_rank = candidates.iter().zip(fits).filter(|(mask, _)| mask.rank == rank);
+        let own = |(mask, _): &(&Candidate, &Fit)| mask.rank == rank && !mask.is_copy;
+        let mut of_rank = candidates.iter().zip(fits).filter(own);
         of_rank.clone().any(|(_, fit)| matches!(fit, Fit::One(_)))
             && of_rank.all(|(mask, _)| !used.contains(mask.path.as_path()))
     };

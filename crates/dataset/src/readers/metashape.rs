@@ -16,7 +16,7 @@ use roxmltree::{Document, Node};
 use crate::readers::images::reduced_copies;
 use crate::readers::lens::Lens;
 use crate::readers::lookup::{FOLDERS, image_named};
-use crate::readers::projection::{camera_to_world, placed};
+use crate::readers::projection::{camera_to_world, is_none, placed};
 use crate::readers::recognised::{Recognised, Views};
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -130,7 +130,10 @@ impl LeftOut {
         let all = [
             ("cameras that Metashape did not align, left out", self.unaligned),
             ("cameras without a label, so without a photograph, left out", self.unnamed),
-            ("cameras of spherical sensors, which are no pinholes, left out", self.spherical),
+            (
+                "cameras of spherical or cylindrical sensors, which are no pinholes, left out",
+                self.spherical,
+            ),
         ];
         let some = all.into_iter().filter(|(_, count)| *count > 0);
         some.map(|(text, count)| format!("{text}: {count}")).collect()
@@ -306,7 +309,7 @@ impl<'a, 'i> Chunk<'a, 'i> {
             return Err(self.error(&place, "nothing", "16 numbers"));
         };
         let m = DMat4::from_cols_array(&entries(self.file, &place, transform)?).transpose();
-        if m.is_finite() && m.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+        if !is_none(m) && m.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
             let found = format!("last row {}", m.row(3));
             return Err(self.error(&place, &found, "last row [0, 0, 0, 1]"));
         }

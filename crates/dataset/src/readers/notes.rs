@@ -83,9 +83,9 @@ fn unposed(recognised: &Recognised, path: &Path) -> Result<Option<String>> {
         return Err(InputError::new(path, "poses", found, "at least half of the poses"));
     }
     let names = first_of(unposed, |image| file_name(image));
-    let verb = if count == 1 { "image has" } else { "images have" };
+    let (have, are) = if count == 1 { ("image has", "is") } else { ("images have", "are") };
     Ok(Some(format!(
-        "{count} {verb} no usable pose (null, singular or not finite) and are left out: {names}"
+        "{count} {have} no usable pose (null, singular or not finite) and {are} left out: {names}"
     )))
 }
 
@@ -95,8 +95,9 @@ fn scaled<'a>(views: impl Iterator<Item = &'a UnreadView>) -> Option<String> {
     let first = all.next()?;
     let (count, scale) = (1 + all.count(), first.pose_scale);
     Some(format!(
-        "rotations with a uniform scale, which is divided out: {count}. That of {} has {scale:.4}",
-        first.name
+        "rotations with a uniform scale, which is divided out: {count}. That of {} has {}",
+        first.name,
+        files::length(scale, scale)
     ))
 }
 
@@ -105,7 +106,7 @@ fn reduced<'a>(mut views: impl Iterator<Item = &'a UnreadView>) -> Option<String
     let (view, [from, to]) = views.find_map(|view| Some((view, [view.full_size?, view.size()])))?;
     let folder = view.path.parent().and_then(Path::file_name).unwrap_or_default();
     Some(format!(
-        "the images of {} are {} than in the camera file: the intrinsics are scaled from \
+        "images of the folder {} are {} than in the camera file: the intrinsics are scaled from \
          {} x {} to {} x {} pixels",
         folder.display(),
         if to < from { "smaller" } else { "larger" },

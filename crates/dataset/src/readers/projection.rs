@@ -76,13 +76,10 @@ pub(crate) fn placed(
     if let Some(camera) = camera(pose) {
         return Ok(Some((camera, 1.0)));
     }
-    let axes = DMat3::from_mat4(pose);
-    let lengths = axes.to_cols_array_2d().map(|column| DVec3::from(column).length());
-    let volume = lengths.iter().product::<f64>();
-    let spans_space = axes.determinant().abs() > LEAST_VOLUME * volume;
-    if !pose.is_finite() || !spans_space {
+    if is_none(pose) {
         return Ok(None);
     }
+    let lengths = lengths(pose);
     let scale = lengths.iter().sum::<f64>() / 3.0;
     let is_even = lengths.iter().all(|length| (length / scale - 1.0).abs() <= UNEVEN);
     let unscaled = DMat4::from_cols(
@@ -93,6 +90,18 @@ pub(crate) fn placed(
     );
     let camera = camera(unscaled).filter(|_| is_even);
     camera.map(|camera| Some((camera, scale))).ok_or_else(|| wrong(pose_fault(pose)))
+}
+
+/// The lengths of the axes of a pose.
+fn lengths(pose: DMat4) -> [f64; 3] {
+    DMat3::from_mat4(pose).to_cols_array_2d().map(|column| DVec3::from(column).length())
+}
+
+/// Whether a pose is none: a number is not finite, or the axes do not span space.
+pub(crate) fn is_none(pose: DMat4) -> bool {
+    let volume = lengths(pose).iter().product::<f64>();
+    let spans_space = DMat3::from_mat4(pose).determinant().abs() > LEAST_VOLUME * volume;
+    !pose.is_finite() || !spans_space
 }
 
 /// Describes for a message why the upper 3 × 3 of a pose is not a rotation.

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::readers::MaskKind;
 use crate::readers::lens::Lens;
-use crate::readers::lookup::image_place;
+use crate::readers::lookup::{image_place, mask_place};
 use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
 use crate::readers::projection::{flipped, placed};
@@ -25,7 +25,8 @@ use film::image_size;
 
 /// Whether a JSON file has this form.
 pub(crate) fn is_form(root: &Value) -> bool {
-    root["frames"][0]["camtoworld"].is_array()
+    let frames = root["frames"].as_array().into_iter().flatten();
+    frames.into_iter().any(|frame| frame["camtoworld"].is_array())
 }
 
 /// Reads the frames.
@@ -142,7 +143,7 @@ impl<'a> Frame<'a> {
     /// The mask of the object.
     fn mask(&self, folder: &Path) -> Option<MaskFile> {
         let name = self.frame["foreground_mask"].as_str().filter(|name| !name.is_empty())?;
-        let path = image_place(folder, name);
+        let path = mask_place(folder, name);
         Some(MaskFile { kind: MaskKind::Object, path, is_dynamic: false })
     }
 }

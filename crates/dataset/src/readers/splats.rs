@@ -23,7 +23,8 @@ use files::json::{has_gap, numbers, shown};
 
 /// Whether a JSON file has this form.
 pub(crate) fn is_form(root: &Value) -> bool {
-    root[0]["img_name"].is_string() && root[0]["rotation"].is_array()
+    let mut cameras = root.as_array().into_iter().flatten();
+    cameras.any(|camera| camera["img_name"].is_string() && camera["rotation"].is_array())
 }
 
 /// Reads the cameras.

@@ -366,6 +366,12 @@ fn check_size(path: &Path, image: &StoredImage, camera: &Camera, source: &str) -
         return Ok(());
     }
     let found = format!("{width} x {height}");
-    let expected = format!("{} x {} {source}", camera.width, camera.height);
+    let is_turned = (height, width) == (camera.width, camera.height);
+    let remedy = if is_turned {
+        ": turn the image, or exchange width and height in the camera file"
+    } else {
+        ""
+    };
+    let expected = format!("{} x {} {source}{remedy}", camera.width, camera.height);
     Err(InputError::new(path, "size", found, expected))
 }

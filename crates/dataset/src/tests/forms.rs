@@ -287,7 +287,7 @@ fn metashape_agrees_with_nerf_and_wrong_files_are_refused() {
         (good.replace("sensor_id=\"0\"", "sensor_id=\"3\""), ["sensor 3", "no such sensor"]),
         (
             good.replace("calibration type=\"frame\"", "calibration type=\"spherical\""),
-            ["cameras", "spherical sensors"],
+            ["cameras", "spherical or cylindrical sensors"],
         ),
         (good.replace("<scale>2.5", "<scale>0"), ["component/transform/scale", "above 0"]),
         (good.replace("0 0 0 1</", "0 0 0 2</"), ["camera \"000\" transform", "last row"]),

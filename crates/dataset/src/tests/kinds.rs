@@ -171,6 +171,12 @@ fn masks_are_found_wherever_people_put_them() {
         ("@/dynamic_mask_#.png", Object, "taken as the object"),
         ("dynamic_masks/#.png", Object, "taken as the object"),
         ("masks/view #.png", Object, "by their numbers"),
+        ("masks_2/#.png", Object, ""),
+        ("silhouettes/#.png", Object, ""),
+        ("@/#mask.png", Object, ""),
+        ("@/mask#.png", Object, ""),
+        ("@/#_mask1.png", Object, ""),
+        ("data/masks/#.png", Object, ""),
     ];
     for form in &FORMS {
         for (pattern, kind, note) in rows {
@@ -221,6 +227,13 @@ fn files_that_look_like_masks_and_fit_no_photograph_are_named() {
         fs::remove_file(folder.path().join("masks/other.png")).unwrap();
         write_mask(&folder.path().join("masks_sam/000.png"), &all[0], false);
         read(form, "two", folder.path(), &all, &["others come first: masks_sam/000.png"]);
+        // A format that is not read.
+        let (folder, all) = written(form);
+        write_mask(&folder.path().join("masks/000.png"), &all[0], false);
+        fs::rename(folder.path().join("masks/000.png"), folder.path().join("masks/000.bmp"))
+            .unwrap();
+        let words = ["1 file looks like a mask, in a format that is not read: masks/000.bmp"];
+        read(form, "bmp", folder.path(), &all, &words);
     }
 }
 
@@ -272,20 +285,30 @@ fn a_bare_name_serves_one_photograph_only() {
 fn names_that_are_numbers_are_in_the_order_of_the_numbers() {
     let all = centred(12);
     for form in FORMS.iter().filter(|form| ["NeuS", "LLFF"].contains(&form.name)) {
-        let folder = tempfile::tempdir().unwrap();
-        (form.write)(folder.path(), &all);
-        let at = |name: String| folder.path().join(form.images).join(name);
-        for (i, camera) in all.iter().enumerate() {
-            fs::rename(at(format!("{i:03}.png")), at(format!("v{i}.png"))).unwrap();
-            write_mask(&folder.path().join(format!("mask/m{i}.png")), camera, false);
-        }
-        let words = ["by their numbers: v2.png comes before v11.png, though not by name"];
-        let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
-        assert!(dataset.notes.iter().any(|note| note.contains(words[0])), "{:?}", dataset.notes);
-        for (view, camera) in in_order(&dataset).into_iter().zip(&all) {
-            assert_same_camera(&view.camera, camera, 1e-9);
-            assert_shows(view, camera, form.name);
-            assert_is_of_ball(view, camera, form.name);
+        // `#` is the number, and that of the first mask is the last column.
+        for (image, mask, first) in
+            [("v#.png", "m#.png", 0), ("#_v2.png", "#.png", 1), ("cam#_#.png", "cam#_#.png", 0)]
+        {
+            let folder = tempfile::tempdir().unwrap();
+            (form.write)(folder.path(), &all);
+            let at = |name: String| folder.path().join(form.images).join(name);
+            for (i, camera) in all.iter().enumerate() {
+                let own = image.replace('#', &i.to_string());
+                fs::rename(at(format!("{i:03}.png")), at(own)).unwrap();
+                let own = mask.replace('#', &(i + first).to_string());
+                write_mask(&folder.path().join("mask").join(own), camera, false);
+            }
+            let dataset = load(folder.path(), &LoadOptions::default()).unwrap();
+            let words = "images are paired with the cameras by their numbers";
+            assert!(dataset.notes.iter().any(|n| n.contains(words)), "{:?}", dataset.notes);
+            for (view, camera) in in_order(&dataset).into_iter().zip(&all) {
+                assert_same_camera(&view.camera, camera, 1e-9);
+                assert_shows(view, camera, form.name);
+                // LLFF has no order of its own for masks.
+                if first == 0 || form.name == "NeuS" {
+                    assert_is_of_ball(view, camera, form.name);
+                }
+            }
         }
     }
 }
@@ -370,13 +393,13 @@ fn poses_that_are_none_are_left_out_and_scales_divided_out() {
     let (folder, all) = written(&FORMS[0]);
     let file = folder.path().join("transforms.json");
     let good: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
-    let none =
-        "1 image has no usable pose (null, singular or not finite) and are left out: 001.png";
+    let none = "1 image has no usable pose (null, singular or not finite) and is left out: 001.png";
     for pose in [
         "null",
         "[[NaN, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
         "[[1, 0, 0, -Infinity], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
         "[[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]",
+        "[[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]",
         "[[1, 0, 0, 1], [0, 1, 0, 1], [1, 1, 0, 2], [0, 0, 0, 1]]",
         "[[null, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
     ] {
@@ -387,14 +410,14 @@ fn poses_that_are_none_are_left_out_and_scales_divided_out() {
         fs::write(&file, format!("\u{feff}{text}")).unwrap();
         read(&FORMS[0], pose, folder.path(), &without(&all), &[none]);
     }
-    for scale in [1.002, 0.4] {
+    for (scale, shown) in [(1.002, "1.0020"), (0.4, "0.4000"), (1e-7, "1.000e-7")] {
         let mut root = good.clone();
         for (i, camera) in all.iter().enumerate() {
             let pose = camera.pose() * DMat4::from_scale(DVec3::splat(scale));
             root["frames"][i]["transform_matrix"] = json!(rows(pose));
         }
         write_json(&file, &root);
-        let word = format!("which is divided out: 9. That of images/000.png has {scale:.4}");
+        let word = format!("which is divided out: 9. That of images/000.png has {shown}");
         read(&FORMS[0], "scale", folder.path(), &all, &[&word]);
     }
     for i in 0..6 {
@@ -484,9 +507,18 @@ fn metashape_has_rigs_spheres_and_cameras_without_a_label() {
     let sphere = good[first..last].replace("\"0\"", "\"1\"").replace("\"frame\"", "\"spherical\"");
     let text = good.replace(&good[first..last], &(good[first..last].to_owned() + &sphere));
     fs::write(&file, text.replace(&id(4), "<camera id=\"4\" sensor_id=\"1\"")).unwrap();
-    read(&FORMS[4], "sphere", folder.path(), &rest, &["spherical sensors, which are no pinholes"]);
+    read(
+        &FORMS[4],
+        "sphere",
+        folder.path(),
+        &rest,
+        &["spherical or cylindrical sensors, which are no pinholes"],
+    );
     fs::write(&file, good.replace("\"frame\"", "\"spherical\"")).unwrap();
-    refused(folder.path(), &["cameras", "spherical sensors", "9", "frame or fisheye"]);
+    refused(
+        folder.path(),
+        &["cameras", "spherical or cylindrical sensors", "9", "frame or fisheye"],
+    );
 }
 
 /// The camera-to-world matrix with axes x right, y down, z forward.
@@ -561,6 +593,52 @@ fn a_missing_mask_of_the_camera_file_is_named_and_an_empty_name_is_none() {
     read(&FORMS[0], "mask_path", folder.path(), &all, &words);
 }
 
+#[test]
+fn a_photograph_is_never_its_own_mask_and_other_sets_beside_have_none() {
+    let (folder, all) = written(&FORMS[0]);
+    let file = folder.path().join("transforms.json");
+    let good: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    for name in ["masks/#.png", "/gone/masks/#.png", "mm/#.png", "#.png"] {
+        let mut root = good.clone();
+        for i in 0..all.len() {
+            let own = name.replace('#', &format!("{i:03}"));
+            root["frames"][i]["mask_path"] = json!(own);
+        }
+        write_json(&file, &root);
+        let words = ["9 masks are named by the camera file and missing"];
+        let found = read(&FORMS[0], name, folder.path(), &all, &words);
+        assert!(found.train.iter().all(|view| view.mask.is_none()), "{name}");
+    }
+    // The names of the photographs make a detour, and another set is beside this one.
+    let own = folder.path().join("own");
+    (FORMS[0].write)(&own, &all);
+    let mut root = good;
+    for i in 0..all.len() {
+        root["frames"][i]["file_path"] = json!(format!("../own/images/{i:03}.png"));
+        write_mask(&folder.path().join(format!("car_masks/{i:03}.png")), &all[i], false);
+    }
+    write_json(&own.join("transforms.json"), &root);
+    let found = load(&own, &LoadOptions::default()).unwrap();
+    assert!(found.train.iter().all(|view| view.mask.is_none()));
+}
+
+#[test]
+fn files_beside_cameras_and_turned_images_are_told() {
+    let (folder, all) = written(&FORMS[3]);
+    for name in ["cams/._000_cam.txt", "cams/notes.txt", "cams/pair.txt"] {
+        fs::write(folder.path().join(name), "no camera").unwrap();
+    }
+    read(&FORMS[3], "other files", folder.path(), &all, &[]);
+    let (folder, _) = written(&FORMS[0]);
+    let file = folder.path().join("transforms.json");
+    edit(&file, |text| {
+        let mut root: Value = serde_json::from_str(&text).unwrap();
+        (root["w"], root["h"]) = (json!(HEIGHT), json!(WIDTH));
+        root.to_string()
+    });
+    refused(folder.path(), &["size", "exchange width and height in the camera file"]);
+}
+
 /// The NeRF file of a set, and the frames of another form.
 fn other_form(frame: impl Fn(usize, &Camera) -> Value) -> (tempfile::TempDir, Vec<Camera>, Value) {
     let (folder, all) = written(&FORMS[0]);
@@ -588,6 +666,10 @@ fn sdfstudio_neus2_and_gaussian_splatting_are_read() {
         let sphere = Sphere { center: DVec3::new(0.0, -1.0, 0.0), radius: 1.5 };
         assert_eq!(found.bounds, Some(sphere));
     }
+    // Without a pose, in the first frame too.
+    root["frames"][0]["camtoworld"] = Value::Null;
+    write_json(&file, &root);
+    read(&FORMS[0], "SDFStudio, null", folder.path(), &all[1..], &["1 image has no usable pose"]);
     root["frames"][2]["camtoworld"] = json!([[1, 0, 0], [0, 1, 0]]);
     write_json(&file, &root);
     refused(folder.path(), &["meta_data.json", "frames/2/camtoworld"]);
@@ -603,7 +685,7 @@ fn sdfstudio_neus2_and_gaussian_splatting_are_read() {
     let found = read(&FORMS[0], "NeuS2", folder.path(), &all, &[]);
     assert_eq!(found.bounds, Some(Sphere { center: DVec3::new(0.0, 1.0, 2.0), radius: 0.5 }));
 
-    let (folder, all, cameras) = other_form(|i, c| {
+    let (folder, all, mut cameras) = other_form(|i, c| {
         let axes = DMat3::from_mat4(camera_to_world_of(c)).transpose().to_cols_array_2d();
         json!({"id": i, "img_name": format!("{i:03}"), "width": c.width, "height": c.height,
             "position": c.eye.to_array(), "rotation": axes, "fx": c.focal.x, "fy": c.focal.y})
@@ -614,6 +696,9 @@ fn sdfstudio_neus2_and_gaussian_splatting_are_read() {
     fs::write(folder.path().join("input.ply"), ply).unwrap();
     let found = read(&FORMS[0], "splats", folder.path(), &all, &[]);
     assert_eq!(found.points.len(), 2);
+    cameras[0]["rotation"] = Value::Null;
+    write_json(&folder.path().join("cameras.json"), &cameras);
+    read(&FORMS[0], "splats, null", folder.path(), &all[1..], &["1 image has no usable pose"]);
 
     // COLMAP's points in a .ply file alone.
     let (folder, all) = written(&FORMS[1]);

@@ -8,10 +8,10 @@ use serde_json::Value;
 use super::frame::Frame;
 use crate::readers::MaskKind;
 use crate::readers::images::reduced_copies;
-use crate::readers::lookup::{image_named, image_place};
+use crate::readers::lookup::{image_named, mask_place};
 use crate::readers::mask::MaskFile;
 use crate::readers::pixels::whole_pixels;
-use crate::readers::projection::{flipped, placed};
+use crate::readers::projection::{flipped, is_none, placed};
 use crate::readers::recognised::Views;
 use crate::readers::result::Result;
 use crate::readers::unread::UnreadView;
@@ -179,6 +179,11 @@ impl Frame<'_> {
         let rows = value.as_array().filter(|r| r.len() == 4 || r.len() == 3).ok_or_else(error)?;
         let rows: Option<Vec<[f64; 4]>> = rows.iter().map(numbers).collect();
         let r = rows.ok_or_else(error)?;
+        let pose = DMat4::from_cols_array_2d(&[r[0], r[1], r[2], [0.0, 0.0, 0.0, 1.0]]).transpose();
+        // Programs write zeros for poses that they do not have.
+        if is_none(pose) {
+            return Ok(DMat4::NAN);
+        }
         if r.get(3).is_some_and(|last| *last != [0.0, 0.0, 0.0, 1.0]) {
             let found = format!("last row {:?}", r[3]);
             let expected = "last row [0, 0, 0, 1] (row-major)";
@@ -189,7 +194,7 @@ impl Frame<'_> {
                 expected,
             ));
         }
-        Ok(DMat4::from_cols_array_2d(&[r[0], r[1], r[2], [0.0, 0.0, 0.0, 1.0]]).transpose())
+        Ok(pose)
     }
 
     /// The mask file of `mask_path`: nerfstudio's key, which tells which pixels to use.
@@ -198,7 +203,7 @@ impl Frame<'_> {
             Value::Null => Ok(None),
             Value::String(mask) if mask.trim().is_empty() => Ok(None),
             Value::String(mask) => {
-                let path = image_place(folder, mask);
+                let path = mask_place(folder, mask);
                 Ok(Some(MaskFile { kind: MaskKind::Used, path, is_dynamic: false }))
             }
             _ => Err(self.error("mask_path", "a file's name")),
