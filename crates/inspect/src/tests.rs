@@ -175,7 +175,10 @@ fn masks_without_an_object_give_a_warning_with_a_name() {
         warnings.into_iter().find(|text| text.contains("everywhere"))
     };
     let text = warned(MaskKind::Object, 2).unwrap();
-    assert!(text.starts_with("2 of 5 masks") && text.contains("that of 0. White is the object"), "{text}");
+    assert!(
+        text.starts_with("2 of 5 masks") && text.contains("that of 0. White is the object"),
+        "{text}"
+    );
     assert!(warned(MaskKind::Object, 5).is_some() && warned(MaskKind::Alpha, 1).is_some());
     // An alpha channel that is opaque everywhere is common.
     assert!(warned(MaskKind::Alpha, 5).is_none() && warned(MaskKind::Object, 0).is_none());

@@ -71,7 +71,8 @@ pub(crate) fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
 /// `input/` are looked into; capitals and the composition of accents do not count, where one file
 /// alone fits.
 pub(crate) fn image_named(folder: &Path, name: &str) -> Option<PathBuf> {
-    as_named(folder, name).or_else(|| loosely(folder, name))
+    let slashed = || as_named(folder, &name.replace('\\', "/"));
+    as_named(folder, name).or_else(slashed).or_else(|| loosely(folder, name))
 }
 
 /// The mask `name` in `folder`, read as loosely as [`image_named`] reads names, but in the last of
@@ -296,6 +297,8 @@ mod tests {
         let own = folder.path().file_name().unwrap().to_str().unwrap();
         let detour = format!("../{own}/images/a.png");
         assert_eq!(image_named(folder.path(), &detour), Some(at("images/a.png")));
+        let beside = image_named(&at("Masks"), "..\\images\\a.png");
+        assert_eq!(beside, Some(at("images/a.png")));
     }
 
     #[test]
