@@ -1,5 +1,6 @@
 //! The model of a fit: a signed distance network and a radiance head.
 
+use std::ops::Range;
 use std::path::Path;
 
 use files::{InputError, atomic_write};
@@ -50,8 +51,30 @@ const BACKGROUND_RATE: f64 = 1.0;
 /// The learning rate of the features of details, in units of that of the networks.
 const DETAIL_RATE: f64 = 2.0;
 
-/// The name of the group of the field's network.
+/// The names of the groups of the field's network: its matrices between hidden layers, and the rest.
 pub(crate) const NETWORK_GROUP: &str = "field";
+pub(crate) const MATRICES_GROUP: &str = "field matrices";
+
+/// The learning rate of matrices between hidden layers, in units of that of the others; see
+/// docs/detail.md.
+pub(crate) const MATRIX_RATE: f64 = 2.0;
+
+/// The groups of the parameters of a network with these names, in their order: those of its matrices
+/// have the second one.
+fn of_network(
+    [rest, matrix]: [&str; 2],
+    network: Range<usize>,
+    matrices: impl Iterator<Item = (Range<usize>, usize)>,
+) -> Vec<Group> {
+    let (mut groups, mut next) = (Vec::new(), network.start);
+    for (place, columns) in matrices {
+        groups.push(Group::new(rest, next..place.start));
+        next = place.end;
+        groups.push(Group { rate: MATRIX_RATE, ..Group::matrix(matrix, place, columns) });
+    }
+    groups.push(Group::new(rest, next..network.end));
+    groups
+}
 
 /// The floor of the steps of coefficients of the field's grid. Without it, coefficients inside the
 /// solid, whose gradients are next to nothing, made cavities that no photograph shows: `spot` after
@@ -137,14 +160,19 @@ impl Model {
         let shape = field + self.head.parameter_count();
         let details = shape - self.head.detail_count();
         let all = shape + self.background.parameters().len();
-        let mut groups = vec![Group::new(NETWORK_GROUP, 0..self.field.weight_count())];
+        let network = 0..self.field.weight_count();
+        let mut groups =
+            of_network([NETWORK_GROUP, MATRICES_GROUP], network, self.field.hidden_matrices());
         let mut next = self.field.weight_count();
         for count in self.field.splines().free_counts() {
             let group = Group::new("grid", next..next + count);
             groups.push(Group { floor: GRID_FLOOR, ..group });
             next += count;
         }
-        groups.push(Group::new("radiance", field..details));
+        let of_head = self.head.hidden_matrices();
+        let of_head =
+            of_head.map(|(place, columns)| (place.start + field..place.end + field, columns));
+        groups.extend(of_network(["radiance", "radiance matrices"], field..details, of_head));
         groups.push(Group { rate: DETAIL_RATE, ..Group::new("details", details..shape) });
         groups.push(Group { rate: BACKGROUND_RATE, ..Group::new("background", shape..all) });
         groups

@@ -1,4 +1,4 @@
-//! The optimiser of a fit: Adam, a clipped gradient, and a mean of the parameters at the end.
+//! The optimiser of a fit: Adam and Muon, a clipped gradient, and a mean of the parameters at the end.
 //!
 //! The mean over the last part of a fit: Polyak and Juditsky, "Acceleration of Stochastic
 //! Approximation by Averaging", SIAM Journal on Control and Optimization 30(4), 1992. Steps with
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use sdf_nn::background::Volume;
 
 use crate::checkpoint::{Average, OptimiserState};
-use crate::model::{Model, NETWORK_GROUP};
+use crate::model::{MATRICES_GROUP, MATRIX_RATE, Model, NETWORK_GROUP};
 use crate::options::FitOptions;
 
 /// The weight of an iteration in the running mean of the gradient's norm. At 0.02 and 0.15:
@@ -63,7 +63,11 @@ impl Optimiser {
         let norm = self.clip(&mut gradient[..shape], options.clip as f32);
 
         let rate = options.learning_rate * schedule;
-        self.adam.set_rate(NETWORK_GROUP, options.network_rate(progress));
+        let of_network = options.network_rate(progress);
+        self.adam.set_rate(NETWORK_GROUP, of_network);
+        if model.field.hidden_matrices().next().is_some() {
+            self.adam.set_rate(MATRICES_GROUP, MATRIX_RATE * of_network);
+        }
         self.adam.step(&mut self.parameters, gradient, rate as f32)?;
 
         if background > 0 && iteration.is_multiple_of(SMOOTH_EVERY) {

@@ -146,8 +146,9 @@ const MOST_LARGE: u64 = 4;
 /// sharp one. Each part of a batch has some vectors, and each step of the tracer.
 const MOST: u64 = 2500;
 
-/// The most bytes of these: measured 0.6 MB and 1.2 MB.
-const MOST_BYTES: u64 = 2_000_000;
+/// The most bytes of these: measured 2.9 MB and 3.5 MB. The products of matrices of Muon are 2.3 MB of
+/// them: each has a copy of its factors.
+const MOST_BYTES: u64 = 5_000_000;
 
 #[test]
 fn a_steady_iteration_allocates_no_large_vector_and_not_more_than_the_one_before() {

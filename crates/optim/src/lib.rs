@@ -1,9 +1,11 @@
 #![doc = include_str!("../README.md")]
 
+mod muon;
 mod schedule;
 
 use std::ops::Range;
 
+use ndarray::LinalgScalar;
 use num_traits::Float;
 use rayon::prelude::*;
 
@@ -30,6 +32,9 @@ pub struct Group {
     /// Without it, a parameter whose gradients are small makes steps as large as the others. That
     /// is wrong for coefficients that hardly matter, for example inside a solid.
     pub floor: f64,
+    /// The number of columns, if the group is a matrix that takes the steps of Muon, row-major. It
+    /// then has neither β₂ nor a floor.
+    pub columns: Option<usize>,
 }
 
 impl Group {
@@ -37,7 +42,18 @@ impl Group {
     /// and without weight decay or floor.
     pub fn new(name: impl Into<String>, range: Range<usize>) -> Self {
         let (rate, beta1, beta2, weight_decay, floor) = (1.0, 0.9, 0.999, 0.0, 0.0);
-        Group { name: name.into(), range, rate, beta1, beta2, weight_decay, floor }
+        Group { name: name.into(), range, rate, beta1, beta2, weight_decay, floor, columns: None }
+    }
+
+    /// A matrix with this number of columns, row-major, that takes the steps of Muon (Jordan et al.,
+    /// "Muon: An optimizer for hidden layers in neural networks", 2024): along the orthogonal matrix
+    /// U Vᵀ of the singular value decomposition U Σ Vᵀ of a mean gradient with β₁ = 0.95, so that
+    /// directions with small gradients take part.
+    ///
+    /// The root mean square of a step is about 0.2 learning rates, as with Adam (Liu et al., "Muon is
+    /// Scalable for LLM Training", 2025). It suits the weights of hidden layers.
+    pub fn matrix(name: impl Into<String>, range: Range<usize>, columns: usize) -> Self {
+        Group { beta1: 0.95, columns: Some(columns), ..Self::new(name, range) }
     }
 }
 
@@ -90,7 +106,7 @@ pub enum OptimError {
 
 /// Adam (Kingma and Ba, "Adam: A Method for Stochastic Optimization", ICLR 2015, algorithm 1) with
 /// decoupled weight decay (Loshchilov and Hutter, "Decoupled Weight Decay Regularization", ICLR
-/// 2019).
+/// 2019), and Muon for groups that are matrices ([`Group::matrix`]).
 ///
 /// Holds the running means of the gradient and of its square, and the number of steps. The
 /// parameters are the caller's.
@@ -170,11 +186,12 @@ fn constant<R: Float>(value: f64) -> R {
     R::from(value).unwrap_or_else(R::nan)
 }
 
-impl<R: Float + Send + Sync> Adam<R> {
+impl<R: Float + LinalgScalar + Send + Sync> Adam<R> {
     /// A new optimiser of `length` parameters. Parameters in no group never change.
     ///
     /// # Panics
-    /// If a group reaches beyond the parameters or overlaps another, or a β is not in [0, 1).
+    /// If a group reaches beyond the parameters or overlaps another, a β is not in [0, 1), or the
+    /// columns of a matrix do not divide its length.
     pub fn new(length: usize, groups: Vec<Group>) -> Self {
         assert_groups(length, &groups);
         Adam { groups, first: vec![R::zero(); length], second: vec![R::zero(); length], steps: 0 }
@@ -197,7 +214,8 @@ impl<R: Float + Send + Sync> Adam<R> {
         let check = |group| check_group(group, gradient, rate, exponent);
         self.groups.iter().try_for_each(check)?;
         self.steps += 1;
-        for group in &self.groups {
+        self.step_matrices(parameters, gradient, rate);
+        for group in self.groups.iter().filter(|group| group.columns.is_none()) {
             let (mut step, range) = (Step::new(group, rate, exponent), group.range.clone());
             if group.floor > 0.0 {
                 step.raise(group.floor, &self.second[range.clone()]);
@@ -211,6 +229,26 @@ impl<R: Float + Send + Sync> Adam<R> {
             pairs.zip(moments).for_each(|((p, g), (m, v))| step.take(p, g, m, v));
         }
         Ok(())
+    }
+
+    /// Takes the steps of the groups that are matrices, each on a thread of its own.
+    fn step_matrices(&mut self, parameters: &mut [R], gradient: &[R], rate: R) {
+        let mut matrices: Vec<(&Group, usize)> =
+            self.groups.iter().filter_map(|group| Some((group, group.columns?))).collect();
+        matrices.sort_by_key(|(group, _)| group.range.start);
+        let (mut p_rest, mut m_rest, mut at) = (parameters, self.first.as_mut_slice(), 0);
+        let mut tasks = Vec::with_capacity(matrices.len());
+        for (group, columns) in matrices {
+            let Range { start, end } = group.range;
+            let (p, p_after) = p_rest.split_at_mut(end - at);
+            let (m, m_after) = m_rest.split_at_mut(end - at);
+            let (p, m) = (&mut p[start - at..], &mut m[start - at..]);
+            tasks.push((group, columns, p, (&gradient[start..end], m)));
+            (p_rest, m_rest, at) = (p_after, m_after, end);
+        }
+        tasks
+            .into_par_iter()
+            .for_each(|(group, columns, p, moments)| muon::step(group, columns, rate, p, moments));
     }
 
     /// Sets the factor of the groups of this name on the learning rates of the steps to come. It is
@@ -229,8 +267,8 @@ impl<R: Float + Send + Sync> Adam<R> {
         if found == expected { Ok(()) } else { Err(OptimError::Length { what, found, expected }) }
     }
 
-    /// The running means of the gradient and of its square, one element per parameter, and the
-    /// number of steps. A run can continue from these and the parameters.
+    /// The running means of the gradient and of its square (0 in a matrix), one element per
+    /// parameter, and the number of steps. A run can continue from these and the parameters.
     pub fn state(&self) -> (&[R], &[R], u64) {
         (&self.first, &self.second, self.steps)
     }
@@ -268,6 +306,14 @@ fn assert_groups(length: usize, groups: &[Group]) {
     );
     assert!(ranges.windows(2).all(|w| w[0].end <= w[1].start), "groups {ranges:?} overlap");
     for group in groups {
+        if let Some(columns) = group.columns {
+            assert!(
+                columns > 0 && group.range.len().is_multiple_of(columns),
+                "{columns} columns of a matrix of {} parameters, {}",
+                group.range.len(),
+                group.name
+            );
+        }
         for beta in [group.beta1, group.beta2] {
             assert!(
                 (0.0..1.0).contains(&beta),

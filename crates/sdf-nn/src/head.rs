@@ -1,5 +1,7 @@
 //! The radiance head: the radiance from a surface point towards the camera.
 
+use std::ops::Range;
+
 use crate::grids::HashGrid;
 use field::{Real, SurfaceAdjoint, SurfaceBatch, TableSum, Vector3};
 use glam::DVec3;
@@ -103,6 +105,12 @@ impl<R: Lane> RadianceHead<R> {
     /// The number of parameters.
     pub fn parameter_count(&self) -> usize {
         self.mlp.parameters.len() + self.tables.len()
+    }
+
+    /// The weight matrices between hidden layers: the place of each among the parameters, row-major,
+    /// and its number of columns.
+    pub fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        self.mlp.hidden_matrices()
     }
 
     /// The number of features of details: the last parameters.

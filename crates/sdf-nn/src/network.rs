@@ -1,5 +1,7 @@
 //! A perceptron as a signed distance field.
 
+use std::ops::Range;
+
 use crate::grids::Splines;
 use field::Real;
 use glam::DVec3;
@@ -143,6 +145,12 @@ impl<R: Lane> Network<R> {
     /// coefficients of the grid.
     pub fn weight_count(&self) -> usize {
         self.mlp.parameters.len()
+    }
+
+    /// The weight matrices between hidden layers: the place of each among the parameters, row-major,
+    /// and its number of columns.
+    pub fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        self.mlp.hidden_matrices()
     }
 
     /// The number of features before those of the grid.

@@ -1,5 +1,7 @@
 //! A perceptron: its layers, its parameters and their packed weights.
 
+use std::ops::Range;
+
 use super::scratch::{FewMemory, Scratch};
 use crate::architecture::Activation;
 use crate::pool::Pool;
@@ -98,6 +100,13 @@ impl<R: Lane> Mlp<R> {
             scratches: Default::default(),
             few_memories: Default::default(),
         }
+    }
+
+    /// The weights between hidden layers: their places among the parameters and their numbers of
+    /// columns.
+    pub(crate) fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        let between = 1..self.layers.len().max(2) - 1;
+        self.layers[between].iter().map(|layer| (layer.start..layer.bias(), layer.inputs))
     }
 
     /// The most inputs or outputs of a layer.
