@@ -51,12 +51,15 @@ const BACKGROUND_RATE: f64 = 1.0;
 /// The learning rate of the features of details, in units of that of the networks.
 const DETAIL_RATE: f64 = 2.0;
 
-/// The names of the groups of the field's network: its matrices between hidden layers, and the rest.
+/// The name of the group of the field's network without the matrices between hidden layers.
 pub(crate) const NETWORK_GROUP: &str = "field";
+
+/// The name of the group of these matrices.
 pub(crate) const MATRICES_GROUP: &str = "field matrices";
 
-/// The learning rate of matrices between hidden layers, in units of that of the others; see
-/// docs/detail.md.
+/// The learning rate of matrices that take steps of Muon, in units of that of the others: those
+/// between hidden layers of the field, and all of the radiance head but the last. docs/detail.md
+/// compares them.
 pub(crate) const MATRIX_RATE: f64 = 2.0;
 
 /// The groups of the parameters of a network with these names, in their order: those of its matrices
@@ -154,6 +157,12 @@ impl Model {
         (file.options.field_parameters() + head) as usize + free + background
     }
 
+    /// The matrices of the field's network that take steps of Muon: those between hidden layers.
+    pub(crate) fn matrices_of_field(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        let between = self.field.architecture().hidden.len() - 1;
+        self.field.matrices().skip(1).take(between)
+    }
+
     /// The groups of the parameters, in their order.
     pub(crate) fn groups(&self) -> Vec<Group> {
         let field = self.field.parameters().len();
@@ -162,14 +171,14 @@ impl Model {
         let all = shape + self.background.parameters().len();
         let network = 0..self.field.weight_count();
         let mut groups =
-            of_network([NETWORK_GROUP, MATRICES_GROUP], network, self.field.hidden_matrices());
+            of_network([NETWORK_GROUP, MATRICES_GROUP], network, self.matrices_of_field());
         let mut next = self.field.weight_count();
         for count in self.field.splines().free_counts() {
             let group = Group::new("grid", next..next + count);
             groups.push(Group { floor: GRID_FLOOR, ..group });
             next += count;
         }
-        let of_head = self.head.hidden_matrices();
+        let of_head = self.head.matrices().take(HEAD_LAYERS);
         let of_head =
             of_head.map(|(place, columns)| (place.start + field..place.end + field, columns));
         groups.extend(of_network(["radiance", "radiance matrices"], field..details, of_head));

@@ -65,7 +65,7 @@ impl Optimiser {
         let rate = options.learning_rate * schedule;
         let of_network = options.network_rate(progress);
         self.adam.set_rate(NETWORK_GROUP, of_network);
-        if model.field.hidden_matrices().next().is_some() {
+        if model.matrices_of_field().next().is_some() {
             self.adam.set_rate(MATRICES_GROUP, MATRIX_RATE * of_network);
         }
         self.adam.step(&mut self.parameters, gradient, rate as f32)?;

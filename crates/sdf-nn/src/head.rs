@@ -107,10 +107,10 @@ impl<R: Lane> RadianceHead<R> {
         self.mlp.parameters.len() + self.tables.len()
     }
 
-    /// The weight matrices between hidden layers: the place of each among the parameters, row-major,
+    /// The weight matrices of layer after layer: the place of each among the parameters, row-major,
     /// and its number of columns.
-    pub fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
-        self.mlp.hidden_matrices()
+    pub fn matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        self.mlp.matrices()
     }
 
     /// The number of features of details: the last parameters.

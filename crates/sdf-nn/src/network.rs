@@ -147,10 +147,10 @@ impl<R: Lane> Network<R> {
         self.mlp.parameters.len()
     }
 
-    /// The weight matrices between hidden layers: the place of each among the parameters, row-major,
+    /// The weight matrices of layer after layer: the place of each among the parameters, row-major,
     /// and its number of columns.
-    pub fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
-        self.mlp.hidden_matrices()
+    pub fn matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        self.mlp.matrices()
     }
 
     /// The number of features before those of the grid.

@@ -102,11 +102,10 @@ impl<R: Lane> Mlp<R> {
         }
     }
 
-    /// The weights between hidden layers: their places among the parameters and their numbers of
+    /// The weights of layer after layer: their places among the parameters and their numbers of
     /// columns.
-    pub(crate) fn hidden_matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
-        let between = 1..self.layers.len().max(2) - 1;
-        self.layers[between].iter().map(|layer| (layer.start..layer.bias(), layer.inputs))
+    pub(crate) fn matrices(&self) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        self.layers.iter().map(|layer| (layer.start..layer.bias(), layer.inputs))
     }
 
     /// The most inputs or outputs of a layer.
