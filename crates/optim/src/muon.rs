@@ -4,7 +4,7 @@ use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayView2, LinalgScalar};
 use num_traits::Float;
 
-use crate::{Group, constant};
+use crate::group::{Group, constant};
 
 /// The coefficients of x ↦ a x + b x³ + c x⁵. Applied five times, it takes each singular value in
 /// [0.01, 1] to within about 0.3 of 1.
@@ -71,7 +71,6 @@ fn orthogonal<R: Float + LinalgScalar>(matrix: ArrayView2<'_, R>) -> Array2<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Adam;
     use proptest::prelude::*;
 
     proptest! {
@@ -101,28 +100,5 @@ mod tests {
                 prop_assert!(at(k, 1 - k).abs() < 1e-9, "{found}");
             }
         }
-    }
-
-    #[test]
-    fn tall_and_wide_matrices_take_transposed_steps() {
-        let entry = |i: usize, j: usize| ((7 * i + 3 * j) % 5) as f64 - 1.7;
-        let wide: Vec<f64> = (0..12).map(|i| entry(i / 4, i % 4)).collect();
-        let tall: Vec<f64> = (0..12).map(|i| entry(i % 3, i / 3)).collect();
-        let stepped = |gradient: &[f64], columns| {
-            let mut p = vec![0.0; 12];
-            let mut adam = Adam::new(12, vec![Group::matrix("w", 0..12, columns)]);
-            adam.step(&mut p, gradient, 0.1).unwrap();
-            p
-        };
-        let (wide, tall) = (stepped(&wide, 4), stepped(&tall, 3));
-        for (i, own) in wide.iter().enumerate() {
-            approx::assert_relative_eq!(*own, tall[3 * (i % 4) + i / 4], epsilon = 1e-12);
-        }
-        // The root mean square is a fifth of the rate where all singular values are 1: here three
-        // of them lie between 0.7 and 1.3.
-        let square = wide.iter().map(|v| v * v).sum::<f64>() / 12.0;
-        let expected = 0.1 * STEP * (4.0f64 * 3.0 / 12.0).sqrt();
-        assert!((0.7..1.3).contains(&(square.sqrt() / expected)), "{wide:?}");
-        assert_eq!(stepped(&[0.0; 12], 4), vec![0.0; 12]);
     }
 }
