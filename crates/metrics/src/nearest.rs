@@ -160,12 +160,15 @@ fn triangle_distance(x: DVec3, corners: &[DVec3; 3]) -> f64 {
     if inside && has_area(corners) {
         return (x - corners[0]).dot(normal.normalize()).abs();
     }
-    let edge_distance = |(start, edge): &(DVec3, DVec3)| {
-        let along =
-            ((x - start).dot(*edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (x - start - along * edge).length()
-    };
-    edges.iter().map(edge_distance).fold(f64::INFINITY, f64::min)
+    edges.iter().map(|edge| nearest_of_edge(x, edge).0).fold(f64::INFINITY, f64::min)
+}
+
+/// The distance from a point to an edge, and the place of its nearest point: 0 at the start of the
+/// edge, 1 at its end.
+fn nearest_of_edge(x: DVec3, (start, edge): &(DVec3, DVec3)) -> (f64, f64) {
+    let along =
+        ((x - start).dot(*edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    ((x - start - along * edge).length(), along)
 }
 
 /// The barycentric weights of the point of a triangle that is nearest to `x`.
@@ -179,10 +182,8 @@ pub(crate) fn nearest_weights(x: DVec3, corners: &[DVec3; 3]) -> [f64; 3] {
         return [parts[1] / sum, parts[2] / sum, parts[0] / sum];
     }
     let mut best = (f64::INFINITY, [1.0, 0.0, 0.0]);
-    for (k, (start, edge)) in edges.iter().enumerate() {
-        let length = edge.length_squared().max(f64::MIN_POSITIVE);
-        let along = ((x - start).dot(*edge) / length).clamp(0.0, 1.0);
-        let distance = (x - start - along * edge).length();
+    for (k, edge) in edges.iter().enumerate() {
+        let (distance, along) = nearest_of_edge(x, edge);
         if distance < best.0 {
             let mut weights = [0.0; 3];
             weights[k] = 1.0 - along;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, natural_order, numbered};
+use crate::readers::lookup::{FOLDERS, entries, file_name, folder_named, natural_order, number};
 use crate::readers::mask_files::is_mask_of;
 use crate::readers::result::Result;
 use files::InputError;
@@ -88,8 +88,7 @@ pub(crate) fn positions(images: &[PathBuf], count: usize) -> Option<Vec<usize>> 
     if images.len() == count {
         return Some((0..count).collect());
     }
-    let number = |path: &PathBuf| numbered(path).map(|(number, _)| number);
-    let numbers = images.iter().map(number).collect::<Option<Vec<usize>>>()?;
+    let numbers = images.iter().map(|path| number(path)).collect::<Option<Vec<usize>>>()?;
     let (first, last) = (*numbers.iter().min()?, *numbers.iter().max()?);
     let mut different = numbers.clone();
     different.sort_unstable();

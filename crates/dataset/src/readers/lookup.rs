@@ -184,13 +184,12 @@ pub(crate) fn image_place(folder: &Path, name: &str) -> PathBuf {
     image_named(folder, name).unwrap_or_else(|| folder.join(name))
 }
 
-/// The last number in the name of a file, without its extension, and what is before and behind it.
-pub(crate) fn numbered(path: &Path) -> Option<(usize, [String; 2])> {
+/// The last number in the name of a file, without its extension.
+pub(crate) fn number(path: &Path) -> Option<usize> {
     let stem = path.file_stem()?.to_string_lossy().into_owned();
     let end = stem.trim_end_matches(|c: char| !c.is_ascii_digit());
-    let start = end.trim_end_matches(|c: char| c.is_ascii_digit());
-    let number = end[start.len()..].parse().ok()?;
-    Some((number, [start.to_owned(), stem[end.len()..].to_owned()]))
+    let start = end.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    end[start..].parse().ok()
 }
 
 /// The order of names in which numbers count as numbers: `a9` comes before `a10`. Without numbers of

@@ -11,7 +11,7 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::readers::MaskKind;
 use crate::readers::lookup::{
-    FOLDERS, entries, file_name, folded, is_foreign, is_image, natural_order, numbered, only,
+    FOLDERS, entries, file_name, folded, is_foreign, is_image, natural_order, number, only,
     without_extension,
 };
 use crate::readers::mask::MaskFile;
@@ -53,9 +53,8 @@ pub(crate) fn find(recognised: &mut Recognised, folder: &Path) {
     let folders = image_folders(recognised, folder);
     let (candidates, foreign) = candidates(recognised, folder, &folders);
     if !foreign.is_empty() {
-        let (count, names) = (foreign.len(), listed(&foreign, folder));
-        let look = if count == 1 { "file looks like a mask" } else { "files look like masks" };
-        let text = format!("{count} {look}, in a format that is not read: {names}. Convert to PNG");
+        let (look, names) = (looking_like_masks(foreign.len()), listed(&foreign, folder));
+        let text = format!("{look}, in a format that is not read: {names}. Convert to PNG");
         recognised.notes.push(text);
     }
     if candidates.is_empty() {
@@ -103,6 +102,12 @@ fn drop_missing(recognised: &mut Recognised, folder: &Path) {
 /// The first names of these files, relative to the folder.
 fn listed<P: AsRef<Path>>(paths: &[P], folder: &Path) -> String {
     first_of(paths, |path| relative(path.as_ref(), folder))
+}
+
+/// The start of a note on this number of files.
+fn looking_like_masks(count: usize) -> String {
+    let look = if count == 1 { "file looks like a mask" } else { "files look like masks" };
+    format!("{count} {look}")
 }
 
 /// The folders of the photographs, and that of the data set.
@@ -455,7 +460,7 @@ impl Photographs {
             return None;
         }
         let numbers = |paths: Vec<&Path>| -> Option<BTreeMap<usize, usize>> {
-            let all = paths.iter().enumerate().map(|(i, path)| Some((numbered(path)?.0, i)));
+            let all = paths.iter().enumerate().map(|(i, path)| Some((number(path)?, i)));
             let all: BTreeMap<usize, usize> = all.collect::<Option<_>>()?;
             (all.len() == paths.len()).then_some(all)
         };
@@ -519,9 +524,8 @@ fn notes(
     };
     let unfit = of(&|fit| *fit == Fit::None);
     if !unfit.is_empty() {
-        let (count, names) = (unfit.len(), listed(&unfit, folder));
-        let look = if count == 1 { "file looks like a mask" } else { "files look like masks" };
-        notes.push(format!("{count} {look}, for no photograph that is here: {names}"));
+        let (look, names) = (looking_like_masks(unfit.len()), listed(&unfit, folder));
+        notes.push(format!("{look}, for no photograph that is here: {names}"));
     }
     let several = candidates.iter().zip(fits).find_map(|(mask, fit)| match fit {
         Fit::Several(all) => Some((mask, all)),
