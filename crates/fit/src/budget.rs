@@ -102,6 +102,11 @@ impl FitOptions {
         self.bending * self.fall(loss::schedule::bending_weight, progress)
     }
 
+    /// The factor on the weight of the term of patches where radiance explains the photographs.
+    pub(crate) fn patch_fall(&self, progress: f64) -> f64 {
+        loss::schedule::patch_fall(progress, self.soft(), self.assumed_iterations())
+    }
+
     /// A factor of the schedule for fields with splines near the surface, or 1 without them.
     fn fall(&self, factor: fn(f64, f64, u64) -> f64, progress: f64) -> f64 {
         let has_fine_grid = self.grid.0.iter().any(|side| is_fine(*side));

@@ -84,9 +84,11 @@ pub(crate) fn differentiate(
             Regulariser::Bending(options.bending_weight(progress) as f32),
         ],
         carving: depths.filter(|_| is_carving(progress, options.soft())),
-        patches: consistency
-            .as_ref()
-            .map(|own| Patches { consistency: own, weight: file.patch_weight() as f32 }),
+        patches: consistency.as_ref().map(|own| Patches {
+            consistency: own,
+            weight: options.patch_weight() as f32,
+            fall: options.patch_fall(progress) as f32,
+        }),
         wanted: Wanted {
             background: file.background_kind.is_trained(),
             cameras: calibration.is_some() && photographs.corrections.adjusted().is_none(),

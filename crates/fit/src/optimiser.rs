@@ -62,7 +62,7 @@ impl Optimiser {
         let shape = gradient.len() - background;
         let norm = self.clip(&mut gradient[..shape], options.clip as f32);
 
-        let rate = options.learning_rate * schedule;
+        let rate = options.learning_rate() * schedule;
         let of_network = options.network_rate(progress);
         self.adam.set_rate(NETWORK_GROUP, of_network);
         if model.matrices_of_field().next().is_some() {

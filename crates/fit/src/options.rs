@@ -112,10 +112,10 @@ pub struct FitOptions {
     #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().initial_radius)]
     pub initial_radius: f64,
-    /// Largest learning rate of Adam
-    #[arg(help_heading = SHAPE, hide_short_help = true)]
-    #[arg(long, default_value_t = Self::default().learning_rate)]
-    pub learning_rate: f64,
+    /// Largest learning rate of Adam [default: 0.003, or 0.002 in front of a trained background]
+    #[arg(long, help_heading = SHAPE, hide_short_help = true)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub learning_rate: Option<f64>,
     /// Pixels per iteration, at full size and once the surface is sharp
     #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, default_value_t = Self::default().batch)]
@@ -167,8 +167,8 @@ pub struct FitOptions {
     #[arg(help_heading = SHAPE, hide_short_help = true)]
     #[arg(long, value_enum, default_value_t = Self::default().stereo)]
     pub stereo: StereoChoice,
-    /// Weight of the term of patches: photographs must agree about points of the sharp surface; 0
-    /// for none [default: 4 in front of a trained background, else 0; 0 with refined distortion]
+    /// Weight of the term of patches: photographs must agree about points of the sharp surface. It
+    /// falls in the sharp part of long fits; 0 for none [default: 4, or 0 with refined distortion]
     #[arg(long, help_heading = SHAPE, hide_short_help = true)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub patches: Option<f64>,
@@ -203,6 +203,11 @@ const SAMPLE_LIMIT: f64 = 1.0;
 /// neural networks", ICML 2013.
 const CLIP: f64 = 3.0;
 
+/// The default of the largest learning rate, in front of a trained background and of a plain one.
+/// docs/detail.md compares rates.
+const LEARNING_RATE: f64 = 2e-3;
+const PLAIN_RATE: f64 = 3e-3;
+
 /// The default weight of the term of patches. docs/captures-compared.md compares weights.
 const PATCHES: f64 = 4.0;
 
@@ -228,7 +233,7 @@ impl Default for FitOptions {
             grid: GridLevels(vec![32, 64, 128]),
             beta: 100.0,
             initial_radius: 0.5,
-            learning_rate: 2e-3,
+            learning_rate: None,
             batch: 1024,
             estimator: "refined".to_owned(),
             edge_rays: 4,
@@ -316,7 +321,7 @@ impl FitOptions {
 
     /// The checks of all options but the estimator and those of the warp.
     fn checks(&self) -> Vec<Check> {
-        let (radius, soft) = (self.initial_radius, self.soft());
+        let (radius, soft, rate) = (self.initial_radius, self.soft(), self.learning_rate());
         vec![
             Check::at_least_one("iterations", self.iterations.unwrap_or(1)),
             Check::seed("seed", self.seed),
@@ -339,8 +344,8 @@ impl FitOptions {
             ),
             Check::new(
                 "learning_rate",
-                self.learning_rate,
-                self.learning_rate > 0.0 && self.learning_rate <= 1.0,
+                rate,
+                rate > 0.0 && rate <= 1.0,
                 "a number above 0, at most 1",
             ),
             Check::new("batch", self.batch, (1..=MAX_BATCH).contains(&self.batch), "1 to 16777216"),
@@ -370,11 +375,20 @@ impl FitOptions {
         ]
     }
 
-    /// The weight of the term of patches, for a background that is trained or not. Its cameras have
-    /// no lens.
-    pub(crate) fn patch_weight(&self, is_trained: bool) -> f64 {
-        let auto = is_trained && !self.refines_lenses();
-        self.patches.unwrap_or(if auto { PATCHES } else { 0.0 })
+    /// The largest learning rate. The file of a run has the option, by
+    /// [`learning_rate_for`](Self::learning_rate_for).
+    pub(crate) fn learning_rate(&self) -> f64 {
+        self.learning_rate.unwrap_or(LEARNING_RATE)
+    }
+
+    /// The largest learning rate of a new run, for a background that is trained or not.
+    pub(crate) fn learning_rate_for(&self, is_trained: bool) -> f64 {
+        self.learning_rate.unwrap_or(if is_trained { LEARNING_RATE } else { PLAIN_RATE })
+    }
+
+    /// The weight of the term of patches before its fall. Its cameras have no lens.
+    pub(crate) fn patch_weight(&self) -> f64 {
+        self.patches.unwrap_or(if self.refines_lenses() { 0.0 } else { PATCHES })
     }
 
     /// Whether radial distortion is refined.

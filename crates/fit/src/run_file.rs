@@ -55,11 +55,6 @@ pub struct RunFile {
 const LEAST_STOPS: f64 = 0.02;
 
 impl RunFile {
-    /// The weight of the term of patches.
-    pub(crate) fn patch_weight(&self) -> f64 {
-        self.options.patch_weight(self.background_kind.is_trained())
-    }
-
     /// The input of a new run on the data set at `path`: its bounding sphere, the use of its masks
     /// and the model for its background; and what its photographs show around the object.
     ///
@@ -96,6 +91,7 @@ impl RunFile {
             return Err(InputError::new(&dataset.path, "bounding sphere", found, SPHERE));
         }
         let BackgroundEstimate { color, spread, confidence } = found.background;
+        let is_trained = background_kind.is_trained();
         let mut file = RunFile {
             dataset: path,
             bounds,
@@ -110,7 +106,8 @@ impl RunFile {
             exposure_model: ExposureModel::Even,
             views: Some(Split::of(dataset, radius)),
             options: FitOptions {
-                soft: Some(options.soft_for(background_kind.is_trained())),
+                soft: Some(options.soft_for(is_trained)),
+                learning_rate: Some(options.learning_rate_for(is_trained)),
                 ..options.clone()
             },
         };

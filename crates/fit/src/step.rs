@@ -72,7 +72,7 @@ impl Fit {
         let (progress, options) = (self.progress(), &self.file.options);
         let is_sharp = sharpness(progress, options.soft()).is_none();
         let level = pyramid_level(progress, self.photographs.levels.len());
-        if is_sharp && level == 0 && self.file.patch_weight() > 0.0 {
+        if is_sharp && level == 0 && options.patch_weight() > 0.0 {
             self.photographs.prepare_consistency(&self.file.sphere());
         }
     }

@@ -13,7 +13,44 @@ const LEAST_RATIO: f32 = 2.0;
 /// The least number of draws of the object and of the background that a mean needs.
 const LEAST_DRAWS: usize = 20;
 
-/// The mean losses of pixels that no silhouette crosses.
+/// The losses of pixels that no silhouette crosses, background first: of those that show it, and of
+/// those that show the object.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MeanLosses {
+    sum: [f32; 2],
+    pixels: [f32; 2],
+    draws: [usize; 2],
+}
+
+impl MeanLosses {
+    /// Of pixels that show the object or not. Pixels without a loss do not count.
+    pub(crate) fn of(drawn: &[Draw], is_object: &[bool], losses: &[Option<f32>]) -> Self {
+        let mut all = Self::default();
+        for ((draw, is_object), loss) in drawn.iter().zip(is_object).zip(losses) {
+            let (Some(loss), count) = (loss, f32::from(draw.count)) else { continue };
+            all.sum[usize::from(*is_object)] += loss * count;
+            all.pixels[usize::from(*is_object)] += count;
+            all.draws[usize::from(*is_object)] += 1;
+        }
+        all
+    }
+
+    /// The mean over pixels that show the object; 0 without any.
+    pub(crate) fn of_object(&self) -> f32 {
+        if self.pixels[1] > 0.0 { self.sum[1] / self.pixels[1] } else { 0.0 }
+    }
+
+    /// The means. `None` if there are too few pixels, or if the background is explained as well as
+    /// the object.
+    pub(crate) fn typical(&self) -> Option<TypicalLosses> {
+        let [background, object] = [0, 1].map(|i| self.sum[i] / self.pixels[i]);
+        let is_known = self.draws.iter().all(|count| *count >= LEAST_DRAWS);
+        let is_used = is_known && background > LEAST_RATIO * object;
+        is_used.then_some(TypicalLosses { object, background })
+    }
+}
+
+/// The mean losses of the object and of a background that is explained worse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TypicalLosses {
     object: f32,
@@ -21,22 +58,6 @@ pub(crate) struct TypicalLosses {
 }
 
 impl TypicalLosses {
-    /// The means over pixels that show the object or not. Pixels without a loss do not count.
-    /// `None` if there are too few, or if the background is explained as well as the object.
-    pub(crate) fn of(drawn: &[Draw], is_object: &[bool], losses: &[Option<f32>]) -> Option<Self> {
-        let (mut sum, mut all, mut draws) = ([0.0; 2], [0.0; 2], [0; 2]);
-        for ((draw, is_object), loss) in drawn.iter().zip(is_object).zip(losses) {
-            let (Some(loss), count) = (loss, f32::from(draw.count)) else { continue };
-            sum[usize::from(*is_object)] += loss * count;
-            all[usize::from(*is_object)] += count;
-            draws[usize::from(*is_object)] += 1;
-        }
-        let [background, object] = [0, 1].map(|i| sum[i] / all[i]);
-        let is_known = draws.iter().all(|count| *count >= LEAST_DRAWS);
-        let is_used = is_known && background > LEAST_RATIO * object;
-        is_used.then_some(TypicalLosses { object, background })
-    }
-
     /// The derivative by the coverage C of the term (ρ − e)²/2b of a pixel with the loss ρ, where
     /// e = C s + (1 − C) b is the loss to expect, with the mean losses s of the object and b of the
     /// background. ρ counts as an observation: the term does not change radiance.
@@ -59,7 +80,7 @@ mod tests {
         let pixels: Vec<Draw> = (0..41).map(|x| Draw { view: 0, x, y: 0, count }).collect();
         let is_object: Vec<bool> = (0..41).map(|i| i % 2 == 1).collect();
         let losses: Vec<Option<f32>> = (0..40).map(|i| Some(of(i) - 0.01)).chain([None]).collect();
-        TypicalLosses::of(&pixels, &is_object, &losses)
+        MeanLosses::of(&pixels, &is_object, &losses).typical()
     }
 
     #[test]
@@ -70,7 +91,8 @@ mod tests {
         assert_eq!(losses(0.1, 0.8, 0), None, "too few draws");
         assert_eq!(losses(0.4, 0.7, 1), None, "a background that is explained");
         assert_eq!(losses(0.4, 0.1, 1), None, "a background that is explained better");
-        assert_eq!(TypicalLosses::of(&[], &[], &[]), None);
+        let none = MeanLosses::of(&[], &[], &[]);
+        assert_eq!((none.typical(), none.of_object()), (None, 0.0));
     }
 
     #[test]

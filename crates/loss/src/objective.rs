@@ -44,8 +44,10 @@ pub struct Objective<'a> {
 pub struct Patches<'a> {
     /// The photographs, with the cameras of the scene.
     pub consistency: &'a Consistency,
-    /// The weight of the term.
+    /// The weight of the term where radiance explains little of the photographs.
     pub weight: f32,
+    /// The factor on the weight where radiance explains the photographs: 1 for no fall.
+    pub fall: f32,
 }
 
 /// Photographs at one size as the target of an objective.

@@ -7,23 +7,59 @@
 use estimate::record::HitBar;
 use glam::Vec3;
 use multiview::stereo::PATCH_REACH;
+use random::Name;
 use render::{Hit, Primary};
 
-use crate::objective::{Objective, Patches};
+use crate::drawn::Drawn;
+use crate::objective::Patches;
 use crate::photometry::Draw;
 use crate::stats::BatchStats;
+
+/// The mean loss of a hit at which half of the weight stays after the fall: about that of residuals
+/// of 0.027 in display units.
+const UNEXPLAINED: f32 = 0.02;
+
+/// The term is evaluated at one of up to this many hits, with this many times its weight, where the
+/// weight has fallen by as much: a hit never has more than the first weight.
+const MOST: f32 = 4.0;
+
+const PATCH_HITS: Name = Name::new("hits of the term of patches", 37);
+
+impl Patches<'_> {
+    /// The term with the fall for this mean loss of hits.
+    ///
+    /// A plane carries a patch, so patches move a curved surface. Where radiance explains single
+    /// pixels, those are more exact. Highlights, lenses and exposures that no model explains are an
+    /// error of theirs, and patches do not see most of it.
+    pub(crate) fn after_fall(self, mean_loss: f32) -> Self {
+        let [loss, half] = [mean_loss, UNEXPLAINED].map(|loss| loss.powi(4));
+        Patches { fall: self.fall + (1.0 - self.fall) * loss / (loss + half), ..self }
+    }
+
+    /// The term is evaluated at one of this many hits.
+    fn every(self) -> usize {
+        self.fall.recip().clamp(1.0, MOST) as usize
+    }
+}
 
 /// The adjoints of hits by the term, if there is one. `draw` gives the draw of a sample, unless a
 /// silhouette may cross its pixel.
 pub(crate) fn patches<'d>(
-    objective: &Objective<'_>,
+    drawn: &Drawn<'_>,
     primary: &Primary<f32>,
     draw: impl Fn(usize) -> Option<&'d Draw>,
     stats: &mut BatchStats,
 ) -> Vec<HitBar<f32>> {
-    let Some(Patches { consistency, weight }) = objective.patches else { return Vec::new() };
+    let Drawn { objective, stream, .. } = *drawn;
+    let Some(term) = objective.patches else { return Vec::new() };
+    let (consistency, every) = (term.consistency, term.every());
+    let weight = objective.pixel_weight() * term.weight * term.fall * every as f32;
+    let start = stream.named(PATCH_HITS).bits() as usize % every;
     let photographs = &objective.targets.level.photographs;
     let mut of_hit = |(i, hit): (usize, &Hit<f32>)| {
+        if i % every != start {
+            return None;
+        }
         let draw = draw(hit.sample)?;
         let (view, [x, y]) = (draw.view as usize, [draw.x, draw.y].map(u32::from));
         if !photographs[view].is_used_around(x, y, PATCH_REACH) {
@@ -32,8 +68,8 @@ pub(crate) fn patches<'d>(
         let surface = &primary.surface;
         let found = consistency.at(view, [x, y], surface.x[i], surface.normal[i])?;
         let count = f32::from(draw.count);
-        stats.patches += f64::from(found.loss * count);
-        let weight = weight * objective.pixel_weight() * count;
+        stats.patches += f64::from(found.loss * count) * every as f64;
+        let weight = weight * count;
         Some(HitBar { x: found.x * weight, normal: found.normal * weight })
     };
     let none = HitBar { x: Vec3::ZERO, normal: Vec3::ZERO };
@@ -56,7 +92,7 @@ mod tests {
 
     use crate::photometry::{Level, MaskUse, pyramid};
     use crate::test_model::{BOUNDS, Model, background_model};
-    use crate::{Gradient, Surface, Workspace, gradient};
+    use crate::{Gradient, Objective, Surface, Workspace, gradient};
 
     use super::*;
 
@@ -133,7 +169,7 @@ mod tests {
             let counts = SampleCounts { spp: 4, edge_samples: 1 };
             let surface = Surface::Sharp { estimator: &Refined, counts, pass: Pass::Limited(1.0) };
             let plain = Objective::photometric(scene, &self.level, &self.draws, surface);
-            let patches = Some(Patches { consistency: &self.consistency, weight });
+            let patches = Some(Patches { consistency: &self.consistency, weight, fall: 1.0 });
             gradient(&Objective { patches, ..plain }, &mut Workspace::default()).unwrap()
         }
     }
@@ -172,6 +208,18 @@ mod tests {
         let relative = (error / square).sqrt();
         println!("relative error of the gradient of patches: {relative:.4}");
         assert!(relative < 0.03, "{relative}");
+    }
+
+    #[test]
+    fn the_weight_falls_where_radiance_explains_the_photographs() {
+        let setting = Setting::new();
+        let term = Patches { consistency: &setting.consistency, weight: 4.0, fall: 0.1 };
+        let fall = |loss| term.after_fall(loss).fall;
+        assert_eq!((fall(0.0), fall(UNEXPLAINED)), (0.1, 0.1 + 0.9 * 0.5));
+        assert!(fall(10.0 * UNEXPLAINED) > 0.99);
+        assert_eq!(Patches { fall: 1.0, ..term }.after_fall(0.0).fall, 1.0);
+        let every = |fall| Patches { fall, ..term }.every();
+        assert_eq!([0.0, 0.1, 0.3, 0.6, 1.0].map(every), [4, 4, 3, 1, 1]);
     }
 
     #[test]

@@ -85,7 +85,10 @@ const NETWORK_FALL: [f64; 2] = [0.0, 0.5];
 /// ended by then.
 const BENDING_FALL: [f64; 2] = [CARVING[1], 0.6];
 
-/// Both fall to this factor in long fits.
+/// The shares of the sharp part between which the weight of the term of patches falls.
+const PATCHES_FALL: [f64; 2] = [0.0, 0.6];
+
+/// They fall to this factor in long fits.
 const LAST: f64 = 0.05;
 
 /// Fits of this many iterations and less have no fall: their network still finds the shape.
@@ -115,6 +118,14 @@ pub fn network_rate(progress: f64, soft: f64, iterations: u64) -> f64 {
 /// the radius. At the end steps are too short for dents, and photographs pull the surface back.
 pub fn bending_weight(progress: f64, soft: f64, iterations: u64) -> f64 {
     fall(BENDING_FALL, progress, soft, iterations)
+}
+
+/// The factor on the weight of the term of patches where radiance explains the photographs.
+///
+/// Patches find the surface. At the end, single pixels know better: docs/captures-compared.md has
+/// fits with and without the fall.
+pub fn patch_fall(progress: f64, soft: f64, iterations: u64) -> f64 {
+    fall(PATCHES_FALL, progress, soft, iterations)
 }
 
 /// The weights of `bands` octaves. Each grows from 0 to 1 over half a period of a cosine, coarse
@@ -222,6 +233,7 @@ mod tests {
         assert_eq!((weight(0.6, 0.5), weight(0.9, 0.9)), (1.0, 1.0));
         assert!((weight(0.725, 0.5) - LAST.sqrt()).abs() < 1e-12);
         assert_eq!((weight(0.85, 0.5), weight(1.0, 0.9)), (LAST, LAST));
+        assert_eq!((patch_fall(0.5, 0.5, 10_000), patch_fall(0.8, 0.5, 10_000)), (1.0, LAST));
         assert_eq!((network_rate(1.0, 0.5, 400), bending_weight(1.0, 0.5, 0)), (1.0, 1.0));
         assert_eq!(network_rate(1.0, 0.5, 2000), 0.2);
         assert_eq!((batch_share(0.2, 0.5), batch_share(0.5, 0.5)), (SOFT_BATCH, 1.0));

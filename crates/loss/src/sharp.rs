@@ -13,7 +13,7 @@ use random::Name;
 use render::{InvalidField, Primary, Sample};
 
 use crate::carve::carve;
-use crate::coverage::TypicalLosses;
+use crate::coverage::{MeanLosses, TypicalLosses};
 use crate::drawn::{Drawn, NearPoint, PARTS, pixels_of, portion};
 use crate::objective::{Objective, PixelLoss};
 use crate::patches::patches;
@@ -110,10 +110,10 @@ impl Compared {
         crossed.map(|(draw, _)| *draw).collect()
     }
 
-    /// The losses of the object and the background, if they tell them apart.
-    pub(crate) fn typical_losses(&self) -> Option<TypicalLosses> {
+    /// The losses of the object and the background.
+    pub(crate) fn mean_losses(&self) -> MeanLosses {
         let hits = self.record.area.first().map(|area| area.primary.hit_mask());
-        TypicalLosses::of(&self.draws, &hits.unwrap_or_default(), &self.photometric())
+        MeanLosses::of(&self.draws, &hits.unwrap_or_default(), &self.photometric())
     }
 
     /// The photometric loss of each pixel; `None` for one that a silhouette may cross.
@@ -131,14 +131,14 @@ impl Compared {
     }
 
     /// Adds the term of patches to the hits of pixels that no silhouette may cross.
-    fn compare_patches(&mut self, objective: &Objective<'_>, stats: &mut BatchStats) {
+    fn compare_patches(&mut self, drawn: &Drawn<'_>, stats: &mut BatchStats) {
         let Compared { record, draws, losses } = self;
         for area in &mut record.area {
             let own = |sample: usize| {
                 let pixel = area.weights[sample].pixel as usize;
                 losses[pixel].map(|_| &draws[pixel])
             };
-            area.of_hits = patches(objective, &area.primary, own, stats);
+            area.of_hits = patches(drawn, &area.primary, own, stats);
         }
     }
 
@@ -249,7 +249,7 @@ impl<'a> SmoothPart<'a> {
         let near = compared.hits().map(|(pixel, x)| NearPoint { pixel, x, weight: weight(pixel) });
         regularise(&drawn, &near.collect::<Vec<NearPoint>>(), &mut out);
 
-        compared.compare_patches(drawn.objective, &mut out.stats);
+        compared.compare_patches(&drawn, &mut out.stats);
         compared.reverse(drawn.objective, pass, &mut out);
         out
     }

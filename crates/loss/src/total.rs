@@ -113,7 +113,10 @@ fn of_sharp_surface(
     let one_each = |task| Ok(sharp::Shaded::new(round, portion(count, task, tasks))?.compare());
     let compared = share(tasks).map(|task| work.run(Stage::Trace, || one_each(task)));
     let compared = sharp::Compared::joined(in_order(compared)?);
-    let (draws, typical) = (compared.crossed_draws(), compared.typical_losses());
+    let (draws, losses) = (compared.crossed_draws(), compared.mean_losses());
+    let typical = losses.typical();
+    let patches = round.patches.map(|patches| patches.after_fall(losses.of_object()));
+    let round = &Objective { patches, ..*round };
     let pushes = pushes_of(round, compared.photometric().into_iter());
 
     // Records of a warp depend on the pixels beside: these are those of a part.
