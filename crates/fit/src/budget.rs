@@ -160,6 +160,14 @@ mod tests {
     }
 
     #[test]
+    fn a_given_learning_rate_goes_before_that_of_the_background() {
+        let none = FitOptions::default();
+        assert_eq!([none.learning_rate_for(false), none.learning_rate_for(true)], [3e-3, 2e-3]);
+        let given = FitOptions { learning_rate: Some(1e-3), ..none };
+        assert_eq!([given.learning_rate_for(false), given.learning_rate()], [1e-3; 2]);
+    }
+
+    #[test]
     fn the_network_slows_down_and_bending_ends_where_splines_carry_the_details() {
         let of = |levels: &[usize]| FitOptions {
             grid: GridLevels(levels.to_vec()),

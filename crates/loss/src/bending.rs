@@ -12,7 +12,7 @@ use film::Film;
 use glam::Vec3;
 use random::Name;
 
-use crate::drawn::{Drawn, NearPoint};
+use crate::drawn::{Drawn, NearPoint, one_of};
 use crate::eikonal::in_ball;
 use crate::photometry::{Draw, Level};
 use crate::reversed::Reversed;
@@ -48,11 +48,10 @@ pub(crate) fn bending(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32, out
     let Drawn { objective, draws, stream, .. } = *drawn;
     let step = STEP * objective.scene.bounding_ball().radius;
     let weight = weight * drawn.objective.pixel_weight() * EVERY as f32;
-    let start = stream.named(BENDING_HITS).bits() as usize % EVERY;
     let directions = stream.named(BENDING_DIRECTIONS);
 
     let (mut points, mut weights) = (Vec::new(), Vec::new());
-    for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
+    for (i, near) in one_of(EVERY, surface.iter().enumerate(), stream.named(BENDING_HITS)) {
         let direction = in_ball(directions.at(i as u64)).normalize_or_zero();
         points.extend([near.x, near.x + direction * step]);
         let even = evenness(objective.targets.level, &draws[near.pixel]);

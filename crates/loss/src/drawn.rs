@@ -95,6 +95,15 @@ pub fn balanced(draws: &[Draw], cost: impl Fn(&Draw) -> f64 + Send + Sync) -> Ve
     draws.chunks(ROUND).zip(costs.chunks(ROUND)).flat_map(of_round).collect()
 }
 
+/// One of `every` items, from a random first one.
+pub(crate) fn one_of<T>(
+    every: usize,
+    items: impl Iterator<Item = T>,
+    stream: Stream,
+) -> impl Iterator<Item = T> {
+    items.skip(stream.bits() as usize % every).step_by(every)
+}
+
 /// The number of pixels that these draws stand for.
 pub(crate) fn pixels_of(draws: &[Draw]) -> u64 {
     draws.iter().map(|draw| u64::from(draw.count)).sum()

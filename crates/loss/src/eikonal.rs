@@ -7,7 +7,7 @@ use field::Vector3;
 use glam::Vec3;
 use random::{Name, Stream};
 
-use crate::drawn::{Drawn, NearPoint, pixels_of};
+use crate::drawn::{Drawn, NearPoint, one_of, pixels_of};
 use crate::reversed::Reversed;
 
 /// The term is evaluated at one of this many points, with this many times its weight. At 2 and
@@ -48,8 +48,7 @@ fn eikonal_points(drawn: &Drawn<'_>, surface: &[NearPoint], weight: f32) -> (Vec
 
     let of_hit = weight * drawn.objective.pixel_weight() * EVERY as f32;
     let stream = drawn.stream.named(EIKONAL_HITS);
-    let start = stream.bits() as usize % EVERY;
-    for (i, near) in surface.iter().enumerate().skip(start).step_by(EVERY) {
+    for (i, near) in one_of(EVERY, surface.iter().enumerate(), stream) {
         points.push(near.x + offset(drawn.stream, i as u64) * (NEAR * ball.radius));
         weights.push(of_hit * near.weight);
     }

@@ -10,7 +10,7 @@ use multiview::stereo::PATCH_REACH;
 use random::Name;
 use render::{Hit, Primary};
 
-use crate::drawn::Drawn;
+use crate::drawn::{Drawn, one_of};
 use crate::objective::Patches;
 use crate::photometry::Draw;
 use crate::stats::BatchStats;
@@ -26,7 +26,7 @@ const MOST: f32 = 4.0;
 const PATCH_HITS: Name = Name::new("hits of the term of patches", 37);
 
 impl Patches<'_> {
-    /// The term with the fall for this mean loss of hits.
+    /// The term with a fall for this mean loss of hits: `fall` is then the factor on the weight.
     ///
     /// A plane carries a patch, so patches move a curved surface. Where radiance explains single
     /// pixels, those are more exact. Highlights, lenses and exposures that no model explains are an
@@ -54,12 +54,8 @@ pub(crate) fn patches<'d>(
     let Some(term) = objective.patches else { return Vec::new() };
     let (consistency, every) = (term.consistency, term.every());
     let weight = objective.pixel_weight() * term.weight * term.fall * every as f32;
-    let start = stream.named(PATCH_HITS).bits() as usize % every;
     let photographs = &objective.targets.level.photographs;
-    let mut of_hit = |(i, hit): (usize, &Hit<f32>)| {
-        if i % every != start {
-            return None;
-        }
+    let mut of_hit = |i: usize, hit: &Hit<f32>| {
         let draw = draw(hit.sample)?;
         let (view, [x, y]) = (draw.view as usize, [draw.x, draw.y].map(u32::from));
         if !photographs[view].is_used_around(x, y, PATCH_REACH) {
@@ -73,8 +69,11 @@ pub(crate) fn patches<'d>(
         Some(HitBar { x: found.x * weight, normal: found.normal * weight })
     };
     let none = HitBar { x: Vec3::ZERO, normal: Vec3::ZERO };
-    let hits = primary.hits.iter().enumerate();
-    hits.map(|hit| of_hit(hit).unwrap_or(none)).collect()
+    let mut of_hits = vec![none; primary.hits.len()];
+    for (i, hit) in one_of(every, primary.hits.iter().enumerate(), stream.named(PATCH_HITS)) {
+        of_hits[i] = of_hit(i, hit).unwrap_or(none);
+    }
+    of_hits
 }
 
 #[cfg(test)]
