@@ -56,7 +56,7 @@ fn is_late(elapsed: Duration, done: usize, all: usize, limit: Duration) -> bool 
 
 impl Fit {
     /// Whether this part of the run needs depths that it has not looked for.
-    fn lacks_depths(&self) -> bool {
+    pub fn lacks_depths(&self) -> bool {
         let is_over = ends_depths(self.progress(), self.file.options.soft());
         self.file.uses_depths() && !is_over && self.photographs.depths.is_none()
     }

@@ -42,12 +42,24 @@ pub struct RunFile {
     pub background_confidence: f32,
     /// The model for the exposures of the photographs.
     pub exposure_model: ExposureModel,
+    /// How many times the bounding sphere may still grow, if its surface ends on it. A fit whose
+    /// sphere is sure has none: it was asked for, or points or outlines show the object.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub sphere_growths: u32,
     /// The views. A run of an earlier version has none: its views are those of the data set as it
     /// is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub views: Option<Split>,
     /// The options.
     pub options: FitOptions,
+}
+
+/// How many times the bounding sphere of a new run may grow, if nothing but the cameras and matches
+/// between photographs tells where the object ends.
+const MOST_GROWTHS: u32 = 2;
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 /// The spread of the exposures, in stops, from which on each photograph has one of its own, where a
@@ -105,6 +117,10 @@ impl RunFile {
             },
             exposure_model: ExposureModel::Even,
             views: Some(Split::of(dataset, radius)),
+            sphere_growths: match found.source {
+                SphereSource::Cameras | SphereSource::Matches if is_trained => MOST_GROWTHS,
+                _ => 0,
+            },
             options: FitOptions {
                 soft: Some(options.soft_for(is_trained)),
                 learning_rate: Some(options.learning_rate_for(is_trained)),
@@ -121,6 +137,18 @@ impl RunFile {
         };
         file.exposure_model = options.exposure.resolve(differ);
         Ok((file, found))
+    }
+
+    /// The same run in another bounding sphere, which grows once less. `dataset` is as it was read.
+    #[must_use]
+    pub fn grown(&self, sphere: &Sphere<f64>, dataset: &Dataset) -> Self {
+        let Sphere { center, radius } = *sphere;
+        RunFile {
+            bounds: [center.x, center.y, center.z, radius],
+            views: Some(Split::of(dataset, radius)),
+            sphere_growths: self.sphere_growths.saturating_sub(1),
+            ..self.clone()
+        }
     }
 
     /// The point that a run's cameras, model and mesh are relative to, in the units of the data

@@ -34,8 +34,15 @@ pub(crate) fn widest(views: &[View]) -> Sphere<f64> {
 
 /// Whether all cameras are well outside a sphere, also those of held-out views.
 pub(crate) fn is_clear_of_cameras(dataset: &Dataset, sphere: &Sphere<f64>) -> bool {
+    sphere.radius <= radius_clear_of_cameras(dataset, sphere.center)
+}
+
+/// The largest radius of a sphere around `center` that leaves all cameras well outside, also those
+/// of held-out views.
+pub fn radius_clear_of_cameras(dataset: &Dataset, center: DVec3) -> f64 {
     let all = [&dataset.train, &dataset.test];
-    all.iter().all(|v| sphere.radius <= MOST_OF_DISTANCE * nearest(v, sphere.center))
+    MOST_OF_DISTANCE
+        * all.map(|views| nearest(views, center)).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The distance of the nearest camera from a point.

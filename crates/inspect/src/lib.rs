@@ -25,6 +25,7 @@ mod test_ball;
 mod tests;
 mod text;
 
+pub use aim::radius_clear_of_cameras;
 pub use background::BackgroundEstimate;
 pub use bounds::{
     SphereSource, Surroundings, check_cameras, check_places, looks_away, surroundings,

@@ -51,6 +51,7 @@ pub(crate) fn run_file(width: usize, layers: usize, bands: usize) -> RunFile {
         background_spread: 0.05,
         background_confidence: 0.5,
         exposure_model: ExposureModel::Even,
+        sphere_growths: 0,
         views: Some(Split {
             train: vec!["images/001.png".to_owned(), "images/002.png".to_owned()],
             held_out: vec!["images/000.png".to_owned()],

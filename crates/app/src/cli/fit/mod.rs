@@ -1,5 +1,6 @@
 //! `dsdf fit`.
 
+mod growth;
 mod options;
 mod prepare_run;
 mod progress;
@@ -118,8 +119,9 @@ pub(super) fn fit(
     prepare_run::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
     let live = segment.reports.then(|| Live::start(run, &session.fit));
-    let last = console
-        .while_iterating(|| iterate(&mut session, segment.stop_after, live.as_ref(), global))?;
+    let last = console.while_iterating(|| {
+        iterate(&mut session, run, segment.stop_after, live.as_ref(), global)
+    })?;
     if console.stop_requested() {
         if let Some(live) = &live {
             live.write(&session.fit, State::Stopped)?;
@@ -210,29 +212,38 @@ fn locked_fit(
     Ok((session, lock))
 }
 
-/// Iterates until the budget is spent, `stop_after` is reached or Ctrl-C is pressed. Returns the
-/// metrics of the last iteration.
+/// Iterates until the budget is spent, `stop_after` is reached or Ctrl-C is pressed, in a larger
+/// sphere if the first one cuts the object off. Returns the metrics of the last iteration.
 fn iterate(
     session: &mut Session,
+    run: &Path,
     stop_after: Option<u64>,
     live: Option<&Live>,
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut last: Option<Metrics> = None;
-    let done = Cell::new(session.fit.clock.iteration);
-    let stop = || global.console.stop_requested() || stop_after.is_some_and(|n| done.get() >= n);
-    progress::find_depths(&mut session.fit, &stop, global);
-    let bar = progress::start(global);
-    let report = &mut |session: &Session, metrics: &Metrics| -> anyhow::Result<()> {
-        done.set(metrics.step.iteration);
-        if let Some(trial) = &metrics.step.trial {
-            global.say(&trial.text());
+    let is_reached = |done: u64| stop_after.is_some_and(|n| done >= n);
+    loop {
+        let (done, is_due) = (Cell::new(session.fit.clock.iteration), Cell::new(false));
+        let requested = || global.console.stop_requested();
+        let stop = || requested() || is_reached(done.get()) || is_due.get();
+        progress::find_depths(&mut session.fit, &stop, global);
+        let bar = progress::start(global);
+        let report = &mut |session: &Session, metrics: &Metrics| -> anyhow::Result<()> {
+            done.set(metrics.step.iteration);
+            is_due.set(growth::is_due(&session.fit));
+            if let Some(trial) = &metrics.step.trial {
+                global.say(&trial.text());
+            }
+            progress::show(&bar, metrics);
+            last = Some(metrics.clone());
+            live.map_or(Ok(()), |live| live.refresh(&session.fit))
+        };
+        session.run(&stop, report)?;
+        bar.finish_and_clear();
+        if requested() || !growth::is_due(&session.fit) {
+            return Ok(last);
         }
-        progress::show(&bar, metrics);
-        last = Some(metrics.clone());
-        live.map_or(Ok(()), |live| live.refresh(&session.fit))
-    };
-    session.run(&stop, report)?;
-    bar.finish_and_clear();
-    Ok(last)
+        growth::examine(session, run, global)?;
+    }
 }

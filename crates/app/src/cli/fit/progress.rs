@@ -12,6 +12,9 @@ pub(super) fn start(global: &Global) -> Progress {
 
 /// Finds the depths that guide the fit, with their progress.
 pub(super) fn find_depths(fitting: &mut Fit, stop: &dyn Fn() -> bool, global: &Global) {
+    if !fitting.lacks_depths() {
+        return;
+    }
     let bar = global.progress_with_text("depths");
     // The search begins anew after an adjustment of the cameras.
     let (mut search, mut last) = (1, 0);
