@@ -246,6 +246,46 @@ fn few_poses_have_advice_and_none_is_an_error_with_it() {
 }
 
 #[test]
+fn matching_begins_again_with_a_guide_if_few_photographs_have_a_pose() {
+    let again = ["exhaustive_matcher", "mapper", "image_undistorter"];
+    for fault in [("FAKE_FEW", "3"), ("FAKE_NONE", "1")] {
+        let bench = Bench::new();
+        let faults = [fault, ("FAKE_GUIDED", "4")];
+        let (poses, calls) = bench.json(&[], &faults);
+        assert_eq!(calls, [&ALL[..3], &again].concat(), "{fault:?}");
+        assert_eq!(poses["registered"], 4);
+        let log = fs::read_to_string(bench.path("data/colmap.log")).unwrap();
+        assert_eq!(log.matches("SiftMatching.guided_matching 1").count(), 1);
+        // It is not run again, and a search without a guide is.
+        assert!(bench.json(&[], &faults).1.is_empty());
+        assert!(bench.json(&["--guided", "always"], &faults).1.is_empty());
+    }
+    let bench = Bench::new();
+    let faults = [("FAKE_FEW", "3"), ("FAKE_GUIDED", "4")];
+    let (poses, calls) = bench.json(&["--guided", "never"], &faults);
+    assert_eq!((calls.len(), &poses["registered"]), (4, &3.into()));
+    let (_, calls) = bench.json(&["--guided", "always"], &faults);
+    assert_eq!(calls, again);
+    // Stopped in the guided part, it continues there.
+    let bench = Bench::new();
+    let hangs = [faults[0], faults[1], ("FAKE_FAIL", "image_undistorter")];
+    failed(&bench.run(&[], &hangs), 1, &["the fake failed"]);
+    bench.calls();
+    let (poses, calls) = bench.json(&[], &faults);
+    assert_eq!(
+        (calls.as_slice(), &poses["registered"]),
+        (&["image_undistorter".to_owned()][..], &4.into())
+    );
+    // Enough have a pose at once, or a guide does not help either.
+    let bench = Bench::new();
+    assert_eq!(bench.json(&[], &[("FAKE_GUIDED", "3")]).1, ALL);
+    let bench = Bench::new();
+    let (poses, calls) = bench.json(&[], &[("FAKE_FEW", "2"), ("FAKE_GUIDED", "3")]);
+    assert_eq!((calls.len(), &poses["registered"]), (6, &3.into()));
+    assert!(poses["advice"][0].as_str().unwrap().contains("more photographs:"));
+}
+
+#[test]
 fn without_colmap_one_line_says_how_to_get_it() {
     let bench = Bench::new();
     let mut command = bench.command(&[], &[]);

@@ -57,6 +57,19 @@ pub enum CameraChoice {
     Each,
 }
 
+/// Whether a second search for matches is guided by the first ones: along epipolar lines, and with
+/// a looser comparison of features (a ratio of 0.9).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Guided {
+    /// If fewer than 80 % of the photographs have a pose without it
+    #[default]
+    Auto,
+    /// From the start
+    Always,
+    /// Never
+    Never,
+}
+
 /// The options of a search for poses.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "COLMAP")]
@@ -68,6 +81,10 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 20,
           value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub overlap: u32,
+    /// A second search for matches in each pair, guided by the first: slower, and more photographs
+    /// have a pose
+    #[arg(long, value_enum, default_value_t)]
+    pub guided: Guided,
     /// Model of the lens
     #[arg(long, value_enum, default_value_t)]
     pub camera_model: CameraModel,
@@ -88,6 +105,7 @@ impl Default for Options {
         Options {
             matching: Matching::default(),
             overlap: 20,
+            guided: Guided::default(),
             camera_model: CameraModel::default(),
             cameras: CameraChoice::default(),
             max_size: 3200,
@@ -144,8 +162,8 @@ impl Options {
         }
     }
 
-    /// All steps with the options that their results depend on.
-    pub(crate) fn settings(&self, photographs: &Photographs) -> Vec<Entry> {
+    /// All steps with the options that their results depend on. Matching is guided or not.
+    pub(crate) fn settings(&self, photographs: &Photographs, is_guided: bool) -> Vec<Entry> {
         let matching = self.matching_of(photographs.count());
         let of = |step: Step| -> Vec<(&str, String)> {
             match step {
@@ -163,8 +181,11 @@ impl Options {
             }
         };
         let entry = |step: Step| {
-            let settings: Settings =
+            let mut settings: Settings =
                 of(step).into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+            if step == Step::Matching && is_guided {
+                settings.insert(GUIDED.to_owned(), "yes".to_owned());
+            }
             Entry { step, settings }
         };
         Step::ALL.into_iter().map(entry).collect()
@@ -181,6 +202,29 @@ impl Options {
             Step::Mapping => "mapper",
             Step::Undistortion => "image_undistorter",
         }
+    }
+}
+
+/// The setting of guided matching.
+const GUIDED: &str = "guided";
+
+/// COLMAP's options for guided matching, in newer and older versions.
+const GUIDED_MATCHING: [&str; 2] =
+    ["FeatureMatching.guided_matching", "SiftMatching.guided_matching"];
+
+/// The largest ratio of the distances to the best and the second best feature, in guided matching:
+/// epipolar lines leave few wrong ones. COLMAP's default is 0.8.
+const GUIDED_RATIO: f64 = 0.9;
+
+/// Whether the installed version can guide its matching.
+pub(crate) fn can_guide(help: &Help) -> bool {
+    GUIDED_MATCHING.iter().any(|name| help.has(name))
+}
+
+impl Entry {
+    /// Whether it is a guided matching.
+    pub(crate) fn is_guided(&self) -> bool {
+        self.settings.contains_key(GUIDED)
     }
 }
 
@@ -209,7 +253,7 @@ pub(crate) const DATABASE: &str = "database.db";
 /// # Errors
 /// If it lacks an option.
 pub(crate) fn arguments(
-    step: Step,
+    entry: &Entry,
     options: &Options,
     photographs: &Photographs,
     threads: usize,
@@ -219,7 +263,7 @@ pub(crate) fn arguments(
     let path = |path: &Path| path.display().to_string();
     let database = path(&places.output.join(DATABASE));
     let mut line = Line { help, words: Vec::new() };
-    match step {
+    match entry.step {
         Step::Features => {
             line.add(&["database_path"], database)?;
             line.add(&["image_path"], path(places.images))?;
@@ -240,6 +284,10 @@ pub(crate) fn arguments(
             line.add(&["database_path"], database)?;
             line.add(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], 0)?;
             line.add(&["FeatureMatching.num_threads", "SiftMatching.num_threads"], threads)?;
+            if entry.is_guided() {
+                line.add(&GUIDED_MATCHING, 1)?;
+                line.add_if_known("SiftMatching.max_ratio", GUIDED_RATIO);
+            }
             if options.matching_of(photographs.count()) == Matching::Sequential {
                 line.add(&["SequentialMatching.overlap"], options.overlap)?;
             } else {
@@ -322,7 +370,8 @@ mod tests {
         let (photographs, here) = (photographs(folder.path()), Path::new("x"));
         let places = Places { images: here, input: here, output: here, list: here };
         let help = Help::new("some_command", help);
-        arguments(step, options, &photographs, 2, &places, &help).map(|words| words.join(" "))
+        let entry = Entry { step, settings: Settings::new() };
+        arguments(&entry, options, &photographs, 2, &places, &help).map(|words| words.join(" "))
     }
 
     const FEATURES: &str = "--database_path arg --image_path arg --image_list_path arg \
@@ -354,7 +403,7 @@ mod tests {
     fn a_step_runs_again_only_if_its_options_change() {
         let folder = tempfile::tempdir().unwrap();
         let photographs = photographs(folder.path());
-        let all = |options: Options| options.settings(&photographs);
+        let all = |options: Options| options.settings(&photographs, false);
         let settings = all(Options::default());
         let overlap = all(Options { overlap: 5, ..Options::default() });
         assert_eq!(settings, overlap, "it has no effect on exhaustive matching");
@@ -363,6 +412,8 @@ mod tests {
         assert!(settings[0] == sequential[0] && settings[1] != sequential[1]);
         let size = all(Options { max_size: 900, ..Options::default() });
         assert!(settings[0] != size[0] && settings[1..] == size[1..]);
+        let guided = Options::default().settings(&photographs, true);
+        assert!(guided[1].is_guided() && !settings[1].is_guided() && guided[2..] == settings[2..]);
         let options = Options::default();
         assert_eq!(options.matching_of(150), Matching::Exhaustive);
         assert_eq!(options.matching_of(151), Matching::Sequential);

@@ -10,9 +10,12 @@ pub enum Error {
     /// The photographs, the folder or the options are wrong input.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// COLMAP is missing, is too old, fails, or finds no pose. One line says which, and the remedy.
+    /// COLMAP is missing, is too old, or fails. One line says which, and the remedy.
     #[error("{0}")]
     Colmap(String),
+    /// COLMAP finds no pose. One line has the remedies.
+    #[error("{0}")]
+    NoPose(String),
     /// A file of the data set cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -38,7 +41,7 @@ impl Error {
         match self {
             Error::Input(input) => Some(input),
             Error::Write(error) => error.input(),
-            Error::Colmap(_) | Error::System { .. } => None,
+            Error::Colmap(_) | Error::NoPose(_) | Error::System { .. } => None,
         }
     }
 }

@@ -7,8 +7,8 @@ use dataset::readers::sparse_model;
 use files::{InputError, WriteError};
 
 use crate::Error;
-use crate::advice::remedies;
-use crate::commands::{DATABASE, Options, Places, arguments, list_name};
+use crate::advice::{FEW_REGISTERED, remedies};
+use crate::commands::{DATABASE, Guided, Options, Places, arguments, can_guide, list_name};
 use crate::output::Log;
 use crate::photographs::Photographs;
 use crate::program::{End, Program};
@@ -48,6 +48,8 @@ pub enum Event<'a> {
     /// A data set that was complete is made again from this step on: its options are others, its
     /// results are gone, or COLMAP has another version.
     Again(Step),
+    /// Few photographs have a pose: matching begins again, guided by the first matches.
+    Guided,
     /// A step starts.
     Started(Step),
     /// A part of a step is done.
@@ -65,14 +67,17 @@ pub enum Event<'a> {
 
 /// Finds the poses of photographs, from the first step on that is not done.
 ///
+/// If fewer than [`FEW_REGISTERED`] of them have a pose, matching begins again by default, guided
+/// by the first matches ([`Guided`]).
+///
 /// The folder of the data set gets the undistorted photographs and their model, which every reader
 /// of COLMAP's files reads. `stop` is asked often; when it is true, COLMAP is ended, and `None` is
 /// returned. The same job continues then.
 ///
 /// # Errors
 /// [`Error::Input`] if the folder has other files, or belongs to other photographs, if a photograph
-/// cannot be decoded, or if a path is not in UTF-8. [`Error::Colmap`] if COLMAP is missing, a step
-/// fails, or no pose is found. The others if a file cannot be written.
+/// cannot be decoded, or if a path is not in UTF-8. [`Error::Colmap`] if COLMAP is missing or a
+/// step fails, and [`Error::NoPose`] if no pose is found. The others if a file cannot be written.
 pub fn run(
     job: &Job<'_>,
     stop: &dyn Fn() -> bool,
@@ -82,8 +87,8 @@ pub fn run(
     for (path, field) in [(&*job.photographs.folder, "photographs"), (job.output, "output")] {
         check_utf8(path, field)?;
     }
-    let settings = job.options.settings(job.photographs);
     let state = State::of(job.output, job.photographs)?;
+    let mut settings = job.settings(&state);
     if job.done(&state, &settings) == Step::ALL.len()
         && let Some(poses) = &state.result
     {
@@ -110,12 +115,20 @@ pub fn run(
         show(Event::Again(entry.step));
     }
     let mut log = Log::open(job.output, done > 0)?;
-    for entry in &settings[done..] {
-        show(Event::Started(entry.step));
-        if !job.run_step(entry, &mut state, (&mut log, &lock), stop, show)? {
-            return Ok(None);
+    while let Some(entry) = settings.get(state.done.len()) {
+        if entry.step == Step::Undistortion && job.is_worth_a_guide(&settings)? {
+            settings = job.guide(&mut state, show);
+            continue;
         }
-        show(Event::Finished(entry.step));
+        show(Event::Started(entry.step));
+        match job.run_step(entry, &mut state, (&mut log, &lock), stop, show) {
+            Ok(true) => show(Event::Finished(entry.step)),
+            Ok(false) => return Ok(None),
+            Err(Error::NoPose(_)) if job.may_guide(&settings)? => {
+                settings = job.guide(&mut state, show);
+            }
+            Err(error) => return Err(error),
+        }
     }
     let found = models(&job.result_of(Step::Mapping))?;
     let found: Vec<_> = found.into_iter().map(|(_, model)| model).collect();
@@ -126,6 +139,41 @@ pub fn run(
 }
 
 impl Job<'_> {
+    /// All steps with the options that their results depend on. A search that was guided stays so.
+    fn settings(&self, state: &State) -> Vec<Entry> {
+        let was_guided = || state.done.iter().chain(&state.started).any(Entry::is_guided);
+        let is_guided = match self.options.guided {
+            Guided::Auto => was_guided(),
+            Guided::Always => true,
+            Guided::Never => false,
+        };
+        self.options.settings(self.photographs, is_guided)
+    }
+
+    /// Whether matching can begin again, guided.
+    fn may_guide(&self, settings: &[Entry]) -> Result<bool, Error> {
+        if self.options.guided != Guided::Auto || settings.iter().any(Entry::is_guided) {
+            return Ok(false);
+        }
+        let command = self.options.command(Step::Matching, self.photographs.count());
+        Ok(can_guide(&self.program.help(command)?))
+    }
+
+    /// Whether few photographs have a pose, and guided matching can find more.
+    fn is_worth_a_guide(&self, settings: &[Entry]) -> Result<bool, Error> {
+        let found = models(&self.result_of(Step::Mapping))?;
+        let registered = found.first().map_or(0, |(_, model)| model.images.len());
+        let is_few = (registered as f64) < FEW_REGISTERED * self.photographs.count() as f64;
+        Ok(is_few && self.may_guide(settings)?)
+    }
+
+    /// Goes back to matching, which is guided from now on.
+    fn guide(&self, state: &mut State, show: &mut dyn FnMut(Event<'_>)) -> Vec<Entry> {
+        state.done.retain(|entry| entry.step < Step::Matching);
+        show(Event::Guided);
+        self.options.settings(self.photographs, true)
+    }
+
     /// Decodes all photographs. Returns whether it was not stopped.
     fn decode(
         &self,
@@ -217,7 +265,7 @@ impl Job<'_> {
         let (count, mut before) = (self.photographs.count(), 0);
         for (number, group) in groups.iter().enumerate() {
             let command = self.options.command(step, count);
-            let words = self.command_line(step, command, &partial, number)?;
+            let words = self.command_line(entry, command, &partial, number)?;
             log.begin(&words)?;
             let end = self.program.run(&words, lock, stop, &mut |line| {
                 if let Some((fraction, text)) = step.progress(line, count, before) {
@@ -275,11 +323,12 @@ impl Job<'_> {
     /// The command line of a step.
     fn command_line(
         &self,
-        step: Step,
+        entry: &Entry,
         command: &str,
         partial: &Path,
         group: usize,
     ) -> Result<Vec<String>, Error> {
+        let step = entry.step;
         let input = match step {
             Step::Features | Step::Matching => PathBuf::new(),
             Step::Mapping => self.result_of(Step::Matching).join(DATABASE),
@@ -296,7 +345,7 @@ impl Job<'_> {
         let help = self.program.help(command)?;
         let (options, photographs) = (self.options, self.photographs);
         let mut words = vec![command.to_owned()];
-        words.extend(arguments(step, options, photographs, self.threads, &places, &help)?);
+        words.extend(arguments(entry, options, photographs, self.threads, &places, &help)?);
         Ok(words)
     }
 
@@ -340,7 +389,7 @@ impl Job<'_> {
     fn no_pose(&self, log: &Log) -> Error {
         let count = self.photographs.count();
         let remedies = remedies(self.options.matching_of(count)).join("; ");
-        Error::Colmap(format!(
+        Error::NoPose(format!(
             "{}: COLMAP found no pose: it could not connect any group of the {count} photographs \
              (its output: {}); {remedies}",
             self.photographs.folder.display(),

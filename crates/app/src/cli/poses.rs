@@ -66,6 +66,9 @@ impl Poses {
                 let text = "of a complete data set: options or COLMAP changed, or files are gone";
                 global.say(&format!("again from {step} on, {text}"));
             }
+            Event::Guided => {
+                global.say("few photographs have a pose: matching again, guided (see --guided)");
+            }
             Event::Started(step) => {
                 if let Some(bar) = bar.take() {
                     bar.finish_and_clear();
