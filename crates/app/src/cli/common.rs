@@ -1,5 +1,6 @@
 //! Flags, output and errors that the commands share.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use anyhow::Context;
@@ -161,6 +162,14 @@ pub(super) fn option_error(name: &str, found: String, expected: &str) -> InputEr
 
 fn flag(name: &str) -> String {
     format!("--{}", name.replace('_', "-"))
+}
+
+/// The arguments of a command that another one runs, from the words after its name.
+pub(super) fn arguments<'a, T: Args>(
+    words: impl IntoIterator<Item = &'a OsStr>,
+) -> Result<T, clap::Error> {
+    let command = T::augment_args(clap::Command::new("dsdf").no_binary_name(true));
+    T::from_arg_matches(&command.try_get_matches_from(words)?)
 }
 
 /// The origin of the bounding sphere of a run that exists.

@@ -60,6 +60,9 @@ pub(crate) struct CutOptions {
     /// of the run]
     #[arg(long)]
     pub(super) dataset: Option<PathBuf>,
+    /// Whether --above needs no table: without one, nothing is cut off there.
+    #[arg(skip)]
+    pub(super) spares_without_table: bool,
 }
 
 /// A height above the table, in bounding radii.
@@ -152,8 +155,15 @@ impl CutOptions {
         for region in &self.crop {
             cutting.crop(region);
         }
-        if let Some(Height(height)) = self.above {
-            cutting.keep_above(height)?;
+        if let Some(Height(height)) = self.above
+            && !cutting.keep_above(height)?
+        {
+            let found = "no flat part of the seen surface, within 45 degrees of level, with other \
+                parts above it";
+            if !self.spares_without_table {
+                return Err(InputError::new(ARGUMENTS, "--above", found, "a table").into());
+            }
+            global.say(&format!("mesh: no table is cut off, for there is {found}"));
         }
         cutting.finish()
     }
@@ -256,7 +266,8 @@ impl<'a> Cutting<'a> {
         self.report("crop", step, None);
     }
 
-    fn keep_above(&mut self, height: f64) -> anyhow::Result<()> {
+    /// Keeps what is above the table; false if there is none.
+    fn keep_above(&mut self, height: f64) -> anyhow::Result<bool> {
         let seen = self.seen()?;
         let sphere = self.subject.file.sphere();
         let views = self.dataset.map_or(&[][..], |dataset| &dataset.train);
@@ -267,16 +278,14 @@ impl<'a> Cutting<'a> {
             (0..seen.len()).filter(|i| seen[*i]).map(|i| (self.vertices[i], areas[i])).unzip();
         let up = upwards(&cameras, sphere.center);
         let Some(found) = ground(&points, &areas, &eyes, up, sphere.radius) else {
-            let found = "no flat part of the seen surface, within 45 degrees of level, with other \
-                parts above it";
-            return Err(InputError::new(ARGUMENTS, "--above", found, "a table").into());
+            return Ok(false);
         };
         let least = height * sphere.radius;
         let above: Vec<bool> =
             self.vertices.iter().map(|v| found.plane.height(v.position) > least).collect();
         let step = self.cutter.keep_inside(&above);
         self.report("above", step, Some(PlaneReport::new(&found, self.mesh.origin)));
-        Ok(())
+        Ok(true)
     }
 
     /// The rest without its small components.

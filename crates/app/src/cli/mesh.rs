@@ -1,6 +1,6 @@
 //! `dsdf mesh`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use export::cut::CutReport;
@@ -25,14 +25,14 @@ pub(crate) struct Mesh {
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(8..=2048))]
     resolution: u32,
     #[command(flatten)]
-    cut: CutOptions,
+    pub(super) cut: CutOptions,
     #[command(flatten)]
     export: Export,
 }
 
 /// The size and the topology of an extracted mesh.
 #[derive(Serialize)]
-struct MeshReport {
+pub(super) struct MeshReport {
     /// Number of vertices.
     vertices: usize,
     /// Number of triangles.
@@ -66,6 +66,12 @@ pub(super) fn mesh_of_run(
 
 impl Mesh {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        let report = self.write(global)?;
+        global.report(&report, || report.text(&self.output))
+    }
+
+    /// Extracts the surface and writes the file.
+    pub(super) fn write(&self, global: &Global) -> anyhow::Result<MeshReport> {
         global.will_write(&self.output, &["ply", "obj", "glb", "stl"])?;
         self.export.check(&self.output)?;
         let file = RunFile::load(&self.run)?;
@@ -87,9 +93,7 @@ impl Mesh {
         let subject = Subject { model: &model, run: &self.run, file: &file, dataset, cells };
         let (mesh, cut) = self.cut.apply(mesh, &subject, global)?;
         let (mesh, exported) = self.export.write(&self.output, mesh, &subject, global)?;
-        let report = MeshReport { cut, ..MeshReport::new(&mesh, exported) };
-        let cut = report.cut.iter().map(|cut| format!("\n{}", cut.text())).collect::<String>();
-        global.report(&report, || format!("{}: {}{cut}", report.text(), self.output.display()))
+        Ok(MeshReport { cut, ..MeshReport::new(&mesh, exported) })
     }
 }
 
@@ -107,13 +111,16 @@ impl MeshReport {
         }
     }
 
-    fn text(&self) -> String {
+    /// The mesh of this file, in words.
+    pub(super) fn text(&self, path: &Path) -> String {
         let closed = match (self.closed, self.exported.has_seams()) {
             (true, false) => "closed",
             (true, true) => "closed (merge vertices of equal positions: the texture has seams)",
             (false, _) => "open",
         };
         let exported = self.exported.text();
-        format!("{} vertices, {} faces, {closed}{exported}", self.vertices, self.faces)
+        let cut = self.cut.iter().map(|cut| format!("\n{}", cut.text())).collect::<String>();
+        let (vertices, faces, path) = (self.vertices, self.faces, path.display());
+        format!("{vertices} vertices, {faces} faces, {closed}{exported}: {path}{cut}")
     }
 }

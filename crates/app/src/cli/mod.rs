@@ -14,6 +14,7 @@ mod preset;
 mod query;
 mod render;
 mod report;
+mod scan;
 mod synth;
 
 use std::ffi::OsString;
@@ -88,6 +89,13 @@ enum Command {
     ///
     /// The page is one HTML file. It needs no network, and opens from the disk.
     Report(report::Report),
+    /// Turn photographs into a mesh: poses, fit, mesh and page in one command
+    ///
+    /// The poses are those of `dsdf poses`, by COLMAP; a data set with poses needs none. The mesh is
+    /// that of `dsdf mesh`, in colour, without the table and without what no photograph sees. Ctrl-C
+    /// stops; the same command continues. A run keeps the time that it began with: `dsdf fit -o
+    /// OUTPUT/run --resume --time TIME` gives it more.
+    Scan(scan::Scan),
 }
 
 /// Runs `dsdf` and returns its exit status: 0 for success, 2 for wrong arguments or wrong input,
@@ -258,6 +266,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Query(command) => command.run(&global),
         Command::Poses(command) => command.run(&global),
         Command::Report(command) => command.run(&global),
+        Command::Scan(command) => command.run(&global),
     })
 }
 

@@ -7,7 +7,7 @@ use clap::Args;
 use super::common::Global;
 use crate::error::Interrupted;
 use crate::messages::Progress;
-use ::poses::{Event, Job, Options, Photographs, Program, run};
+use ::poses::{Event, Job, Options, Photographs, Poses as Found, Program, run};
 
 /// Arguments of `dsdf poses`.
 #[derive(Args, Debug)]
@@ -27,6 +27,12 @@ pub(crate) struct Poses {
 
 impl Poses {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
+        let poses = self.find(global)?;
+        global.report(&poses, || poses.text())
+    }
+
+    /// Finds the poses, from the first step on that is not done.
+    pub(super) fn find(&self, global: &Global) -> anyhow::Result<Found> {
         let photographs = Photographs::in_folder(&self.photos)?;
         if let Some(left_out) = photographs.left_out() {
             global.say(&format!("WARNING {left_out}"));
@@ -47,7 +53,7 @@ impl Poses {
             global.console.line("stopped; the same command continues");
             return Err(Interrupted.into());
         };
-        global.report(&poses, || poses.text())
+        Ok(poses)
     }
 
     /// Shows the news of a run.

@@ -109,16 +109,18 @@ const PAUSE: u32 = 40;
 pub(super) struct Live {
     about: About,
     folder: RunFolder,
+    page: PathBuf,
     next: Cell<Instant>,
 }
 
 impl Live {
-    /// The first page is written ten seconds from now.
-    pub(super) fn start(folder: &Path, fitting: &Fitting) -> Self {
+    /// The page of the fit in the run folder `folder`. It is written ten seconds from now first.
+    pub(super) fn start(folder: &Path, page: PathBuf, fitting: &Fitting) -> Self {
         let about = About::of(&fitting.photographs.dataset, &fitting.file);
         Live {
             about,
             folder: RunFolder::new(folder),
+            page,
             next: Cell::new(Instant::now() + FIRST_PAGE_AFTER),
         }
     }
@@ -137,7 +139,7 @@ impl Live {
     pub(super) fn write(&self, fitting: &Fitting, state: State<'_>) -> anyhow::Result<()> {
         let Fitting { model, file, photographs, .. } = fitting;
         let run = self.about.run(self.folder.path(), (model, file, &photographs.dataset), state);
-        write(&self.folder.page(), &page(&run, Detail::LIVE, &|_| {})?).map(drop)
+        write(&self.page, &page(&run, Detail::LIVE, &|_| {})?).map(drop)
     }
 
     /// Writes the last page. The data set has the cameras and the exposures as fitted.
@@ -153,9 +155,8 @@ impl Live {
             (model, file, &photographs.dataset),
             State::Ended(verdict),
         );
-        let path = self.folder.page();
-        write_whole(&run, &path, global)?;
-        global.say(&format!("report: {}", path.display()));
+        write_whole(&run, &self.page, global)?;
+        global.say(&format!("report: {}", self.page.display()));
         Ok(())
     }
 }

@@ -10,6 +10,7 @@ mod summary;
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::Serialize;
 
@@ -20,7 +21,7 @@ use crate::error::Interrupted;
 use ::report::State;
 use ::report::Verdict;
 use dataset::Dataset;
-use fit::{Clock, Fit as Fitting, FitError, Metrics, RunFile, RunFolder, Session};
+use fit::{Clock, Fit as Fitting, FitError, FitOptions, Metrics, RunFile, RunFolder, Session};
 use report::examine;
 
 pub(crate) use options::Fit;
@@ -46,7 +47,7 @@ pub(super) struct FitReport {
 }
 
 impl FitReport {
-    fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let psnr = self.psnr.map_or(String::new(), |p| format!(", held out {p:.2} dB"));
         let run = self.run.display();
         let verdict = self.verdict.as_ref().map_or(String::new(), |v| format!("\n{v}"));
@@ -55,15 +56,17 @@ impl FitReport {
 }
 
 /// The part of a run that this process does.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Default)]
 pub(super) struct Segment {
     /// Whether to start from the checkpoint in the run folder.
     resume: bool,
     /// The iteration, counted from the start of the run, at which to stop although the budget is
     /// not spent.
     stop_after: Option<u64>,
-    /// Whether to write a page into the run folder, now and then.
-    reports: bool,
+    /// The page to write, now and then.
+    page: Option<PathBuf>,
+    /// Whether another command runs it as one of its steps, and continues it.
+    is_step: bool,
 }
 
 impl Fit {
@@ -81,16 +84,43 @@ impl Fit {
             let valid = serde_json::json!({ "valid": true });
             return global.report(&valid, || "the options are valid".to_owned());
         }
-        if self.report && self.output.is_dir() {
-            files::check_output(&RunFolder::new(&self.output).page())?;
+        let page = self.report.then(|| RunFolder::new(&self.output).page());
+        if let Some(page) = page.as_ref().filter(|_| self.output.is_dir()) {
+            files::check_output(page)?;
         }
+        let Fit { resume, stop_after, .. } = *self;
+        let segment = Segment { resume, stop_after, page, is_step: false };
+        let report = self.fit(segment, global)?;
+        global.report(&report, || report.text())
+    }
+
+    /// Starts or resumes the fit.
+    fn fit(&self, segment: Segment, global: &Global) -> anyhow::Result<FitReport> {
         let (dataset, file, source) =
             if self.resume { self.resumed_run(global)? } else { self.started_run(global)? };
         summary::print(&dataset, &file, &source, global);
-        let Fit { resume, stop_after, report: reports, .. } = *self;
-        let segment = Segment { resume, stop_after, reports };
-        let (report, _) = fit(dataset, file, &self.output, segment, global)?;
-        global.report(&report, || report.text())
+        Ok(fit(dataset, file, &self.output, segment, global)?.0)
+    }
+
+    /// Fits the data set as a step of another command: from the checkpoint in the run folder `run`,
+    /// if there is one, else with a budget of `time`. It writes `page` now and then.
+    pub(super) fn as_step(
+        dataset: PathBuf,
+        run: PathBuf,
+        time: Duration,
+        page: PathBuf,
+        global: &Global,
+    ) -> anyhow::Result<FitReport> {
+        let resume = RunFolder::new(&run).checkpoint().is_file();
+        prepare_run::check_output(&run, global)?;
+        if !resume {
+            refuse_occupied(&run)?;
+        }
+        // A run keeps its budget.
+        let time = (!resume).then_some(time);
+        let options = FitOptions { time, ..FitOptions::default() };
+        let segment = Segment { resume, stop_after: None, page: Some(page), is_step: true };
+        Fit::of_options(dataset, run, resume, options).fit(segment, global)
     }
 }
 
@@ -108,17 +138,13 @@ pub(super) fn fit(
     segment: Segment,
     global: &Global,
 ) -> anyhow::Result<(FitReport, Session)> {
-    let (mut session, lock) = locked_fit(dataset, file, run, segment, global)?;
+    let (mut session, lock) = locked_fit(dataset, file, run, segment.resume, global)?;
     if segment.resume && session.fit.progress() >= 1.0 {
-        let Clock { iteration: iterations, seconds, .. } = session.fit.clock;
-        global.say(&format!(
-            "WARNING the run has spent this budget: {iterations} iterations in {seconds:.0} s; a \
-             longer --time, or more --iterations, continues it"
-        ));
+        say_spent(session.fit.clock, segment.is_step, global);
     }
     prepare_run::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
-    let live = segment.reports.then(|| Live::start(run, &session.fit));
+    let live = segment.page.clone().map(|page| Live::start(run, page, &session.fit));
     let last = console.while_iterating(|| {
         iterate(&mut session, run, segment.stop_after, live.as_ref(), global)
     })?;
@@ -127,7 +153,8 @@ pub(super) fn fit(
             live.write(&session.fit, State::Stopped)?;
         }
         let stopped = session.fit.clock.iteration;
-        console.line(&format!("stopped after {stopped} iterations; --resume continues"));
+        let how = if segment.is_step { "the same command" } else { "--resume" };
+        console.line(&format!("stopped after {stopped} iterations; {how} continues"));
         return Err(Interrupted.into());
     }
     if session.fit.clock.iteration == 0 && session.fit.progress() >= 1.0 {
@@ -170,6 +197,19 @@ pub(super) fn fit(
     Ok((report, session))
 }
 
+/// Says that a resumed run has spent its budget already.
+fn say_spent(clock: Clock, is_step: bool, global: &Global) {
+    let Clock { iteration: iterations, seconds, .. } = clock;
+    let spent = format!("{iterations} iterations in {seconds:.0} s");
+    global.say(&match is_step {
+        true => format!("fit: done already, {spent}"),
+        false => format!(
+            "WARNING the run has spent this budget: {spent}; a longer --time, or more \
+             --iterations, continues it"
+        ),
+    });
+}
+
 /// Fails after the last iteration of a fit without a surface: its images show the background, and
 /// it has no mesh. Its files stay.
 fn refuse_empty(fitting: &Fitting, run: &Path) -> anyhow::Result<()> {
@@ -190,17 +230,17 @@ fn locked_fit(
     dataset: Dataset,
     file: RunFile,
     run: &Path,
-    segment: Segment,
+    resume: bool,
     global: &Global,
 ) -> anyhow::Result<(Session, std::fs::File)> {
     let new = |dataset, file| {
-        let session = Session::new(run, dataset, file, &global.registry, segment.resume);
+        let session = Session::new(run, dataset, file, &global.registry, resume);
         session.map_err(|error| match error {
             FitError::Input(input) => anyhow::Error::from(with_flag(input)),
             other => other.into(),
         })
     };
-    if segment.resume {
+    if resume {
         let lock = lock(run)?;
         return Ok((new(dataset, file)?, lock));
     }

@@ -40,6 +40,26 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
+    /// A fit without options on a command line.
+    pub(super) fn of_options(
+        dataset: PathBuf,
+        output: PathBuf,
+        resume: bool,
+        options: FitOptions,
+    ) -> Self {
+        Fit {
+            dataset: Some(dataset),
+            output,
+            resume,
+            stop_after: None,
+            report: false,
+            check: false,
+            preset: None,
+            options,
+            explicit: Vec::new(),
+        }
+    }
+
     /// Replaces the defaults of options that are not on the command line by the values of the
     /// preset, and notes the options that are on the command line. A resumed run keeps its options.
     pub(in crate::cli) fn resolve_preset(&mut self, matches: &ArgMatches) {
