@@ -399,6 +399,7 @@ impl RunFile {
             background_spread: 0.01,
             background_confidence: 1.0,
             exposure_model: ExposureModel::Even,
+            sphere_growths: 0,
             views: None,
             options,
         }
