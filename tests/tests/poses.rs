@@ -283,6 +283,15 @@ fn matching_begins_again_with_a_guide_if_few_photographs_have_a_pose() {
     let (poses, calls) = bench.json(&[], &[("FAKE_FEW", "2"), ("FAKE_GUIDED", "3")]);
     assert_eq!((calls.len(), &poses["registered"]), (6, &3.into()));
     assert!(poses["advice"][0].as_str().unwrap().contains("more photographs:"));
+    // With fewer poses, or none, those before are kept.
+    for guided in ["2", "0"] {
+        let bench = Bench::new();
+        let faults = [("FAKE_FEW", "3"), ("FAKE_GUIDED", guided)];
+        let (poses, calls) = bench.json(&[], &faults);
+        assert_eq!((calls.len(), &poses["registered"]), (6, &3.into()), "{guided}");
+        assert!(bench.json(&[], &faults).1.is_empty(), "done");
+        assert!(!Path::new(&bench.path("data/colmap/mapping.first")).exists());
+    }
 }
 
 #[test]

@@ -62,4 +62,10 @@ fn neither_photographs_nor_a_data_set_are_refused_in_one_line() {
     let file = format!("{data}/transforms_train.json");
     fs::write(&file, "{").unwrap();
     scan(&data, &["transforms_train.json"]);
+    scan(&file, &["transforms_train.json"]);
+    // The files of the end are checked at the start.
+    let (data, out) = (ball(&folder, "3"), folder.path("out"));
+    fs::create_dir_all(format!("{out}/mesh.glb")).unwrap();
+    refused(&["scan", &data, "-o", &out], 2, &["out/mesh.glb"]);
+    assert!(!Path::new(&out).join("run").exists());
 }

@@ -22,6 +22,9 @@ const WORK: &str = "colmap";
 /// The folders of a data set: of undistorted photographs, and of their model.
 const RESULTS: [&str; 2] = ["images", "sparse"];
 
+/// The steps whose results depend on a guide.
+const GUIDED_STEPS: [Step; 2] = [Step::Matching, Step::Mapping];
+
 /// A search for the poses of photographs.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
@@ -68,7 +71,7 @@ pub enum Event<'a> {
 /// Finds the poses of photographs, from the first step on that is not done.
 ///
 /// If fewer than [`FEW_REGISTERED`] of them have a pose, matching begins again by default, guided
-/// by the first matches ([`Guided`]).
+/// by the first matches ([`Guided`]); if it finds fewer poses, those before it are kept.
 ///
 /// The folder of the data set gets the undistorted photographs and their model, which every reader
 /// of COLMAP's files reads. `stop` is asked often; when it is true, COLMAP is ended, and `None` is
@@ -115,20 +118,35 @@ pub fn run(
         show(Event::Again(entry.step));
     }
     let mut log = Log::open(job.output, done > 0)?;
+    let mut is_tried = false;
     while let Some(entry) = settings.get(state.done.len()) {
-        if entry.step == Step::Undistortion && job.is_worth_a_guide(&settings)? {
-            settings = job.guide(&mut state, show);
-            continue;
+        if entry.step == Step::Undistortion {
+            if !is_tried && job.is_worth_a_guide(&settings)? {
+                is_tried = true;
+                settings = job.guide(&mut state, show)?;
+                continue;
+            }
+            if job.was_better_without_a_guide()? {
+                settings = job.take_back(&mut state)?;
+            }
         }
+        let entry = &settings[state.done.len()];
         show(Event::Started(entry.step));
         match job.run_step(entry, &mut state, (&mut log, &lock), stop, show) {
             Ok(true) => show(Event::Finished(entry.step)),
             Ok(false) => return Ok(None),
-            Err(Error::NoPose(_)) if job.may_guide(&settings)? => {
-                settings = job.guide(&mut state, show);
+            Err(Error::NoPose(_)) if !is_tried && job.may_guide(&settings)? => {
+                is_tried = true;
+                settings = job.guide(&mut state, show)?;
+            }
+            Err(Error::NoPose(_)) if job.first_of(Step::Mapping).is_dir() => {
+                settings = job.take_back(&mut state)?;
             }
             Err(error) => return Err(error),
         }
+    }
+    for step in GUIDED_STEPS {
+        remove(&job.first_of(step))?;
     }
     let found = models(&job.result_of(Step::Mapping))?;
     let found: Vec<_> = found.into_iter().map(|(_, model)| model).collect();
@@ -161,17 +179,50 @@ impl Job<'_> {
 
     /// Whether few photographs have a pose, and guided matching can find more.
     fn is_worth_a_guide(&self, settings: &[Entry]) -> Result<bool, Error> {
-        let found = models(&self.result_of(Step::Mapping))?;
-        let registered = found.first().map_or(0, |(_, model)| model.images.len());
+        let registered = registered(&self.result_of(Step::Mapping))?;
         let is_few = (registered as f64) < FEW_REGISTERED * self.photographs.count() as f64;
         Ok(is_few && self.may_guide(settings)?)
     }
 
-    /// Goes back to matching, which is guided from now on.
-    fn guide(&self, state: &mut State, show: &mut dyn FnMut(Event<'_>)) -> Vec<Entry> {
+    /// Goes back to matching, which is guided from now on. The poses so far are put aside.
+    fn guide(
+        &self,
+        state: &mut State,
+        show: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Vec<Entry>, Error> {
+        for step in GUIDED_STEPS {
+            remove(&self.first_of(step))?;
+            if self.result_of(step).is_dir() {
+                rename(&self.result_of(step), &self.first_of(step))?;
+            }
+        }
         state.done.retain(|entry| entry.step < Step::Matching);
         show(Event::Guided);
-        self.options.settings(self.photographs, true)
+        Ok(self.options.settings(self.photographs, true))
+    }
+
+    /// Whether more photographs had a pose before matching was guided.
+    fn was_better_without_a_guide(&self) -> Result<bool, Error> {
+        let first = self.first_of(Step::Mapping);
+        Ok(first.is_dir() && registered(&first)? > registered(&self.result_of(Step::Mapping))?)
+    }
+
+    /// Takes the poses back that were found without a guide.
+    fn take_back(&self, state: &mut State) -> Result<Vec<Entry>, Error> {
+        for step in GUIDED_STEPS {
+            remove(&self.result_of(step))?;
+            rename(&self.first_of(step), &self.result_of(step))?;
+        }
+        let settings = self.options.settings(self.photographs, false);
+        state.done = settings[..Step::Undistortion as usize].to_vec();
+        state.started = None;
+        state.save(self.output)?;
+        Ok(settings)
+    }
+
+    /// The folder of a step's results without a guide, while guided ones are made.
+    fn first_of(&self, step: Step) -> PathBuf {
+        self.output.join(WORK).join(format!("{step}.first"))
     }
 
     /// Decodes all photographs. Returns whether it was not stopped.
@@ -396,6 +447,11 @@ impl Job<'_> {
             log.path().display()
         ))
     }
+}
+
+/// The number of photographs with a pose in the largest model in a folder.
+fn registered(folder: &Path) -> Result<usize, InputError> {
+    Ok(models(folder)?.first().map_or(0, |(_, model)| model.images.len()))
 }
 
 /// Refuses a path that cannot be an argument of COLMAP, also where the part before it is to blame.

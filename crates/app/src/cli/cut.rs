@@ -60,9 +60,9 @@ pub(crate) struct CutOptions {
     /// of the run]
     #[arg(long)]
     pub(super) dataset: Option<PathBuf>,
-    /// Whether --above needs no table: without one, nothing is cut off there.
+    /// Whether a cut without a table, or one that would leave nothing, is left out.
     #[arg(skip)]
-    pub(super) spares_without_table: bool,
+    pub(super) is_lenient: bool,
 }
 
 /// A height above the table, in bounding radii.
@@ -152,6 +152,10 @@ impl CutOptions {
         };
         let mut cutting = Cutting::new(&mesh, subject, dataset.as_ref(), global);
         cutting.cull(&self.culling)?;
+        if self.is_lenient && cutting.is_empty() {
+            global.say("mesh: no photograph sees the surface, so nothing is cut off");
+            return Ok((mesh, Vec::new()));
+        }
         for region in &self.crop {
             cutting.crop(region);
         }
@@ -160,10 +164,14 @@ impl CutOptions {
         {
             let found = "no flat part of the seen surface, within 45 degrees of level, with other \
                 parts above it";
-            if !self.spares_without_table {
+            if !self.is_lenient {
                 return Err(InputError::new(ARGUMENTS, "--above", found, "a table").into());
             }
             global.say(&format!("mesh: no table is cut off, for there is {found}"));
+        }
+        if self.is_lenient && cutting.is_empty() {
+            global.say("mesh: nothing is above the table, so nothing is cut off");
+            return Ok((mesh, Vec::new()));
         }
         cutting.finish()
     }
@@ -286,6 +294,11 @@ impl<'a> Cutting<'a> {
         let step = self.cutter.keep_inside(&above);
         self.report("above", step, Some(PlaneReport::new(&found, self.mesh.origin)));
         Ok(true)
+    }
+
+    /// Whether no face is left.
+    fn is_empty(&self) -> bool {
+        self.cutter.mesh().faces.is_empty()
     }
 
     /// The rest without its small components.

@@ -12,6 +12,8 @@ use super::fit::{Fit, FitReport};
 use super::mesh::{Mesh, MeshReport};
 use super::poses::Poses;
 use ::poses::Poses as Found;
+use files::{InputError, check_output};
+use fit::RunFolder;
 
 /// Arguments of `dsdf scan`.
 #[derive(Args, Debug)]
@@ -84,12 +86,19 @@ impl ScanReport {
 impl Scan {
     pub(crate) fn run(&self, global: &Global) -> anyhow::Result<()> {
         let start = Instant::now();
-        let [run, mesh, page] =
-            ["run", "mesh.glb", "report.html"].map(|name| self.output.join(name));
-        global.will_write_in(&self.output, &[])?;
-        let (dataset, poses) = self.posed(global)?;
+        let output = no_flag(&self.output);
+        let [run, mesh, page] = ["run", "mesh.glb", "report.html"].map(|name| output.join(name));
+        global.will_write_in(&output, &[])?;
+        if output.is_dir() {
+            check_output(&mesh)?;
+            check_output(&page)?;
+        }
+        let (dataset, poses) = self.posed(&output, global)?;
         let time = self.time_of_fit(start.elapsed());
-        global.say(&format!("step 2 of 3: the surface, {:.0} s", time.as_secs_f64()));
+        global.say(&match RunFolder::new(&run).checkpoint().is_file() {
+            true => "step 2 of 3: the surface, in the time of the run that it continues".to_owned(),
+            false => format!("step 2 of 3: the surface, {:.0} s", time.as_secs_f64()),
+        });
         let fit = Fit::as_step(dataset.clone(), run.clone(), time, page.clone(), global)?;
         global.say("step 3 of 3: the mesh");
         let shape = self.mesh(&run, &mesh, global)?;
@@ -99,23 +108,30 @@ impl Scan {
     }
 
     /// The data set: that of the argument, or the photographs with poses by COLMAP.
-    fn posed(&self, global: &Global) -> anyhow::Result<(PathBuf, Option<Found>)> {
+    fn posed(&self, output: &Path, global: &Global) -> anyhow::Result<(PathBuf, Option<Found>)> {
         match dataset::open(&self.photos) {
             Ok(_) => {
                 global.say("step 1 of 3: the data set has poses");
                 return Ok((self.photos.clone(), None));
             }
-            // A data set with an error, and no folder of photographs.
-            Err(error) if error.file != self.photos => return Err(error.into()),
+            // A data set with an error is no folder of photographs.
+            Err(error) if self.photos.exists() && !self.has_no_camera_file(&error) => {
+                return Err(error.into());
+            }
             Err(_) => {}
         }
         global.say("step 1 of 3: the poses of the photographs");
-        let output = self.output.join("dataset");
-        let program =
-            self.colmap.iter().flat_map(|path| [OsStr::new("--colmap"), path.as_os_str()]);
-        let words = [self.photos.as_os_str(), OsStr::new("--output"), output.as_os_str()];
+        let (photos, output) = (no_flag(&self.photos), output.join("dataset"));
+        let colmap = self.colmap.as_deref().map(no_flag);
+        let program = colmap.iter().flat_map(|path| [OsStr::new("--colmap"), path.as_os_str()]);
+        let words = [photos.as_os_str(), OsStr::new("--output"), output.as_os_str()];
         let found = arguments::<Poses>(words.into_iter().chain(program))?.find(global)?;
         Ok((output, Some(found)))
+    }
+
+    /// Whether the argument is a folder that is no data set.
+    fn has_no_camera_file(&self, error: &InputError) -> bool {
+        self.photos.is_dir() && error.file == self.photos && error.field == "data set"
     }
 
     /// The time that the fit gets when the poses have taken theirs.
@@ -130,7 +146,13 @@ impl Scan {
         let cuts = ["--cull", "seen", "--above", "auto"].map(OsStr::new);
         let words = [run.as_os_str(), OsStr::new("--output"), mesh.as_os_str()];
         let mut mesh: Mesh = arguments(words.into_iter().chain(cuts))?;
-        mesh.cut.spares_without_table = true;
+        mesh.cut.is_lenient = true;
         mesh.write(global)
     }
+}
+
+/// A path that is no flag on a command line.
+fn no_flag(path: &Path) -> PathBuf {
+    let is_flag = path.as_os_str().as_encoded_bytes().starts_with(b"-");
+    if is_flag { Path::new(".").join(path) } else { path.to_owned() }
 }

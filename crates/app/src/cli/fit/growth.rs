@@ -6,10 +6,11 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::Instant;
 
 use field::Sphere;
 use files::WriteError;
-use fit::{Clock, Fit as Fitting, RunFolder, Session, Solid};
+use fit::{Budget, Clock, Fit as Fitting, RunFolder, Session, Solid};
 use inspect::radius_clear_of_cameras;
 use render::Camera;
 use report::surface_shares;
@@ -29,9 +30,15 @@ const GROWTH: f64 = 1.4;
 /// The least factor that is worth a new start, where cameras are near.
 const LEAST_GROWTH: f64 = 1.1;
 
+/// The progress from which on it is too late: a resumed run can have a shorter budget.
+const TOO_LATE: f64 = 0.5;
+
+/// The least share of a time that must be left.
+const LEAST_LEFT: f64 = 0.4;
+
 /// Whether the sphere of a fit is to be examined now.
 pub(super) fn is_due(fitting: &Fitting) -> bool {
-    fitting.file.sphere_growths > 0 && (EXAMINED_AT..1.0).contains(&fitting.progress())
+    fitting.file.sphere_growths > 0 && (EXAMINED_AT..TOO_LATE).contains(&fitting.progress())
 }
 
 /// Examines the sphere of a fit. If it cuts the object off, the fit begins again in a larger one,
@@ -41,15 +48,39 @@ pub(super) fn is_due(fitting: &Fitting) -> bool {
 /// If the field gives a NaN or an infinity along a ray, the photographs cannot be read again, or a
 /// file of the run cannot be removed or written.
 pub(super) fn examine(session: &mut Session, run: &Path, global: &Global) -> anyhow::Result<()> {
-    match larger_sphere(&session.fit)? {
-        Some(factor) => begin_again(session, run, factor, global)?,
-        None => session.fit.file.sphere_growths = 0,
+    let begin = Instant::now();
+    let Some(factor) = larger_sphere(&session.fit)? else {
+        session.fit.file.sphere_growths = 0;
+        session.fit.clock.seconds += begin.elapsed().as_secs_f64();
+        return write_run_file(run, &session.fit.file);
+    };
+    let before = session.fit.clock.seconds;
+    begin_again(session, run, factor, global)?;
+    let seconds = before + begin.elapsed().as_secs_f64();
+    // As the time of a search for depths, it shortens the schedule, and is no part of it.
+    session.fit.clock = Clock { iteration: 0, seconds, searching: seconds };
+    remove_results(run)?;
+    write_run_file(run, &session.fit.file)?;
+    // A run that is killed now continues in the larger sphere.
+    Ok(session.save()?)
+}
+
+/// Whether a time leaves enough for a new start.
+fn has_time(fitting: &Fitting) -> bool {
+    match fitting.file.options.budget() {
+        Budget::Time(time) => {
+            let all = time.as_secs_f64();
+            all - fitting.clock.seconds >= LEAST_LEFT * all
+        }
+        Budget::Iterations(_) => true,
     }
-    write_run_file(run, &session.fit.file)
 }
 
 /// The factor by which the sphere must grow; `None` if it holds the object, or has no room.
 fn larger_sphere(fitting: &Fitting) -> anyhow::Result<Option<f64>> {
+    if !has_time(fitting) {
+        return Ok(None);
+    }
     let Fitting { model, file, photographs, .. } = fitting;
     let dataset = &photographs.dataset;
     let cameras: Vec<Camera> = dataset.train.iter().map(|view| view.camera).collect();
@@ -61,7 +92,7 @@ fn larger_sphere(fitting: &Fitting) -> anyhow::Result<Option<f64>> {
     Ok((is_cut_off && factor >= LEAST_GROWTH).then_some(factor))
 }
 
-/// Begins a fit again in a sphere that is larger by this factor. Its clock goes on.
+/// The fit at its first iteration, in a sphere that is larger by this factor.
 fn begin_again(
     session: &mut Session,
     run: &Path,
@@ -77,12 +108,9 @@ fn begin_again(
     ));
     let dataset = old.read(None)?;
     let file = old.grown(&sphere, &dataset);
-    let seconds = session.fit.clock.seconds;
     let dataset = file.prepare(dataset);
     *session = Session::new(run, dataset, file, &global.registry, false)?;
-    // As the time of a search for depths, it shortens the schedule, and is no part of it.
-    session.fit.clock = Clock { iteration: 0, seconds, searching: seconds };
-    remove_results(run)
+    Ok(())
 }
 
 /// Removes the files of the smaller sphere: a checkpoint there would continue in the larger one.
