@@ -91,7 +91,7 @@ pub fn run(
         check_utf8(path, field)?;
     }
     let state = State::of(job.output, job.photographs)?;
-    let mut settings = job.settings(&state);
+    let settings = job.settings(&state);
     if job.done(&state, &settings) == Step::ALL.len()
         && let Some(poses) = &state.result
     {
@@ -118,35 +118,8 @@ pub fn run(
         show(Event::Again(entry.step));
     }
     let mut log = Log::open(job.output, done > 0)?;
-    let mut is_tried = false;
-    while let Some(entry) = settings.get(state.done.len()) {
-        if entry.step == Step::Undistortion {
-            if !is_tried && job.is_worth_a_guide(&settings)? {
-                is_tried = true;
-                settings = job.guide(&mut state, show)?;
-                continue;
-            }
-            if job.was_better_without_a_guide()? {
-                settings = job.take_back(&mut state)?;
-            }
-        }
-        let entry = &settings[state.done.len()];
-        show(Event::Started(entry.step));
-        match job.run_step(entry, &mut state, (&mut log, &lock), stop, show) {
-            Ok(true) => show(Event::Finished(entry.step)),
-            Ok(false) => return Ok(None),
-            Err(Error::NoPose(_)) if !is_tried && job.may_guide(&settings)? => {
-                is_tried = true;
-                settings = job.guide(&mut state, show)?;
-            }
-            Err(Error::NoPose(_)) if job.first_of(Step::Mapping).is_dir() => {
-                settings = job.take_back(&mut state)?;
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    for step in GUIDED_STEPS {
-        remove(&job.first_of(step))?;
+    if !job.run_steps(settings, &mut state, (&mut log, &lock), stop, show)? {
+        return Ok(None);
     }
     let found = models(&job.result_of(Step::Mapping))?;
     let found: Vec<_> = found.into_iter().map(|(_, model)| model).collect();
@@ -286,6 +259,49 @@ impl Job<'_> {
         };
         files::remove_abandoned_temporary_files(work);
         Ok(lock)
+    }
+
+    /// Runs the steps that are not done, matching twice if few photographs have a pose. Returns
+    /// whether it was not stopped.
+    fn run_steps(
+        &self,
+        mut settings: Vec<Entry>,
+        state: &mut State,
+        (log, lock): (&mut Log, &File),
+        stop: &dyn Fn() -> bool,
+        show: &mut dyn FnMut(Event<'_>),
+    ) -> Result<bool, Error> {
+        let mut is_tried = false;
+        while let Some(entry) = settings.get(state.done.len()) {
+            if entry.step == Step::Undistortion {
+                if !is_tried && self.is_worth_a_guide(&settings)? {
+                    is_tried = true;
+                    settings = self.guide(state, show)?;
+                    continue;
+                }
+                if self.was_better_without_a_guide()? {
+                    settings = self.take_back(state)?;
+                }
+            }
+            let entry = &settings[state.done.len()];
+            show(Event::Started(entry.step));
+            match self.run_step(entry, state, (log, lock), stop, show) {
+                Ok(true) => show(Event::Finished(entry.step)),
+                Ok(false) => return Ok(false),
+                Err(Error::NoPose(_)) if !is_tried && self.may_guide(&settings)? => {
+                    is_tried = true;
+                    settings = self.guide(state, show)?;
+                }
+                Err(Error::NoPose(_)) if self.first_of(Step::Mapping).is_dir() => {
+                    settings = self.take_back(state)?;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        for step in GUIDED_STEPS {
+            remove(&self.first_of(step))?;
+        }
+        Ok(true)
     }
 
     /// Runs a step, and notes it as done. Returns whether it was not stopped.
