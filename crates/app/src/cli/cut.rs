@@ -152,10 +152,6 @@ impl CutOptions {
         };
         let mut cutting = Cutting::new(&mesh, subject, dataset.as_ref(), global);
         cutting.cull(&self.culling)?;
-        if self.is_lenient && cutting.is_empty() {
-            global.say("mesh: no photograph sees the surface, so nothing is cut off");
-            return Ok((mesh, Vec::new()));
-        }
         for region in &self.crop {
             cutting.crop(region);
         }
@@ -170,7 +166,7 @@ impl CutOptions {
             global.say(&format!("mesh: no table is cut off, for there is {found}"));
         }
         if self.is_lenient && cutting.is_empty() {
-            global.say("mesh: nothing is above the table, so nothing is cut off");
+            global.say("mesh: the cuts would leave nothing, so nothing is cut off");
             return Ok((mesh, Vec::new()));
         }
         cutting.finish()
