@@ -9,6 +9,8 @@
 # PYTHON       the interpreter [default: python3]
 # DSDF_TORCH   arguments of pip that install PyTorch; without it, the tests of PyTorch are skipped
 #              unless the package index has a build without CUDA for this machine
+# Files are checked by USD's validators (usd-core) and, where npm is there, by that of Khronos.
+#
 # DSDF_PROGRAM the program whose bits the commands must repeat [default: target/ci/dsdf, which
 #              `cargo build --profile ci` builds]; without it, these tests are skipped
 set -euo pipefail
@@ -27,11 +29,15 @@ install() {
     }
   fi
   [ -x "$out/venv/bin/python" ] || "$python" -m venv "$out/venv"
-  pip install 'maturin>=1.8,<2' numpy pytest 'jax[cpu]'
+  pip install 'maturin>=1.8,<2' numpy pytest 'jax[cpu]' usd-core
   case "$(uname -s)-$(uname -m)" in
     Linux-x86_64) torch=${DSDF_TORCH:-} ;;
     *) torch=${DSDF_TORCH:-torch} ;;
   esac
+  # The validator of Khronos is a package of npm, which not every machine has.
+  if command -v npm >/dev/null; then
+    npm install --silent --prefix "$out/npm" gltf-validator >/dev/null || true
+  fi
   if [ -n "$torch" ]; then
     # shellcheck disable=SC2086
     pip install $torch
@@ -49,6 +55,7 @@ build() {
 
 run_tests() {
   export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/ci/dsdf}"
+  export DSDF_NODE_MODULES="$out/npm/node_modules"
   "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests
 }
 

@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
+use tests::browser::{OPTIONS, chromium};
 use tests::input::{Folder, ball};
 use tests::{dsdf_json, dsdf_ok};
 
@@ -68,12 +69,6 @@ setTimeout(() => {
 }, 500);
 </script></body>"#;
 
-/// A Chromium that is installed.
-fn chromium() -> Option<String> {
-    let calls = ["chromium", "chromium-browser", "google-chrome"].map(|name| [name, "--version"]);
-    tests::installed("Chromium", &calls.each_ref().map(|call| &call[..]))
-}
-
 /// Shows a page and uses it. Returns the result of [`USE`].
 fn used(browser: &str, page: &Path, options: &[&str]) -> Value {
     let html = std::fs::read_to_string(page).unwrap();
@@ -86,11 +81,8 @@ fn used(browser: &str, page: &Path, options: &[&str]) -> Value {
     std::fs::write(&probe, format!("{}{USE}{}", &html[..end], &html[end + 7..])).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let output = Command::new(browser)
-        .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"])
-        .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
-        .args(["--window-size=900,900", "--virtual-time-budget=6000", "--disable-quic"])
-        .args(["--no-first-run", "--disable-background-networking", "--disable-component-update"])
-        .args(["--disable-sync"])
+        .args(OPTIONS)
+        .args(["--dump-dom", "--window-size=900,900", "--virtual-time-budget=6000"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .args(options)
         .arg(format!("file://{}", probe.canonicalize().unwrap().display()))

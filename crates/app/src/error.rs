@@ -32,3 +32,9 @@ pub fn exit_status(error: &anyhow::Error) -> u8 {
         1
     }
 }
+
+/// An error and its causes, in one line.
+pub fn error_line(error: &anyhow::Error) -> String {
+    let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
+    files::printable(&chain.join(": "))
+}

@@ -5,6 +5,7 @@ pub mod cli;
 pub mod error;
 pub mod messages;
 pub mod prelude;
+mod serve;
 
 pub use ::{
     boundary, dataset, estimate, export, field, files, film, fit, glam, inspect, loss, mesh,

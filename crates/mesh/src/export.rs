@@ -9,7 +9,7 @@ use crate::Texture;
 pub struct Export<'a> {
     /// The factor on all lengths, finite and above 0.
     pub scale: f64,
-    /// The direction that a .glb file shows upwards: a unit vector in the coordinates of the mesh.
+    /// The direction that a .glb or a .usdz file shows upwards: a unit vector in the coordinates of the mesh.
     /// Files in other formats keep the axes of the mesh.
     pub up: DVec3,
     /// The texture of the mesh, in the place of its colours.
@@ -17,7 +17,7 @@ pub struct Export<'a> {
 }
 
 impl Default for Export<'_> {
-    /// The mesh as it is: the factor 1, and the upward direction of glTF, which is y.
+    /// The mesh as it is: the factor 1, and the upward direction of glTF and USD, y.
     fn default() -> Self {
         Export { scale: 1.0, up: DVec3::Y, texture: None }
     }

@@ -230,6 +230,64 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
 }
 
 #[test]
+fn a_usdz_file_is_an_archive_of_aligned_files_with_the_mesh_as_text() {
+    let (mesh, texture) = textured();
+    let folder = tempfile::tempdir().unwrap();
+    let written = |name: &str, mesh: &Mesh, export: &Export| {
+        let path = folder.path().join(name);
+        export_mesh(&path, mesh, export).unwrap();
+        std::fs::read(&path).unwrap()
+    };
+    let export = Export { texture: Some(&texture), up: DVec3::Z, scale: 2.0 };
+    let bytes = written("a.usdz", &mesh, &export);
+    assert_eq!(bytes, written("b.usdz", &mesh, &export), "the same bytes at any time");
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(&bytes)).unwrap();
+    let mut files = Vec::new();
+    for i in 0..archive.len() {
+        let mut file = archive.by_index(i).unwrap();
+        let name = file.name().unwrap().into_owned();
+        assert_eq!(file.data_start().unwrap() % 64, 0, "{name}");
+        assert_eq!(file.compression(), zip::CompressionMethod::Stored);
+        let mut content = Vec::new();
+        std::io::Read::read_to_end(&mut file, &mut content).unwrap(); // It checks the sum.
+        files.push((name, content));
+    }
+    let [(scene, text), (image, png)] = &files[..] else { panic!("{}", files.len()) };
+    assert_eq!((scene.as_str(), image.as_str()), ("object.usda", "texture.png"));
+    let read = image::load_from_memory(png).unwrap().into_rgb8();
+    assert_eq!(read.into_raw(), bytes_of(&texture.image));
+    let text = std::str::from_utf8(text).unwrap();
+    assert!(text.starts_with("#usda 1.0\n") && text.contains("asset inputs:file = @texture.png@"));
+    // From z to y is a quarter turn about −x.
+    assert!(
+        text.contains("xformOp:orient = (0.707")
+            && text.contains("double3 xformOp:scale = (2, 2, 2)")
+    );
+    let list = |name: &str| {
+        let (_, rest) = text.split_once(&format!(" {name} = [")).unwrap();
+        let numbers = rest.split_once(']').unwrap().0.replace(['(', ')'], "");
+        numbers.split(", ").map(|n| n.parse::<f32>().unwrap()).collect::<Vec<_>>()
+    };
+    let indices = list("faceVertexIndices");
+    let corners: Vec<f32> = texture.corners.as_flattened().iter().map(|i| *i as f32).collect();
+    assert_eq!(indices, corners);
+    assert_eq!(list("faceVertexCounts"), vec![3.0; mesh.faces.len()]);
+    let places = texture.vertices.iter().flat_map(|v| mesh.vertices[*v as usize].to_array());
+    assert_eq!(list("points"), places.collect::<Vec<_>>());
+    let upwards = texture.points.iter().flat_map(|p| [p.x, 1.0 - p.y]);
+    assert_eq!(list("primvars:st"), upwards.collect::<Vec<_>>());
+    // Colours of vertices, and none.
+    let shown = |mesh: &Mesh| {
+        String::from_utf8_lossy(&written("c.usdz", mesh, &Export::default())).into_owned()
+    };
+    let colored = torus(12);
+    let text = shown(&colored);
+    assert!(text.contains("primvars:displayColor") && !text.contains("texture.png"));
+    let text = shown(&Mesh { colors: Vec::new(), ..colored });
+    assert!(!text.contains("Material") && text.contains("doubleSided = 0"));
+}
+
+#[test]
 fn an_stl_file_has_triangles_that_merge_to_the_mesh() {
     let mesh = torus(24);
     let (bytes, read) = exported("a.stl", &mesh, &Export { scale: 25.4, ..Export::default() });

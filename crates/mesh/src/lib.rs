@@ -27,6 +27,7 @@ mod solid;
 mod stl;
 mod texture;
 mod topology;
+mod usdz;
 mod write;
 
 pub use components::{Components, keep_components, select_faces};

@@ -1,4 +1,4 @@
-//! Writing of mesh files: .ply, .obj, .glb and .stl.
+//! Writing of mesh files: .ply, .obj, .glb, .usdz and .stl.
 
 use std::path::Path;
 
@@ -9,6 +9,7 @@ use crate::glb::write_glb;
 use crate::obj::write_obj;
 use crate::ply::write_ply;
 use crate::stl::write_stl;
+use crate::usdz::write_usdz;
 use crate::{Export, Mesh};
 
 /// Writes a mesh as it is: [`export_mesh`] with the default [`Export`].
@@ -20,29 +21,31 @@ pub fn write_mesh(path: &Path, mesh: &Mesh) -> Result<(), WriteError> {
 }
 
 /// Writes a mesh in the format of its extension: .ply (binary, little endian), .obj, .glb (binary
-/// glTF 2.0) or .stl (binary). A file at `path` is replaced whole.
+/// glTF 2.0), .usdz (USD, as phones show it) or .stl (binary). A file at `path` is replaced whole.
 ///
 /// Positions are in world units times the factor. A mesh with an origin of its own has them in
-/// double precision; a .glb has the origin as the translation of its node. Normals and colours are
+/// double precision; a .glb and a .usdz have the origin as the translation of a node. Normals and colours are
 /// written if each vertex has one, but not to .stl. Colours are sRGB in .ply (bytes) and .obj (0 to
-/// 1, after the position), and linear in .glb, as other programs read them. A texture is in .glb,
-/// and beside an .obj with the name `shape` as `shape.mtl` and `shape_texture.png`.
+/// 1, after the position), and linear in .glb and .usdz, as other programs read them. A texture is in
+/// .glb and .usdz, and beside an .obj with the name `shape` as `shape.mtl` and `shape_texture.png`.
 ///
 /// # Errors
 /// [`WriteError::Input`] if the extension is another one, the folder does not accept files, the
 /// format has no textures and `export` has one, or the mesh is too far from the world's origin for
-/// .stl. [`WriteError::File`] if the file cannot be written, or is a .glb of more than 4 GiB.
+/// .stl. [`WriteError::File`] if the file cannot be written, or is a .glb or a .usdz of
+/// more than 4 GiB.
 pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> Result<(), WriteError> {
     let extension = extension(path);
     let error = |found: &str, expected| InputError::new(path, "output", found, expected);
-    if export.texture.is_some() && !["glb", "obj"].contains(&extension.as_str()) {
-        return Err(error("a mesh with a texture", ".glb or .obj").into());
+    if export.texture.is_some() && !["glb", "obj", "usdz"].contains(&extension.as_str()) {
+        return Err(error("a mesh with a texture", ".glb, .usdz or .obj").into());
     }
     let scaled = || mesh.clone().scaled(export.scale);
     match extension.as_str() {
         "ply" => atomic_write(path, |out| write_ply(&scaled(), out)),
         "obj" => write_obj(path, &scaled(), export.texture),
         "glb" => atomic_write(path, |out| write_glb(mesh, export, out)),
+        "usdz" => atomic_write(path, |out| write_usdz(mesh, export, out)),
         "stl" => {
             let reach = mesh.vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max);
             check_stl(path, mesh.origin, reach.into())?;
@@ -50,7 +53,7 @@ pub fn export_mesh(path: &Path, mesh: &Mesh, export: &Export) -> Result<(), Writ
         }
         other => {
             let found = format!("extension \"{other}\"");
-            Err(error(&found, ".ply, .obj, .glb or .stl").into())
+            Err(error(&found, ".ply, .obj, .glb, .usdz or .stl").into())
         }
     }
 }
@@ -69,6 +72,6 @@ pub fn check_stl(path: &Path, center: DVec3, reach: f64) -> Result<(), InputErro
         return Ok(());
     }
     let found = format!("a mesh around {center}, far from 0 for its size");
-    let expected = ".ply, .obj or .glb: .stl has single precision";
+    let expected = ".ply, .obj, .glb or .usdz: .stl has single precision";
     Err(InputError::new(path, "output", found, expected))
 }

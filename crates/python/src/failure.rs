@@ -26,7 +26,7 @@ pub(crate) fn wrong(place: &str, field: &str, found: impl ToString, expected: &s
 /// The exception of an error, by its exit status: `InputError` for 2, `KeyboardInterrupt` for 130,
 /// else `RuntimeError`.
 pub(crate) fn of_anyhow(error: &anyhow::Error) -> PyErr {
-    let line = app::cli::error_line(error);
+    let line = app::error::error_line(error);
     match app::error::exit_status(error) {
         2 => InputError::new_err(line),
         130 => PyKeyboardInterrupt::new_err(line),

@@ -62,8 +62,10 @@ function drawCurve({ name, unit, logarithmic, points }) {
   return svg;
 }
 
-{
+function showCurves() {
   const place = document.getElementById("curves");
-  place.append(...report.curves.map(drawCurve));
-  if (!report.curves.length) place.textContent = "The run has no metrics.";
+  place.replaceChildren(...report.curves.map(drawCurve));
+  if (!report.curves.length) place.textContent = report === nothing ? "There are no metrics yet." : "The run has no metrics.";
 }
+
+showCurves();

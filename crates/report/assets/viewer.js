@@ -1,6 +1,8 @@
 // The surface with the cameras around it, in WebGL 2.
 
-const report = JSON.parse(document.getElementById("data").textContent);
+// What a page shows as long as it has no data.
+const nothing = { frame: { center: [0, 0, 0], radius: 1, up: [0, 0, 1] }, mesh: null, views: [], curves: [] };
+let report = JSON.parse(document.getElementById("data").textContent) ?? nothing;
 
 // Vectors are arrays of three numbers. Matrices have 16, column by column.
 const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
@@ -90,30 +92,37 @@ function program(gl, vertex, fragment) {
   };
 }
 
-// A buffer of `count` numbers a vertex as the attribute `name`.
-function attribute(gl, { attribute: place }, name, data, count, type, normalized) {
-  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-  gl.enableVertexAttribArray(place(name));
-  gl.vertexAttribPointer(place(name), count, type, normalized, 0, 0);
+// A buffer with this data.
+function bufferOf(gl, kind, data) {
+  const own = gl.createBuffer();
+  gl.bindBuffer(kind, own);
+  gl.bufferData(kind, data, gl.STATIC_DRAW);
+  return own;
 }
 
-function surfaceOf(gl, mesh) {
-  const shader = program(gl, SURFACE_VERTEX, SURFACE_FRAGMENT);
+// A buffer of `count` numbers a vertex as the attribute `name`.
+function attribute(gl, { attribute: place }, name, data, count, type, normalized) {
+  const own = bufferOf(gl, gl.ARRAY_BUFFER, data);
+  gl.enableVertexAttribArray(place(name));
+  gl.vertexAttribPointer(place(name), count, type, normalized, 0, 0);
+  return own;
+}
+
+function surfaceOf(gl, shader, mesh) {
   const array = gl.createVertexArray();
   gl.bindVertexArray(array);
-  attribute(gl, shader, "place", bytes(mesh.positions), 3, gl.UNSIGNED_SHORT, true);
-  attribute(gl, shader, "normal", bytes(mesh.normals), 3, gl.BYTE, true);
-  attribute(gl, shader, "color", bytes(mesh.colors), 3, gl.UNSIGNED_BYTE, true);
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, bytes(mesh.indices), gl.STATIC_DRAW);
-  return { shader, array, mesh };
+  const buffers = [
+    attribute(gl, shader, "place", bytes(mesh.positions), 3, gl.UNSIGNED_SHORT, true),
+    attribute(gl, shader, "normal", bytes(mesh.normals), 3, gl.BYTE, true),
+    attribute(gl, shader, "color", bytes(mesh.colors), 3, gl.UNSIGNED_BYTE, true),
+    bufferOf(gl, gl.ELEMENT_ARRAY_BUFFER, bytes(mesh.indices)),
+  ];
+  return { mesh, arrays: [array], buffers, textures: [] };
 }
 
 // The pyramids of all cameras: eight lines each, and a quad with the photograph.
-function camerasOf(gl, views, length) {
-  const shader = program(gl, FLAT_VERTEX, FLAT_FRAGMENT);
-  const [lines, quads] = [[], []];
+function camerasOf(gl, shader, views, length) {
+  const [lines, quads, buffers] = [[], [], []];
   for (const { camera } of views) {
     const [left, right, bottom, top] = camera.borders;
     const corner = (x, y) =>
@@ -125,28 +134,33 @@ function camerasOf(gl, views, length) {
   const arrayOf = (points, uv) => {
     const array = gl.createVertexArray();
     gl.bindVertexArray(array);
-    attribute(gl, shader, "place", new Float32Array(points.flat()), 3, gl.FLOAT, false);
-    attribute(gl, shader, "corner", new Float32Array(uv), 2, gl.FLOAT, false);
+    buffers.push(attribute(gl, shader, "place", new Float32Array(points.flat()), 3, gl.FLOAT, false));
+    buffers.push(attribute(gl, shader, "corner", new Float32Array(uv), 2, gl.FLOAT, false));
     return array;
   };
   const corners = views.flatMap(() => [0, 0, 0, 1, 1, 0, 1, 1]);
-  const textures = views.map(() => null);
-  return {
-    shader, textures,
-    lines: arrayOf(lines, new Array(lines.length * 2).fill(0)),
-    quads: arrayOf(quads, corners),
-  };
+  const arrays = [arrayOf(lines, new Array(lines.length * 2).fill(0)), arrayOf(quads, corners)];
+  return { views, arrays, buffers, textures: views.map(() => null) };
 }
 
-function loadPhotographs(gl, cameras, views, loaded) {
+// Gives the memory of a surface or of cameras back.
+function dispose(gl, { arrays, buffers, textures }) {
+  arrays.forEach((own) => gl.deleteVertexArray(own));
+  buffers.forEach((own) => gl.deleteBuffer(own));
+  textures.forEach((own) => gl.deleteTexture(own));
+  textures.isGone = true;
+}
+
+function loadPhotographs(gl, { views, textures }, loaded) {
   views.forEach((view, i) => {
     const image = new Image();
     image.onload = () => {
+      if (textures.isGone) return;
       const texture = gl.createTexture();
       gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, image);
       gl.generateMipmap(gl.TEXTURE_2D);
-      cameras.textures[i] = texture;
+      textures[i] = texture;
       loaded();
     };
     image.src = "data:image/jpeg;base64," + view.pictures[0];
@@ -154,27 +168,32 @@ function loadPhotographs(gl, cameras, views, loaded) {
 }
 
 // The place from which the surface is seen: around the centre, or through a camera.
-function orbitOf({ center, radius, up }, views, reach) {
-  const side = Math.abs(up[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0];
-  const u = unit(cross(side, up));
-  const v = cross(up, u);
+function orbitOf() {
   const orbit = { through: null };
+  let [center, radius, up, reach, u, v, yaw, pitch] = [];
   const outwards = (yaw, pitch) => {
     const level = add(u.map((x) => x * Math.cos(yaw)), v, Math.sin(yaw));
     return add(level.map((x) => x * Math.cos(pitch)), up, Math.sin(pitch));
   };
-  const directions = views.map(({ camera }) => unit(add(camera.eye, center, -1)));
-  // Near the camera in the middle of those that look from one side, or else near the first, and as
-  // far as can be from all: a camera would cover the surface.
-  const mean = directions.reduce((sum, direction) => add(sum, direction), [0, 0, 0]);
-  const isOneSided = dot(mean, mean) > (0.5 * directions.length) ** 2;
-  const middle = (a, b) => (isOneSided && dot(b, mean) > dot(a, mean) ? b : a);
-  const first = directions.length ? directions.reduce(middle) : u;
-  const pitch = Math.asin(Math.max(-0.9, Math.min(0.9, dot(first, up))));
-  const around = Math.atan2(dot(first, v), dot(first, u));
-  const nearest = (yaw) => Math.max(...directions.map((direction) => dot(direction, outwards(yaw, pitch))));
-  const yaws = [0.4, 0.3, 0.2, 0.5, 0.6, -0.2, -0.3, -0.4, -0.5, -0.6].map((turn) => around + turn);
-  const yaw = yaws.reduce((best, other) => (nearest(other) < nearest(best) ? other : best));
+  // The frame and the views that are looked at from now on, and the distance of the farthest camera.
+  orbit.surround = (frame, views, farthest) => {
+    ({ center, radius, up } = frame);
+    reach = farthest;
+    u = unit(cross(Math.abs(up[0]) < 0.8 ? [1, 0, 0] : [0, 1, 0], up));
+    v = cross(up, u);
+    const directions = views.map(({ camera }) => unit(add(camera.eye, center, -1)));
+    // Near the camera in the middle of those that look from one side, or else near the first, and as
+    // far as can be from all: a camera would cover the surface.
+    const mean = directions.reduce((sum, direction) => add(sum, direction), [0, 0, 0]);
+    const isOneSided = dot(mean, mean) > (0.5 * directions.length) ** 2;
+    const middle = (a, b) => (isOneSided && dot(b, mean) > dot(a, mean) ? b : a);
+    const first = directions.length ? directions.reduce(middle) : u;
+    pitch = Math.asin(Math.max(-0.9, Math.min(0.9, dot(first, up))));
+    const around = Math.atan2(dot(first, v), dot(first, u));
+    const nearest = (yaw) => Math.max(...directions.map((direction) => dot(direction, outwards(yaw, pitch))));
+    const yaws = [0.4, 0.3, 0.2, 0.5, 0.6, -0.2, -0.3, -0.4, -0.5, -0.6].map((turn) => around + turn);
+    yaw = yaws.reduce((best, other) => (nearest(other) < nearest(best) ? other : best));
+  };
   orbit.reset = () => {
     [orbit.yaw, orbit.pitch] = [yaw, pitch];
     orbit.distance = 3.2 * radius;
@@ -208,7 +227,6 @@ function orbitOf({ center, radius, up }, views, reach) {
     const eye = add(orbit.target, out, orbit.distance);
     return { eye, right, up: cross(right, forward), forward, borders: [-0.36, 0.36, -0.36, 0.36] };
   };
-  orbit.reset();
   return orbit;
 }
 
@@ -222,33 +240,54 @@ function fitted([left, right, bottom, top], aspect) {
 }
 
 function viewerOf(canvas, message) {
-  const viewer = { mode: 0, showsCameras: true, selected: 0, select: () => {} };
+  const orbit = orbitOf();
+  const viewer = { mode: 0, showsCameras: true, selected: 0, orbit, select: () => {}, redraw: () => {} };
   const say = (text) => {
     message.textContent = text;
-    message.hidden = false;
+    message.hidden = !text;
   };
   const gl = canvas.getContext("webgl2", { antialias: true });
-  const { frame, mesh, views } = report;
-  const reach = Math.max(0, ...views.map(({ camera }) => Math.hypot(...add(camera.eye, frame.center, -1))));
-  const orbit = (viewer.orbit = orbitOf(frame, views, reach));
-  viewer.redraw = () => {};
+  let [surface, cameras, around, reach] = [null, null, "", 0];
+  const shaders = gl && {
+    surface: program(gl, SURFACE_VERTEX, SURFACE_FRAGMENT), flat: program(gl, FLAT_VERTEX, FLAT_FRAGMENT),
+  };
+  if (gl) canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost: load the page again."));
+
+  // Shows the data of the page, from where it was seen if the sphere is the same.
+  viewer.load = () => {
+    const { frame, mesh, views } = report;
+    reach = Math.max(0, ...views.map(({ camera }) => Math.hypot(...add(camera.eye, frame.center, -1))));
+    orbit.surround(frame, views, reach);
+    const place = JSON.stringify([frame.center, frame.radius]);
+    if (around !== place) orbit.reset();
+    around = place;
+    if (!gl) {
+      say("This browser has no WebGL 2: the surface cannot be shown.");
+      return;
+    }
+    if (report === nothing) say("There is no surface yet.");
+    else say(mesh ? "" : "The run has no surface inside its bounding sphere.");
+    [surface, cameras].filter((own) => own).forEach((own) => dispose(gl, own));
+    surface = mesh && surfaceOf(gl, shaders.surface, mesh);
+    cameras = camerasOf(gl, shaders.flat, views, 0.25 * frame.radius);
+    loadPhotographs(gl, cameras, viewer.redraw);
+    viewer.redraw();
+  };
   if (!gl) {
-    say("This browser has no WebGL 2: the surface cannot be shown.");
+    viewer.load();
     return viewer;
   }
-  if (!mesh) say("The run has no surface inside its bounding sphere.");
-  canvas.addEventListener("webglcontextlost", () => say("The graphics card was lost: load the page again."));
-  const surface = mesh && surfaceOf(gl, mesh);
-  const cameras = camerasOf(gl, views, 0.25 * frame.radius);
 
   viewer.matrix = () => {
     const place = orbit.frame();
     const aspect = canvas.width / Math.max(1, canvas.height);
-    const far = Math.hypot(...add(place.eye, frame.center, -1)) + reach + 2 * frame.radius;
+    const { center, radius } = report.frame;
+    const far = Math.hypot(...add(place.eye, center, -1)) + reach + 2 * radius;
     return product(projection(fitted(place.borders, aspect), 0.0005 * far, far), viewMatrix(place));
   };
   const drawCameras = (matrix) => {
-    const { shader } = cameras;
+    const shader = shaders.flat;
+    const { views, textures, arrays: [lines, quads] } = cameras;
     gl.useProgram(shader.own);
     gl.uniformMatrix4fv(shader.uniform("matrix"), false, matrix);
     const color = (r, g, b, a) => gl.uniform4f(shader.uniform("color"), r, g, b, a);
@@ -256,13 +295,13 @@ function viewerOf(canvas, message) {
     views.forEach((view, i) => {
       if (view.camera === orbit.through) return;
       // A photograph that is seen from behind its camera would hide the surface.
-      if (cameras.textures[i] && dot(forward, view.camera.forward) < 0.6) {
-        gl.bindVertexArray(cameras.quads);
+      if (textures[i] && dot(forward, view.camera.forward) < 0.6) {
+        gl.bindVertexArray(quads);
         color(0, 0, 0, 0);
-        gl.bindTexture(gl.TEXTURE_2D, cameras.textures[i]);
+        gl.bindTexture(gl.TEXTURE_2D, textures[i]);
         gl.drawArrays(gl.TRIANGLE_STRIP, 4 * i, 4);
       }
-      gl.bindVertexArray(cameras.lines);
+      gl.bindVertexArray(lines);
       if (i === viewer.selected) color(0.95, 0.3, 0.1, 1);
       else if (view.held_out) color(0.2, 0.65, 0.35, 1);
       else color(0.35, 0.5, 0.8, 1);
@@ -276,14 +315,15 @@ function viewerOf(canvas, message) {
     gl.enable(gl.DEPTH_TEST);
     const matrix = viewer.matrix();
     if (surface) {
-      const { shader } = surface;
+      const shader = shaders.surface;
+      const { mesh, arrays: [array] } = surface;
       gl.useProgram(shader.own);
       gl.uniformMatrix4fv(shader.uniform("matrix"), false, matrix);
       gl.uniform3fv(shader.uniform("low"), mesh.low);
       gl.uniform3fv(shader.uniform("size"), mesh.size);
       gl.uniform3fv(shader.uniform("eye"), orbit.frame().eye);
       gl.uniform1i(shader.uniform("mode"), viewer.mode);
-      gl.bindVertexArray(surface.array);
+      gl.bindVertexArray(array);
       gl.drawElements(gl.TRIANGLES, 3 * mesh.faces, gl.UNSIGNED_INT, 0);
     }
     if (viewer.showsCameras) drawCameras(matrix);
@@ -297,7 +337,7 @@ function viewerOf(canvas, message) {
       viewer.draw();
     });
   };
-  loadPhotographs(gl, cameras, views, viewer.redraw);
+  viewer.load();
   new ResizeObserver(() => {
     const scale = window.devicePixelRatio || 1;
     canvas.width = Math.max(1, Math.round(canvas.clientWidth * scale));

@@ -2,17 +2,12 @@
 
 function showViews(viewer) {
   const get = (id) => document.getElementById(id);
-  const { views } = report;
-  if (!views.length) {
-    get("views").hidden = true;
-    return;
-  }
   const [slider, wipe] = [get("view"), get("wipe")];
-  slider.max = views.length - 1;
   const clip = () => {
     get("pair").style.setProperty("--line-at", `${wipe.value}%`);
   };
   const show = (i) => {
+    const { views } = report;
     const view = views[i];
     ["photograph", "render", "error"].forEach((id, kind) => {
       const image = get(id);
@@ -30,18 +25,25 @@ function showViews(viewer) {
     viewer.redraw();
   };
   viewer.select = show;
-  const step = (by) => show((Number(slider.value) + by + views.length) % views.length);
+  const step = (by) => show((Number(slider.value) + by + report.views.length) % report.views.length);
   slider.addEventListener("input", () => show(Number(slider.value)));
   wipe.addEventListener("input", clip);
   get("previous").addEventListener("click", () => step(-1));
   get("next").addEventListener("click", () => step(1));
   get("through").addEventListener("click", () => {
-    viewer.orbit.through = views[Number(slider.value)].camera;
+    viewer.orbit.through = report.views[Number(slider.value)].camera;
     viewer.redraw();
     get("surface").scrollIntoView({ block: "nearest" });
   });
   clip();
-  show(0);
+  // Shows the data of the page: the view that was shown, or the first.
+  viewer.loadViews = () => {
+    const count = report.views.length;
+    get("views").hidden = !count;
+    slider.max = Math.max(0, count - 1);
+    if (count) show(Math.min(viewer.selected, count - 1));
+  };
+  viewer.loadViews();
 }
 
 showViews(viewer);

@@ -19,6 +19,6 @@ impl Detail {
     /// A page of at most some 8 MB.
     pub const FULL: Detail = Detail { cells: 192, faces: 120_000, views: 48, side: 320, spp: 4 };
 
-    /// A page for a fit that goes on: it takes a few seconds.
-    pub const LIVE: Detail = Detail { cells: 96, faces: 40_000, views: 8, side: 192, spp: 1 };
+    /// A page for a fit that goes on: it takes about a second.
+    pub const LIVE: Detail = Detail { cells: 80, faces: 20_000, views: 4, side: 160, spp: 1 };
 }

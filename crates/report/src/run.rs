@@ -29,8 +29,8 @@ pub struct Run<'a> {
 /// The state of a run.
 #[derive(Clone, Copy, Debug)]
 pub enum State<'a> {
-    /// A fit that goes on.
-    Running,
+    /// A fit that goes on, with the verdict so far, if it is known.
+    Running(Option<&'a Verdict>),
     /// A fit that was stopped before its end.
     Stopped,
     /// A fit that does not run, with the verdict on it.

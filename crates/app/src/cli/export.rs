@@ -19,6 +19,9 @@ use render::{named, snapped, upwards};
 /// Bytes of memory for each texel of a texture, while it is painted.
 const MEMORY_PER_TEXEL: u64 = 144;
 
+/// The width of a texture in a .usdz file, in texels.
+const USUAL_TEXTURE: u32 = 2048;
+
 /// The upward direction without cameras.
 const UP_WITHOUT_CAMERAS: DVec3 = DVec3::Z;
 
@@ -28,12 +31,12 @@ pub(super) struct Export {
     /// Vertex colours; an .stl file has none
     #[arg(long, help_heading = "Colours, size and direction", value_enum, default_value = "auto")]
     color: Color,
-    /// Width in texels of an image with the colours, in a .glb file or beside an .obj file, in the
-    /// place of vertex colours
+    /// Width in texels of an image with the colours, in a .glb or a .usdz file or beside an .obj
+    /// file, in the place of vertex colours [default for .usdz: 2048]
     #[arg(help_heading = "Colours, size and direction")]
     #[arg(long, value_name = "TEXELS", value_parser = clap::value_parser!(u32).range(64..=8192))]
     texture: Option<u32>,
-    /// Axis of the data set that points up in a .glb file [default: auto]
+    /// Axis of the data set that points up in a .glb or a .usdz file [default: auto]
     #[arg(help_heading = "Colours, size and direction")]
     #[arg(long, value_enum, allow_hyphen_values = true)]
     up: Option<Up>,
@@ -146,22 +149,27 @@ impl Export {
             let expected = "a number from 1e-12 to 1e12";
             return Err(option_error("scale", self.scale.to_string(), expected).into());
         }
-        if let Some(size) = self.texture {
+        if let Some(size) = self.texture.or_else(|| self.usual_texture(output)) {
             self.check_texture(size, output)?;
         }
-        if self.up.and_then(Up::direction).is_some() && extension(output) != "glb" {
+        if self.up.and_then(Up::direction).is_some() && !is_upright(output) {
             let found = format!("an upward direction for {}", output.display());
-            let expected = "a .glb file: files of other formats keep the axes of the data set";
+            let expected = "a .glb or a .usdz file: others keep the axes of the data set";
             return Err(option_error("up", found, expected).into());
         }
         Ok(())
     }
 
+    /// The texture that a file has without the option: phones show no colours of vertices.
+    fn usual_texture(&self, output: &Path) -> Option<u32> {
+        (extension(output) == "usdz" && self.color == Color::Auto).then_some(USUAL_TEXTURE)
+    }
+
     /// Checks that a texture of this size can be written with a mesh.
     fn check_texture(&self, size: u32, output: &Path) -> anyhow::Result<()> {
-        if !["glb", "obj"].contains(&extension(output).as_str()) {
+        if !["glb", "obj", "usdz"].contains(&extension(output).as_str()) {
             let found = format!("a texture for {}", output.display());
-            return Err(option_error("texture", found, "a .glb or an .obj file").into());
+            return Err(option_error("texture", found, "a .glb, .usdz or .obj file").into());
         }
         let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
         files::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
@@ -191,7 +199,7 @@ impl Export {
             }
         }
         let is_colored = self.color == Color::Auto && extension(output) != "stl";
-        let is_turned = extension(output) == "glb";
+        let is_turned = is_upright(output);
         let up = self.up.and_then(Up::direction);
         let lack = match (is_colored, is_turned && up.is_none()) {
             (false, false) => None,
@@ -214,7 +222,7 @@ impl Export {
         if is_colored && !cameras.is_empty() {
             exported.color_cameras = Some(cameras.len());
             let colors = Colors { solid: Solid::new(model, file), cameras: &cameras, global };
-            exported.unseen = Some(match self.texture {
+            exported.unseen = Some(match self.texture.or_else(|| self.usual_texture(output)) {
                 None => colors.add_to(&mut mesh)?,
                 Some(size) => {
                     let (image, report, unseen) = colors.texture(&mesh, size)?;
@@ -233,6 +241,11 @@ impl Export {
         export_mesh(output, &mesh, &export)?;
         Ok((mesh, exported))
     }
+}
+
+/// Whether a file has an upward direction of its own.
+fn is_upright(output: &Path) -> bool {
+    ["glb", "usdz"].contains(&extension(output).as_str())
 }
 
 /// The upward direction of cameras.

@@ -18,7 +18,7 @@ use mesh::{check_stl, extract};
 pub(crate) struct Mesh {
     /// Run folder
     run: PathBuf,
-    /// Mesh to write: .ply, .obj, .glb or .stl
+    /// Mesh to write: .ply, .obj, .glb, .usdz or .stl
     #[arg(short, long)]
     output: PathBuf,
     /// Grid cells along the diameter of the bounding sphere
@@ -72,7 +72,7 @@ impl Mesh {
 
     /// Extracts the surface and writes the file.
     pub(super) fn write(&self, global: &Global) -> anyhow::Result<MeshReport> {
-        global.will_write(&self.output, &["ply", "obj", "glb", "stl"])?;
+        global.will_write(&self.output, &["ply", "obj", "glb", "usdz", "stl"])?;
         self.export.check(&self.output)?;
         let file = RunFile::load(&self.run)?;
         if extension(&self.output) == "stl" {

@@ -26,7 +26,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use crate::messages::{Console, Host};
 use estimate::Registry;
 
-use crate::error::{Interrupted, WrongArguments, exit_status};
+use crate::error::{Interrupted, WrongArguments, error_line, exit_status};
 
 /// Reconstruct shapes from posed photographs by differentiable rendering of neural signed distance
 /// fields
@@ -72,8 +72,9 @@ enum Command {
     /// Extract the surface of a run as a mesh, in colour
     ///
     /// The colour of a vertex is the mean radiance towards the training cameras that see it; a
-    /// vertex that none sees is grey. Colours are sRGB in .ply and .obj, and linear in .glb. The
-    /// file is in the units of the data set; a .glb stands upright.
+    /// vertex that none sees is grey. Colours are sRGB in .ply and .obj, and linear in .glb. A
+    /// .usdz, which phones show, has a texture. The file is in the units of the data set; a .glb and a
+    /// .usdz stand upright.
     Mesh(mesh::Mesh),
     /// Measure the errors of a run on held-out views, and against a true mesh
     Eval(eval::Eval),
@@ -130,7 +131,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
 /// No handler of Ctrl-C is installed, and nothing is written to the standard streams but help.
 ///
 /// # Errors
-/// Those of the command; [`exit_status`] tells their kinds apart, and [`error_line`] has the text.
+/// Those of the command; [`exit_status`] tells their kinds apart, and [`error_line`](crate::error::error_line) has the text.
 /// `Interrupted` if the host stopped the command.
 pub fn run_in_host(
     arguments: impl IntoIterator<Item = OsString>,
@@ -143,12 +144,6 @@ pub fn run_in_host(
         Err(stopped) if stopped.is::<Interrupted>() => Err(Interrupted.into()),
         Err(panic) => resume_unwind(panic),
     }
-}
-
-/// An error and its causes, in one line.
-pub fn error_line(error: &anyhow::Error) -> String {
-    let chain: Vec<String> = error.chain().map(|e| e.to_string().replace('\n', " ")).collect();
-    files::printable(&chain.join(": "))
 }
 
 fn parse_and_execute(
@@ -254,7 +249,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(global.threads.map_or(0, usize::from))
         .build()?;
-    pool.install(|| match cli.command {
+    let result = pool.install(|| match cli.command {
         Command::Render(command) => command.run(&global),
         Command::Gradient(command) => command.run(&global),
         Command::Fit(command) => command.run(&global),
@@ -267,7 +262,9 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Poses(command) => command.run(&global),
         Command::Report(command) => command.run(&global),
         Command::Scan(command) => command.run(&global),
-    })
+    });
+    global.console.close_site(&result);
+    result
 }
 
 #[cfg(test)]

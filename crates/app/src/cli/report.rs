@@ -9,9 +9,11 @@ use serde::Serialize;
 
 use super::common::{Global, as_fitted};
 use super::fit::read_for;
+use crate::messages::Console;
+use crate::serve::Site;
 use ::inspect::inspect;
 use ::report::Verdict;
-use ::report::{Detail, Run, State, page};
+use ::report::{Content, Detail, Run, State};
 use dataset::Dataset;
 use fit::{Fit as Fitting, FitOptions, Model, RunFile, RunFolder};
 use report::{examine, modelled};
@@ -86,10 +88,17 @@ impl About {
     }
 }
 
+/// The verdict on a fit that goes on; `None` while the surface is soft: images are blurred then.
+fn so_far(fitting: &Fitting) -> anyhow::Result<Option<Verdict>> {
+    let Fitting { model, file, photographs, .. } = fitting;
+    let is_sharp = fitting.progress() > file.options.soft();
+    Ok(is_sharp.then(|| examine(model, file, &photographs.dataset)).transpose()?)
+}
+
 /// Writes the page of a run that has ended. Returns its size in bytes.
 pub(super) fn write_whole(run: &Run<'_>, path: &Path, global: &Global) -> anyhow::Result<usize> {
     let bar = global.progress("report");
-    let html = page(run, Detail::FULL, &bar.mover())?;
+    let html = Content::of(run, Detail::FULL, &bar.mover())?.html()?;
     bar.finish_and_clear();
     write(path, &html)
 }
@@ -102,61 +111,92 @@ fn write(path: &Path, html: &str) -> anyhow::Result<usize> {
 /// Seconds from the start of a fit to its first page.
 const FIRST_PAGE_AFTER: Duration = Duration::from_secs(10);
 
-/// The time from the end of one page to the start of the next, in times of the first.
-const PAUSE: u32 = 40;
+/// The time from the end of one page to the start of the next, in times of the first: pages take at
+/// most a fiftieth of the time.
+const PAUSE: u32 = 50;
 
-/// The page of a fit that goes on.
+/// The page of a fit that goes on: a file, and that of a server, as asked.
 pub(super) struct Live {
     about: About,
     folder: RunFolder,
-    page: PathBuf,
+    page: Option<PathBuf>,
+    console: Console,
     next: Cell<Instant>,
 }
 
 impl Live {
-    /// The page of the fit in the run folder `folder`. It is written ten seconds from now first.
-    pub(super) fn start(folder: &Path, page: PathBuf, fitting: &Fitting) -> Self {
-        let about = About::of(&fitting.photographs.dataset, &fitting.file);
+    /// The page of the fit in the run folder `folder`. It is made ten seconds from now first.
+    pub(super) fn start(
+        folder: &Path,
+        page: Option<PathBuf>,
+        fitting: &Fitting,
+        console: &Console,
+    ) -> Self {
         Live {
-            about,
+            about: About::of(&fitting.photographs.dataset, &fitting.file),
             folder: RunFolder::new(folder),
             page,
+            console: console.clone(),
             next: Cell::new(Instant::now() + FIRST_PAGE_AFTER),
         }
     }
 
-    /// Writes the page if it is due.
+    /// The server of the page, if a browser shows it.
+    fn watched(&self) -> Option<&Site> {
+        self.console.site().filter(|site| site.is_watched())
+    }
+
+    /// Makes the page if it is due and wanted.
     pub(super) fn refresh(&self, fitting: &Fitting) -> anyhow::Result<()> {
         let start = Instant::now();
-        if start >= self.next.get() {
-            self.write(fitting, State::Running)?;
+        if start >= self.next.get() && (self.page.is_some() || self.watched().is_some()) {
+            let verdict = so_far(fitting)?;
+            self.write(fitting, State::Running(verdict.as_ref()))?;
             self.next.set(Instant::now() + start.elapsed() * PAUSE);
         }
         Ok(())
     }
 
-    /// Writes the page of a fit that is not at its end. Its cameras are those of the data set.
+    /// Makes the page of a fit that is not at its end. Its cameras are those of the data set.
     pub(super) fn write(&self, fitting: &Fitting, state: State<'_>) -> anyhow::Result<()> {
-        let Fitting { model, file, photographs, .. } = fitting;
-        let run = self.about.run(self.folder.path(), (model, file, &photographs.dataset), state);
-        write(&self.page, &page(&run, Detail::LIVE, &|_| {})?).map(drop)
+        self.make(fitting, state, Detail::LIVE, &|_| {})
     }
 
-    /// Writes the last page. The data set has the cameras and the exposures as fitted.
+    /// Makes the last page. The data set has the cameras and the exposures as fitted.
     pub(super) fn finish(
         &self,
         fitting: &Fitting,
         verdict: &Verdict,
         global: &Global,
     ) -> anyhow::Result<()> {
+        if self.page.is_none() && self.watched().is_none() {
+            return Ok(());
+        }
+        let bar = global.progress("report");
+        self.make(fitting, State::Ended(verdict), Detail::FULL, &bar.mover())?;
+        bar.finish_and_clear();
+        if let Some(page) = &self.page {
+            global.say(&format!("report: {}", page.display()));
+        }
+        Ok(())
+    }
+
+    fn make(
+        &self,
+        fitting: &Fitting,
+        state: State<'_>,
+        detail: Detail,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> anyhow::Result<()> {
         let Fitting { model, file, photographs, .. } = fitting;
-        let run = self.about.run(
-            self.folder.path(),
-            (model, file, &photographs.dataset),
-            State::Ended(verdict),
-        );
-        write_whole(&run, &self.page, global)?;
-        global.say(&format!("report: {}", self.page.display()));
+        let run = self.about.run(self.folder.path(), (model, file, &photographs.dataset), state);
+        let content = Content::of(&run, detail, progress)?;
+        if let Some(page) = &self.page {
+            write(page, &content.html()?)?;
+        }
+        if let Some(site) = self.watched() {
+            site.show(content.json()?);
+        }
         Ok(())
     }
 }

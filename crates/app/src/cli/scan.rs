@@ -8,10 +8,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::common::{Global, arguments};
-use super::fit::{Fit, FitReport};
+use super::fit::{Fit, FitReport, serve_page};
 use super::mesh::{Mesh, MeshReport};
 use super::poses::Poses;
-use ::poses::Poses as Found;
+use crate::serve::{Address, THIS_COMPUTER};
+use ::poses::{Photographs, Poses as Found};
 use files::{InputError, check_output};
 use fit::RunFolder;
 
@@ -29,6 +30,10 @@ pub(crate) struct Scan {
     /// The program COLMAP [default: colmap on the search path]
     #[arg(long, value_name = "PROGRAM")]
     colmap: Option<PathBuf>,
+    /// Show the progress and the surface in a browser: a port or an address to listen at [default
+    /// without a value: a free port, for this computer alone]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = THIS_COMPUTER)]
+    serve: Option<Address>,
 }
 
 /// The time that the mesh and the page get, on one thread; more threads are faster.
@@ -93,7 +98,7 @@ impl Scan {
             check_output(&mesh)?;
             check_output(&page)?;
         }
-        let (dataset, poses) = self.posed(&output, global)?;
+        let (dataset, poses) = self.posed(&output, &run, global)?;
         let time = self.time_of_fit(start.elapsed());
         global.say(&match RunFolder::new(&run).checkpoint().is_file() {
             true => "step 2 of 3: the surface, in the time of the run that it continues".to_owned(),
@@ -108,9 +113,16 @@ impl Scan {
     }
 
     /// The data set: that of the argument, or the photographs with poses by COLMAP.
-    fn posed(&self, output: &Path, global: &Global) -> anyhow::Result<(PathBuf, Option<Found>)> {
+    fn posed(
+        &self,
+        output: &Path,
+        run: &Path,
+        global: &Global,
+    ) -> anyhow::Result<(PathBuf, Option<Found>)> {
+        let serve = || self.serve.map_or(Ok(()), |address| serve_page(address, run, global));
         match dataset::open(&self.photos) {
             Ok(_) => {
+                serve()?;
                 global.say("step 1 of 3: the data set has poses");
                 return Ok((self.photos.clone(), None));
             }
@@ -120,6 +132,8 @@ impl Scan {
             }
             Err(_) => {}
         }
+        Photographs::in_folder(&self.photos)?;
+        serve()?;
         global.say("step 1 of 3: the poses of the photographs");
         let (photos, output) = (no_flag(&self.photos), output.join("dataset"));
         let colmap = self.colmap.as_deref().map(no_flag);

@@ -64,6 +64,13 @@ impl Interrupt {
         result
     }
 
+    /// Does what the first Ctrl-C does, if a fit is iterating. Returns whether one is.
+    pub(crate) fn request(&self) -> bool {
+        let iterating = self.is_iterating();
+        self.0.requested.fetch_or(iterating, Ordering::SeqCst);
+        iterating
+    }
+
     /// Whether a fit is iterating.
     pub(crate) fn is_iterating(&self) -> bool {
         self.0.iterating.load(Ordering::SeqCst)

@@ -8,7 +8,7 @@ mod progress;
 use std::io::Write;
 use std::panic::resume_unwind;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 pub use host::Host;
 pub use interrupt::Interrupted;
@@ -16,6 +16,8 @@ pub use progress::Progress;
 
 use clock::Clock;
 use interrupt::Interrupt;
+
+use crate::serve::{Address, Known, News, Site, State};
 
 /// The receiver of the results, lines and progress of one command, and its requests to stop.
 #[derive(Clone, Default)]
@@ -26,6 +28,8 @@ pub struct Console {
     interrupt: Interrupt,
     /// The program around the command; `None` for the standard streams.
     host: Option<Arc<dyn Host>>,
+    /// The page of the command, if it has one.
+    site: Arc<OnceLock<Site>>,
 }
 
 impl std::fmt::Debug for Console {
@@ -69,6 +73,45 @@ impl Console {
         self.interrupt.requested() || self.host.as_ref().is_some_and(|host| host.is_interrupted())
     }
 
+    /// Starts the server of a page, if the command has none yet, and says where it is. `before` is
+    /// where a former one was.
+    ///
+    /// # Errors
+    /// If nothing can listen at the address.
+    pub(crate) fn serve(
+        &self,
+        address: Address,
+        before: Option<Known>,
+        page: impl FnOnce() -> String,
+    ) -> anyhow::Result<()> {
+        if self.site.get().is_some() {
+            return Ok(());
+        }
+        let interrupt = self.interrupt.clone();
+        let site = Site::start(address, before, page(), Box::new(move || interrupt.request()))?;
+        self.line(&format!("page: {}", site.url()));
+        // One thread starts servers, so there is no other one yet.
+        let _ = self.site.set(site);
+        Ok(())
+    }
+
+    /// The page of the command, if it has one.
+    pub(crate) fn site(&self) -> Option<&Site> {
+        self.site.get()
+    }
+
+    /// Tells the page about the end of the command, and waits until it is shown.
+    pub(crate) fn close_site(&self, result: &anyhow::Result<()>) {
+        let Some(site) = self.site() else { return };
+        match result {
+            Ok(()) => site.close(State::Ended, "done"),
+            Err(error) if error.is::<Interrupted>() => {
+                site.close(State::Stopped, "stopped; --resume, or the same command, continues");
+            }
+            Err(error) => site.close(State::Failed, &crate::error::error_line(error)),
+        }
+    }
+
     /// Gives a warning or a note of one line.
     pub fn line(&self, line: &str) {
         match &self.host {
@@ -90,6 +133,18 @@ impl Console {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error),
             _ => Ok(()),
         }
+    }
+
+    /// Tells the page about the progress.
+    fn tell_page(
+        &self,
+        step: &str,
+        fraction: f64,
+        text: &dyn Fn() -> String,
+        times: &dyn Fn() -> String,
+    ) {
+        let Some(site) = self.site() else { return };
+        site.tell(|| News { step: step.to_owned(), fraction, times: times(), text: text() });
     }
 
     /// Tells the host about the progress. Unwinds if the host stops a command that is no fit.

@@ -16,8 +16,12 @@ const LENGTH: u64 = 10_000;
 pub struct Progress {
     name: String,
     bar: ProgressBar,
-    /// The lines in place of a bar that is not drawn; `None` with a bar, and with `--quiet`.
-    lines: Option<Lines>,
+    /// The clock of lines in place of a bar that is not drawn; `None` with a bar, and with
+    /// `--quiet`.
+    lines: Option<Clock>,
+    start: Instant,
+    /// The fraction that was shown first.
+    first: OnceLock<f64>,
     console: Console,
 }
 
@@ -38,12 +42,10 @@ impl Progress {
             Ok(style) => bar.with_style(style),
             Err(_) => bar,
         };
-        let lines = (!quiet && bar.is_hidden()).then(|| {
-            let (clock, start) = (console.clock.clone(), Instant::now());
-            Lines { clock, start, first: OnceLock::new() }
-        });
+        let lines = (!quiet && bar.is_hidden()).then(|| console.clock.clone());
         bar.set_message(name.to_owned());
-        Progress { name: name.to_owned(), bar, lines, console: console.clone() }
+        let (start, first) = (Instant::now(), OnceLock::new());
+        Progress { name: name.to_owned(), bar, lines, start, first, console: console.clone() }
     }
 
     /// Shows a fraction between 0 and 1, and a text.
@@ -63,11 +65,12 @@ impl Progress {
         let fraction = fraction.clamp(0.0, 1.0);
         self.console.tell_host(&self.name, fraction, text);
         self.bar.set_position((fraction * LENGTH as f64) as u64);
-        let Some(lines) = &self.lines else { return };
-        let (elapsed, first) = (lines.start.elapsed(), *lines.first.get_or_init(|| fraction));
-        if lines.clock.is_due(lines.clock.elapsed()) {
-            let times = times(first, fraction, elapsed);
-            let (text, percent) = (text(), 100.0 * fraction);
+        let first = *self.first.get_or_init(|| fraction);
+        let times = || times(first, fraction, self.start.elapsed());
+        self.console.tell_page(&self.name, fraction, text, &times);
+        let Some(clock) = &self.lines else { return };
+        if clock.is_due(clock.elapsed()) {
+            let (text, times, percent) = (text(), times(), 100.0 * fraction);
             let text = if text.is_empty() { text } else { format!(", {text}") };
             let line = format!("{}: {percent:.0} %, {times}{text}", self.name);
             eprintln!("{}", files::printable(&line));
@@ -78,15 +81,6 @@ impl Progress {
     pub fn finish_and_clear(&self) {
         self.bar.finish_and_clear();
     }
-}
-
-/// The times of lines of a step.
-#[derive(Debug)]
-struct Lines {
-    clock: Clock,
-    start: Instant,
-    /// The fraction that was shown first.
-    first: OnceLock<f64>,
 }
 
 /// The elapsed time, and the remaining time if it is known. `first` is the fraction at the start: a

@@ -232,8 +232,11 @@ def mesh(
 ) -> Mesh:
     """``dsdf mesh``: the surface of a run; written to ``output`` too, if that is given.
 
-    The arrays are those of the file. Files other than .ply give no colours here.
+    The arrays are those of the file. Files other than .ply give no colours here. A .usdz cannot be
+    read back: ``dsdf.command("mesh", run, output="shape.usdz")`` writes one.
     """
+    if output is not None and os.fspath(output).lower().endswith(".usdz"):
+        raise _native.InputError(f"{output}: a .usdz cannot be read back: dsdf.command(\"mesh\", ...)")
     with contextlib.ExitStack() as stack:
         file = output if output is not None else stack.enter_context(_temporary("mesh.ply"))
         command("mesh", run, progress=progress, output=file, **options)

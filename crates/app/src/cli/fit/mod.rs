@@ -18,8 +18,8 @@ use super::common::{Global, as_fitted, with_flag};
 use super::eval::{SAMPLES, compare_views};
 use super::report::Live;
 use crate::error::Interrupted;
-use ::report::State;
-use ::report::Verdict;
+use crate::serve::{Address, Known};
+use ::report::{State, Verdict, live_page};
 use dataset::Dataset;
 use fit::{Clock, Fit as Fitting, FitError, FitOptions, Metrics, RunFile, RunFolder, Session};
 use report::examine;
@@ -65,6 +65,8 @@ pub(super) struct Segment {
     stop_after: Option<u64>,
     /// The page to write, now and then.
     page: Option<PathBuf>,
+    /// The address of the page's server, if it has one.
+    serve: Option<Address>,
     /// Whether another command runs it as one of its steps, and continues it.
     is_step: bool,
 }
@@ -88,8 +90,8 @@ impl Fit {
         if let Some(page) = page.as_ref().filter(|_| self.output.is_dir()) {
             files::check_output(page)?;
         }
-        let Fit { resume, stop_after, .. } = *self;
-        let segment = Segment { resume, stop_after, page, is_step: false };
+        let Fit { resume, stop_after, serve, .. } = *self;
+        let segment = Segment { resume, stop_after, page, serve, is_step: false };
         let report = self.fit(segment, global)?;
         global.report(&report, || report.text())
     }
@@ -119,7 +121,7 @@ impl Fit {
         // A run keeps its budget.
         let time = (!resume).then_some(time);
         let options = FitOptions { time, ..FitOptions::default() };
-        let segment = Segment { resume, stop_after: None, page: Some(page), is_step: true };
+        let segment = Segment { resume, page: Some(page), is_step: true, ..Segment::default() };
         Fit::of_options(dataset, run, resume, options).fit(segment, global)
     }
 }
@@ -144,7 +146,7 @@ pub(super) fn fit(
     }
     prepare_run::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
-    let live = segment.page.clone().map(|page| Live::start(run, page, &session.fit));
+    let live = start_page(&segment, run, &session.fit, global)?;
     let last = console.while_iterating(|| {
         iterate(&mut session, run, segment.stop_after, live.as_ref(), global)
     })?;
@@ -195,6 +197,30 @@ pub(super) fn fit(
         live.write(&session.fit, State::Stopped)?;
     }
     Ok((report, session))
+}
+
+/// The page of a fit, if it has one.
+fn start_page(
+    segment: &Segment,
+    run: &Path,
+    fitting: &Fitting,
+    global: &Global,
+) -> anyhow::Result<Option<Live>> {
+    if let Some(address) = segment.serve {
+        serve_page(address, run, global)?;
+    }
+    let site = global.console.site();
+    if let Some(site) = site {
+        site.known().save(run)?;
+    }
+    let is_wanted = segment.page.is_some() || site.is_some();
+    Ok(is_wanted.then(|| Live::start(run, segment.page.clone(), fitting, &global.console)))
+}
+
+/// Starts the server of the page of `run`, unless there is one.
+pub(super) fn serve_page(address: Address, run: &Path, global: &Global) -> anyhow::Result<()> {
+    let name = run.file_name().unwrap_or(run.as_os_str()).to_string_lossy();
+    global.console.serve(address, Known::load(run), || live_page(&name))
 }
 
 /// Says that a resumed run has spent its budget already.

@@ -6,6 +6,7 @@ use clap::{ArgMatches, Args};
 
 use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use crate::cli::preset::{Preset, is_explicit};
+use crate::serve::{Address, THIS_COMPUTER};
 use fit::FitOptions;
 
 /// Arguments of `dsdf fit`.
@@ -26,6 +27,10 @@ pub(crate) struct Fit {
     /// Write report.html into the run folder, now and then and at the end
     #[arg(long)]
     pub(super) report: bool,
+    /// Show the surface, the views and the progress in a browser while the fit runs: a port or an
+    /// address to listen at [default without a value: a free port, for this computer alone]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = THIS_COMPUTER)]
+    pub(super) serve: Option<Address>,
     /// Check the options and the data set, and exit
     #[arg(long)]
     pub(super) check: bool,
@@ -53,6 +58,7 @@ impl Fit {
             resume,
             stop_after: None,
             report: false,
+            serve: None,
             check: false,
             preset: None,
             options,
