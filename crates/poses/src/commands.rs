@@ -13,6 +13,16 @@ use crate::step::{Entry, Settings, Step};
 /// The largest number of photographs whose pairs are all compared by default: 11,175 pairs.
 const MOST_FOR_ALL_PAIRS: usize = 150;
 
+/// COLMAP's number of features of a photograph, unless there are fewer.
+const MOST_FEATURES: u32 = 8192;
+
+/// The pairs that are compared with so many features. The time of a pair grows with the square of
+/// their number: 80 photographs with 2,500 features take as long as 25 with all.
+const PAIRS_WITH_ALL_FEATURES: f64 = 300.0;
+
+/// The fewest features of a photograph, however many pairs there are.
+const LEAST_FEATURES: u32 = 2048;
+
 /// Bytes of memory for each pixel of a photograph and each thread while COLMAP finds features on a
 /// CPU. Measured with COLMAP 3.8: 2.28 GB for 7.7 million pixels.
 const MEMORY_PER_PIXEL: u64 = 300;
@@ -95,6 +105,10 @@ pub struct Options {
     #[arg(long, value_name = "PIXELS", default_value_t = 3200,
           value_parser = clap::value_parser!(u32).range(100..=20000))]
     pub max_size: u32,
+    /// Features of a photograph, the largest ones first [default: 8192 for up to 25 photographs, and
+    /// down to 2048 for more: the time of all pairs]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=65_536))]
+    pub features: Option<u32>,
     /// Seed of COLMAP's random numbers, where its version has one
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1_000_000))]
     pub seed: u32,
@@ -109,6 +123,7 @@ impl Default for Options {
             camera_model: CameraModel::default(),
             cameras: CameraChoice::default(),
             max_size: 3200,
+            features: None,
             seed: 0,
         }
     }
@@ -122,6 +137,17 @@ impl Options {
             Matching::Auto => Matching::Sequential,
             asked => asked,
         }
+    }
+
+    /// The number of features of a photograph.
+    pub fn features_of(&self, photographs: usize) -> u32 {
+        let count = photographs as f64;
+        let pairs = match self.matching_of(photographs) {
+            Matching::Sequential => count * f64::from(self.overlap).min(count / 2.0),
+            Matching::Auto | Matching::Exhaustive => count * (count - 1.0) / 2.0,
+        };
+        let affordable = f64::from(MOST_FEATURES) * (PAIRS_WITH_ALL_FEATURES / pairs).sqrt();
+        self.features.unwrap_or((affordable as u32).clamp(LEAST_FEATURES, MOST_FEATURES))
     }
 
     /// Refuses one lens for photographs of several sizes.
@@ -165,14 +191,20 @@ impl Options {
     /// All steps with the options that their results depend on. Matching is guided or not.
     pub(crate) fn settings(&self, photographs: &Photographs, is_guided: bool) -> Vec<Entry> {
         let matching = self.matching_of(photographs.count());
+        // COLMAP's own number is no setting, as in the folders of earlier versions.
+        let features = self.features_of(photographs.count());
+        let features = (features != MOST_FEATURES).then(|| ("features", features.to_string()));
         let of = |step: Step| -> Vec<(&str, String)> {
             match step {
-                Step::Features => vec![
+                Step::Features => [
                     ("camera_model", self.model().to_owned()),
                     ("cameras", self.lenses(photographs).to_owned()),
                     ("max_size", self.max_size.to_string()),
                     ("seed", self.seed.to_string()),
-                ],
+                ]
+                .into_iter()
+                .chain(features.clone())
+                .collect(),
                 Step::Matching if matching == Matching::Sequential => {
                     vec![("matching", "sequential".into()), ("overlap", self.overlap.to_string())]
                 }
@@ -279,6 +311,8 @@ pub(crate) fn arguments(
             line.add(&["FeatureExtraction.num_threads", "SiftExtraction.num_threads"], threads)?;
             let size = ["FeatureExtraction.max_image_size", "SiftExtraction.max_image_size"];
             line.add(&size, options.max_size)?;
+            let features = options.features_of(photographs.count());
+            line.add_if_known("SiftExtraction.max_num_features", features);
         }
         Step::Matching => {
             line.add(&["database_path"], database)?;
@@ -418,6 +452,28 @@ mod tests {
         assert_eq!(options.matching_of(150), Matching::Exhaustive);
         assert_eq!(options.matching_of(151), Matching::Sequential);
         assert_eq!(options.command(Step::Matching, 151), "sequential_matcher");
+    }
+
+    #[test]
+    fn many_pairs_have_fewer_features() {
+        let of = |photographs| Options::default().features_of(photographs);
+        assert_eq!([2, 16, 25].map(of), [8192; 3]);
+        assert_eq!([48, 80, 150].map(of), [4224, 2524, 2048]);
+        // Neighbours alone are few pairs.
+        assert_eq!(of(300), 2048);
+        let asked = Options { features: Some(5000), ..Options::default() };
+        assert_eq!(asked.features_of(150), 5000);
+        let folder = tempfile::tempdir().unwrap();
+        let photographs = photographs(folder.path());
+        let all = |options: Options| options.settings(&photographs, false);
+        let settings = all(Options::default());
+        assert!(!settings[0].settings.contains_key("features"));
+        assert_ne!(all(asked)[0], settings[0]);
+        let help =
+            "--#.use_gpu arg --#.num_threads arg --#.max_image_size arg --#.max_num_features arg";
+        let help = format!("{FEATURES} {}", help.replace('#', "SiftExtraction"));
+        let text = line(Step::Features, &Options::default(), &help).unwrap();
+        assert!(text.ends_with("--SiftExtraction.max_num_features 8192"), "{text}");
     }
 
     #[test]
