@@ -2,32 +2,17 @@
 
     python torch_photographs.py [PICTURE.png]
 
-The photographs are of a lit block that is made and rendered here, without masks. The shader is a
-second network: radiance by point, normal and view direction.
+The photographs have no masks. The shader is a second network: radiance by point, normal and view
+direction.
 """
 
 import sys
-import tempfile
 
-import numpy as np
 import torch
-from torch_silhouette import Network, perceptron
+from scenes import BLOCK, Photographs
+from torch_silhouette import Distance, fit, perceptron
 
-import dsdf
 import dsdf.torch
-
-BOUNDS = (0, 0, 0, 1.4)
-BLOCK = {
-    "camera": {"width": 160, "height": 160, "focal": 275, "principal": [80, 80],
-               "eye": [1.2, 1.5, 3], "target": [0, 0, 0], "up": [0, 1, 0]},
-    "sdf": {"type": "smooth_union", "k": 0.2, "children": [
-        {"type": "box", "center": [-0.1, -0.1, 0], "half_size": [0.6, 0.3, 0.4]},
-        {"type": "sphere", "center": [0.35, 0.35, 0], "radius": 0.4}]},
-    "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.35],
-                   "lights": [{"type": "directional", "direction": [0.4, 0.8, 0.5],
-                               "radiance": [0.9, 0.85, 0.8]}]},
-    "background": [0.02, 0.02, 0.03],
-}
 
 
 class Radiance(torch.nn.Module):
@@ -41,42 +26,14 @@ class Radiance(torch.nn.Module):
         return torch.sigmoid(self.layers(torch.cat([x, normal, direction], dim=-1)))
 
 
-def main(picture="torch_photographs.png", steps=200):
+def main(picture="torch_photographs.png"):
     torch.manual_seed(0)
-    rng = np.random.default_rng(0)
-    with tempfile.TemporaryDirectory() as folder:
-        dsdf.synth(BLOCK, folder, views=12, size="64x64", spp=16)
-        views, held_out = dsdf.photographs(folder)
-    cameras = [view.camera for view in views]
-    pixels = dsdf.pixels(cameras)
-    target = np.concatenate([view.image.reshape(-1, 3) for view in views]).astype(np.float64)
-
-    distance, radiance = Network(), Radiance()
-    field, shader = dsdf.torch.Field(distance), dsdf.torch.Shader(radiance)
-    parameters = [*distance.parameters(), *radiance.parameters()]
-    optimizer = torch.optim.Adam(parameters, lr=5e-3)
-    scene = {"bounds": BOUNDS, "background": BLOCK["background"]}
-    see = lambda camera: dsdf.picture(field, shader, camera, spp=8, **scene)
-    error = lambda: np.mean([np.abs(see(v.camera) - v.image).mean() for v in held_out])
-    shown = dsdf.Camera(**BLOCK["camera"])
-    first, before = see(shown), error()
-    for step in range(steps):
-        chosen = rng.choice(len(pixels), 768, replace=False)
-        batch = (field, shader, cameras, pixels[chosen])
-        # The pixel values and their derivatives come from independent samples.
-        values = dsdf.record(*batch, seed=2 * step, spp=4, estimator="interior", **scene)
-        delta = (values.radiance - target[chosen]) / len(chosen)
-        samples = dsdf.record(*batch, seed=2 * step + 1, spp=4, **scene)
-        optimizer.zero_grad()
-        dsdf.torch.backward(samples, delta, field, shader)
-        x = torch.tensor(rng.uniform(-1, 1, (512, 3)), dtype=torch.float32, requires_grad=True)
-        (slope,) = torch.autograd.grad(distance(x).sum(), x, create_graph=True)
-        (0.005 * (slope.norm(dim=-1) - 1).square().mean()).backward()
-        optimizer.step()
-    after = error()
-    print(f"mean error of held-out photographs: {before:.4f} before, {after:.4f} after")
-    dsdf.write_image(picture, np.concatenate([dsdf.render(BLOCK), first, see(shown)], axis=1))
-    return before, after
+    torch.set_num_threads(1)  # Batches are small.
+    data, distance, radiance = Photographs(BLOCK), Distance(), Radiance()
+    judge = lambda: data.judge(dsdf.torch.Field(distance), dsdf.torch.Shader(radiance))
+    before = judge()
+    fit(data, distance, radiance, [*distance.parameters(), *radiance.parameters()], batch=768)
+    return data.report(before, judge(), picture)
 
 
 if __name__ == "__main__":

@@ -1,18 +1,18 @@
 //! Records of estimators, for fields and shaders that are Python objects.
 
-use estimate::record::{Adjoints, Area, Pass, Record as Samples};
+use estimate::record::{Adjoints, Area, CameraAdjoints, Pass, Record as Samples};
 use estimate::{
     Batch, Discontinuity, Estimator, EstimatorOptions, Registry, SampleCounts, SilhouetteMask,
     Terms,
 };
 use field::{Background, BackgroundPerCamera, Shader, UniformBackground};
-use field::{PartialSum, SLOPE_POINTS, Sphere};
+use field::{PartialSum, SLOPE_POINTS, Sphere, slope};
 use glam::{DVec2, DVec3};
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use random::Stream;
-use render::{Analytic, Formula, Pixel, Scene};
+use render::{Analytic, CameraAdjoint, Formula, Pixel, Scene};
 use warp::WarpOptions;
 
 use crate::arrays::{numbers, read_finite_rows, read_numbers, rows, tuple};
@@ -109,6 +109,8 @@ impl Parts {
 pub(crate) struct Record {
     parts: Parts,
     samples: Samples<f64>,
+    /// The camera of each pixel, by its number.
+    of_pixel: Vec<usize>,
     unmodelled: Vec<&'static str>,
 }
 
@@ -162,8 +164,12 @@ pub(crate) fn record(
     let estimator = named(estimator, warp)?;
     let counts = SampleCounts { spp, edge_samples };
     parts.refuse_inside(py, &pixels)?;
+    let ball = parts.bounds;
     let (samples, unmodelled) = parts.with_scene(py, |scene| {
-        let scene = scene.with_options(tracing).with_slope_of_field(SLOPE_POINTS);
+        // As `Scene::with_slope_of_field`, by this thread alone: PyTorch changes a module while it
+        // evaluates it with other parameters.
+        let relaxation = tracing.relaxation / slope(scene.field, &ball, SLOPE_POINTS);
+        let scene = scene.with_options(trace::Options { relaxation, ..tracing });
         let batch =
             Batch { pixels: &pixels, counts, stream: Stream::of_seed(seed), terms: Terms::All };
         let samples = estimator.record(&scene, &batch, &mut SilhouetteMask::default());
@@ -173,6 +179,7 @@ pub(crate) fn record(
     Ok(Record {
         parts,
         samples: samples.map_err(not_finite)?,
+        of_pixel: pixels.iter().map(|pixel| pixel.camera).collect(),
         unmodelled: unmodelled.into_iter().map(Discontinuity::name).collect(),
     })
 }
@@ -353,6 +360,40 @@ impl Record {
         }
         let [x, n, d, adjoint] = &columns;
         Ok([rows(py, x)?, rows(py, n)?, rows(py, d)?, rows(py, adjoint)?])
+    }
+
+    /// VJP of the cameras for the adjoints δ of the pixels, n × 3: by their eyes, m × 3, by
+    /// rotations about these in world space, m × 3, by their focal lengths and their principal
+    /// points, m × 2 each.
+    #[allow(clippy::type_complexity, reason = "four arrays")]
+    fn cameras<'py>(
+        &self,
+        py: Python<'py>,
+        delta: &Bound<'py, PyAny>,
+    ) -> PyResult<[Bound<'py, PyArray2<f64>>; 4]> {
+        if !self.samples.has_cameras() {
+            let expected = "an estimator with derivatives by cameras, such as refined";
+            return Err(wrong(ARGUMENTS, "estimator", "one that has none", expected));
+        }
+        let delta = self.delta(delta)?;
+        let count = self.parts.cameras.len();
+        let sums = self.parts.with_scene(py, |scene| {
+            let mut shader = PartialSum::zero(scene.shader.parameter_count(), 0..0);
+            let cameras = Some(CameraAdjoints::new(self.of_pixel.clone(), count));
+            let mut adjoints = Adjoints { cameras, ..Adjoints::default() };
+            self.samples.vjp(scene, &delta, Pass::Sum, &mut shader, &mut adjoints);
+            adjoints.cameras.map_or_else(Vec::new, |cameras| cameras.sums)
+        })?;
+        let columns = |of: fn(&CameraAdjoint) -> Vec<f64>| {
+            let numbers: Vec<f64> = sums.iter().flat_map(of).collect();
+            PyArray1::from_slice(py, &numbers).reshape([count, numbers.len() / count])
+        };
+        Ok([
+            columns(|sum| sum.eye.to_array().to_vec())?,
+            columns(|sum| sum.rotation.to_array().to_vec())?,
+            columns(|sum| sum.focal.to_array().to_vec())?,
+            columns(|sum| sum.principal.to_array().to_vec())?,
+        ])
     }
 
     /// VJP of the background: the adjoint of its colour, 3 numbers, or of the colours of all

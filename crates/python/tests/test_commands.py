@@ -226,3 +226,29 @@ def test_notes_go_to_standard_error_unless_quiet(data, tmp_path, capsys):
     assert "views: 8 to fit" in capsys.readouterr().err
     dsdf.fit(data, tmp_path / "b", **{**FIT, "iterations": 2})
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_notebook_shows_the_page_of_a_run(run):
+    import html.parser
+
+    page = dsdf.show(run, quiet=True)
+    assert page.html.startswith("<!doctype html>") and "<canvas" in page.html
+    found = []
+
+    class Parser(html.parser.HTMLParser):
+        def handle_starttag(self, tag, attributes):
+            found.append((tag, dict(attributes)))
+
+    Parser().feed(page._repr_html_())
+    [(tag, attributes)] = found
+    assert tag == "iframe" and attributes["srcdoc"] == page.html
+    # The page runs its own scripts, and reaches nothing of the notebook.
+    assert attributes["sandbox"] == "allow-scripts"
+
+
+def test_progress_is_a_line_on_request(scene, capsys):
+    dsdf.render({**scene, "camera": {**scene["camera"], "width": 64, "height": 64}}, spp=64, progress=True)
+    text = capsys.readouterr().err
+    assert "100.0 %" in text and text.endswith("\r") and "\n" not in text
+    with pytest.raises(TypeError, match="progress: found 3"):
+        dsdf.render(scene, progress=3)

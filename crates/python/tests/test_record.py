@@ -2,12 +2,59 @@
 
 import copy
 import pickle
+import threading
 
 import numpy as np
 import pytest
 from shapes import BOUNDS, Ball, Lit, camera
 
 import dsdf
+
+
+class Watched(Ball):
+    """A ball that knows the threads that call it."""
+
+    def __init__(self):
+        super().__init__()
+        self.threads = set()
+
+    def _seen(self):
+        self.threads.add(threading.get_ident())
+        return super()
+
+    def value(self, x):
+        return self._seen().value(x)
+
+    def value_gradient(self, x):
+        return self._seen().value_gradient(x)
+
+    def hessian_vector(self, x, p):
+        return self._seen().hessian_vector(x, p)
+
+
+def test_a_motion_of_the_camera_is_that_of_the_ball_backwards():
+    """Each sample has these identities: about the centre of a ball, a rotation of the camera changes
+    nothing, and a shift of the camera is one of the ball."""
+    ball, view = Ball(center=(0, 0, 0)), camera()
+    pixels = dsdf.pixels([view])
+    delta = np.sin(pixels @ [[1, 2, 0], [3, -1, 1], [1, 2, 2]] / 7)
+    record = dsdf.record(ball, (0.9, 0.6, 0.3), [view], pixels, bounds=BOUNDS, seed=4, spp=32)
+    eye, turn, focal, principal = record.cameras(delta)
+    assert eye.shape == turn.shape == (1, 3) and focal.shape == principal.shape == (1, 2)
+    of_ball = ball.parameter_gradient(*record.backward(delta))
+    assert np.linalg.norm(eye) > 1 and np.allclose(eye[0], -of_ball[:3], rtol=1e-5, atol=1e-5)
+    assert np.linalg.norm(turn) > 1
+    assert np.allclose(turn[0], -np.cross(view.pose[:3, 3], eye[0]), rtol=1e-5, atol=1e-5)
+
+
+def test_the_calling_thread_alone_calls_the_field():
+    field, view = Watched(), camera()
+    pixels = dsdf.pixels([view])
+    for estimator in ("refined", "interior", "paper"):
+        scene = (field, Lit(), [view], pixels)
+        record = dsdf.record(*scene, bounds=BOUNDS, spp=16, estimator=estimator)
+        record.backward(np.ones((len(pixels), 3)))
+    assert field.threads == {threading.get_ident()}
 
 
 def test_cameras_are_copied_and_pickled_to_the_last_bit():

@@ -13,6 +13,7 @@ Arrays are NumPy arrays. Radiance is linear RGB, lengths are in world units, f i
 
 from ._commands import (
     Mesh,
+    Page,
     Run,
     Scene,
     command,
@@ -24,6 +25,7 @@ from ._commands import (
     query,
     render,
     report,
+    show,
     synth,
 )
 from ._native import Camera, InputError, Record, read_image, write_image
@@ -33,6 +35,7 @@ __all__ = [
     "Camera",
     "InputError",
     "Mesh",
+    "Page",
     "Photograph",
     "Record",
     "Run",
@@ -51,6 +54,7 @@ __all__ = [
     "record",
     "render",
     "report",
+    "show",
     "synth",
     "write_image",
 ]

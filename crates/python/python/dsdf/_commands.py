@@ -12,6 +12,7 @@ fraction that is done and a text, about twenty times a second at most. Ctrl-C, a
 from __future__ import annotations
 
 import contextlib
+import html
 import json
 import os
 import pathlib
@@ -25,7 +26,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 
 Path = Union[str, "os.PathLike[str]"]
-Progress = Callable[[float, str], None]
+#: A function of the fraction that is done and a text, or True for a line on ``sys.stderr``.
+Progress = Union[Callable[[float, str], None], bool]
 
 
 class Mesh(NamedTuple):
@@ -145,11 +147,62 @@ def command(
     Warnings and notes go to ``sys.stderr``, unless ``quiet=True``.
     Raises ``InputError`` for wrong arguments and wrong input, ``RuntimeError`` for other errors.
     """
+    line = _Line()
+    if progress is True:
+        progress = line.show
+    elif progress is False:
+        progress = None
     if progress is not None and not callable(progress):
-        raise TypeError(f"progress: found {progress!r}, expected a function or None")
+        raise TypeError(f"progress: found {progress!r}, expected a function, a bool or None")
     arguments = [name, *_flags(options), "--", *map(os.fspath, paths)]
-    result = _native.run(arguments, progress, lambda line: print(line, file=sys.stderr))
+    try:
+        result = _native.run(arguments, progress, line.note)
+    finally:
+        line.clear()
     return None if result is None else json.loads(result)
+
+
+class _Line:
+    """A line of progress on ``sys.stderr``, which the next one replaces, in notebooks too."""
+
+    def __init__(self) -> None:
+        self.width = 0
+
+    def show(self, fraction: float, text: str) -> None:
+        line = f"{100 * fraction:5.1f} %  {text}"[:100]
+        print("\r" + line.ljust(self.width), end="", file=sys.stderr, flush=True)
+        self.width = len(line)
+
+    def note(self, line: str) -> None:
+        self.clear()
+        print(line, file=sys.stderr)
+
+    def clear(self) -> None:
+        if self.width:
+            print("\r" + " " * self.width + "\r", end="", file=sys.stderr, flush=True)
+        self.width = 0
+
+
+class Page:
+    """The page of a run, as HTML. A notebook shows it."""
+
+    def __init__(self, text: str, height: int):
+        #: The content of the file that ``dsdf report`` writes.
+        self.html = text
+        self.height = height
+
+    def _repr_html_(self) -> str:
+        source = html.escape(self.html, quote=True)
+        style = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe sandbox="allow-scripts" srcdoc="{source}" style="{style}"></iframe>'
+
+
+def show(run: Union[Run, Path], *, height: int = 900, **options: Any) -> Page:
+    """The page of a run (``dsdf report``): as the last value of a cell, a notebook shows it, with the
+    surface to turn. ``height`` is in pixels."""
+    with _temporary("report.html") as file:
+        report(run, file, **options)
+        return Page(pathlib.Path(file).read_text(encoding="utf-8"), height)
 
 
 def render(

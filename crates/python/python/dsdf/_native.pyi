@@ -78,6 +78,12 @@ class Record:
         """(x, n, d, adjoint), each k x 3: the derivative of sum(delta . pixel values) by any
         parameter of the shader is that of sum(adjoint . radiance(x, n, d))."""
 
+    def cameras(self, delta: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """The derivative of sum(delta . pixel values) by all m cameras: by their eyes, m x 3, by
+        rotations about their eyes in world space, m x 3 (vectors along the axes, per radian), by
+        their focal lengths and their principal points, m x 2 each. It takes as long as
+        ``backward``."""
+
     def background(self, delta: ArrayLike) -> Array:
         """The derivative by the colour of the background, or by the colours of all cameras."""
 
