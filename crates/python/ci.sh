@@ -29,7 +29,7 @@ install() {
     }
   fi
   [ -x "$out/venv/bin/python" ] || "$python" -m venv "$out/venv"
-  pip install 'maturin>=1.8,<2' numpy pytest 'jax[cpu]' usd-core
+  pip install 'maturin>=1.8,<2' numpy pytest 'jax[cpu]' tensorboard usd-core
   case "$(uname -s)-$(uname -m)" in
     Linux-x86_64) torch=${DSDF_TORCH:-} ;;
     *) torch=${DSDF_TORCH:-torch} ;;

@@ -94,14 +94,14 @@ fn a_fit_refines_disturbed_poses() {
     // bending term hides another.
     let options = ["--iterations", "600", "--batch", "192", "--grid", "none", "--bending", "0"];
     let options = [&options[..], &["--refine-cameras"]].concat();
-    // What is left of the errors hangs on the axes and on the random numbers of a build: 0.72 to 1.04
-    // in ten cases, with the mean 0.87 and its standard error 0.03. So the mean of ten cases counts;
-    // without refinement it is 1.
+    // What is left of the errors hangs on the axes and on the random numbers of a build: 0.72 to 0.96
+    // in ten cases, with the mean 0.81 and the standard deviation 0.06. So the mean of five cases
+    // counts; without refinement it is 1.
     let mut left = Vec::new();
     let (mut report, mut cameras) = (Value::Null, Value::Null);
-    for seed in (1..=10).rev() {
+    for seed in (1..=5).rev() {
         fs::write(&transforms, &exact).unwrap();
-        let truth = disturb(&data, 1.0, seed);
+        let truth = disturb(&data, 2.0, seed);
         let given = poses(&read(&transforms)["frames"], "transform_matrix");
         let _ = fs::remove_dir_all(&run);
         let fit = [&["fit", &data, "-o", &run], &options[..]].concat();
@@ -113,7 +113,7 @@ fn a_fit_refines_disturbed_poses() {
         left.push(after / before);
     }
     // A rotation and a shift of the eye that move the image in the same way are hard to tell apart.
-    assert!(left.iter().sum::<f64>() < 0.95 * left.len() as f64, "{left:?} of the errors are left");
+    assert!(left.iter().sum::<f64>() < 0.92 * left.len() as f64, "{left:?} of the errors are left");
     let without = folder.path("without");
     let fit = [&["fit", &data, "-o", &without], &options[..], &["none"]].concat();
     let [with, without] =

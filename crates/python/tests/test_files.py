@@ -88,3 +88,27 @@ def test_a_usdz_is_not_read_back(run, tmp_path):
     with pytest.raises(dsdf.InputError, match="dsdf.command"):
         dsdf.mesh(run, tmp_path / "shape.usdz")
     assert not (tmp_path / "shape.usdz").exists()
+
+
+def test_tensorboard_reads_the_events_of_a_fit_that_was_stopped(run, tmp_path):
+    pytest.importorskip("tensorboard", reason="TensorBoard is not installed")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    options = {"grid": "none", "batch": 64, "stereo": "none", "seed": 3, "quiet": True, "width": 16}
+    data, out = pathlib.Path(os.fspath(run)).parent / "data", tmp_path / "run"
+    dsdf.fit(data, out, iterations=12, stop_after=8, log="tensorboard", **options)
+    again = dsdf.fit(None, out, resume=True, log="tensorboard", quiet=True)
+    files = sorted((out / "tensorboard").iterdir())
+    assert len(files) == 2
+    # A killed process leaves a half record.
+    with files[0].open("ab") as file:
+        file.write(b"\x30\0\0")
+    events = EventAccumulator(str(out / "tensorboard"))
+    events.Reload()
+    tags = events.Tags()["scalars"]
+    assert {"loss", "eikonal", "psnr/training pixels", "rays per second"} <= set(tags)
+    lines = again.metrics()
+    assert len(lines) == 12
+    for tag, key in [("loss", "loss"), ("psnr/training pixels", "train_psnr")]:
+        found = [(event.step, event.value) for event in events.Scalars(tag)]
+        assert found == [(line["iteration"], float(np.float32(line[key]))) for line in lines]

@@ -7,6 +7,7 @@ mod progress;
 mod resume;
 mod start;
 mod summary;
+mod tensorboard;
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -27,6 +28,7 @@ use report::examine;
 pub(crate) use options::Fit;
 pub(super) use prepare_run::{lock, refuse_occupied};
 pub(super) use start::{new_run, read_for};
+use tensorboard::Events;
 
 /// The result of `dsdf fit`.
 #[derive(Serialize)]
@@ -65,6 +67,8 @@ pub(super) struct Segment {
     stop_after: Option<u64>,
     /// The page to write, now and then.
     page: Option<PathBuf>,
+    /// Whether the metrics are events of TensorBoard, too.
+    logs_events: bool,
     /// The address of the page's server, if it has one.
     serve: Option<Address>,
     /// Whether another command runs it as one of its steps, and continues it.
@@ -91,7 +95,8 @@ impl Fit {
             files::check_output(page)?;
         }
         let Fit { resume, stop_after, serve, .. } = *self;
-        let segment = Segment { resume, stop_after, page, serve, is_step: false };
+        let logs_events = self.log.is_some();
+        let segment = Segment { resume, stop_after, page, logs_events, serve, is_step: false };
         let report = self.fit(segment, global)?;
         global.report(&report, || report.text())
     }
@@ -147,9 +152,8 @@ pub(super) fn fit(
     prepare_run::write_run_file(run, &session.fit.file)?;
     let console = &global.console;
     let live = start_page(&segment, run, &session.fit, global)?;
-    let last = console.while_iterating(|| {
-        iterate(&mut session, run, segment.stop_after, live.as_ref(), global)
-    })?;
+    let last =
+        console.while_iterating(|| iterate(&mut session, run, &segment, live.as_ref(), global))?;
     if console.stop_requested() {
         if let Some(live) = &live {
             live.write(&session.fit, State::Stopped)?;
@@ -278,18 +282,20 @@ fn locked_fit(
     Ok((session, lock))
 }
 
-/// Iterates until the budget is spent, `stop_after` is reached or Ctrl-C is pressed, in a larger
+/// Iterates until the budget is spent, the segment ends or Ctrl-C is pressed, in a larger
 /// sphere if the first one cuts the object off. Returns the metrics of the last iteration.
 fn iterate(
     session: &mut Session,
     run: &Path,
-    stop_after: Option<u64>,
+    segment: &Segment,
     live: Option<&Live>,
     global: &Global,
 ) -> anyhow::Result<Option<Metrics>> {
     let mut last: Option<Metrics> = None;
-    let is_reached = |done: u64| stop_after.is_some_and(|n| done >= n);
+    let is_reached = |done: u64| segment.stop_after.is_some_and(|n| done >= n);
     loop {
+        let start = || Events::start(run, session.fit.clock.iteration);
+        let mut events = segment.logs_events.then(start).transpose()?;
         let (done, is_due) = (Cell::new(session.fit.clock.iteration), Cell::new(false));
         let requested = || global.console.stop_requested();
         let stop = || requested() || is_reached(done.get()) || is_due.get();
@@ -302,6 +308,9 @@ fn iterate(
                 global.say(&trial.text());
             }
             progress::show(&bar, metrics);
+            if let Some(events) = &mut events {
+                events.add(metrics)?;
+            }
             last = Some(metrics.clone());
             live.map_or(Ok(()), |live| live.refresh(&session.fit))
         };

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{ArgMatches, Args};
+use clap::{ArgMatches, Args, ValueEnum};
 
 use crate::cli::common::{ARGUMENTS, Global, with_flag};
 use crate::cli::preset::{Preset, is_explicit};
@@ -31,6 +31,9 @@ pub(crate) struct Fit {
     /// address to listen at [default without a value: a free port, for this computer alone]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = THIS_COMPUTER)]
     pub(super) serve: Option<Address>,
+    /// Write the metrics in another form, too: RUN/tensorboard, for `tensorboard --logdir RUN`
+    #[arg(long, value_name = "FORMAT", value_enum)]
+    pub(super) log: Option<Log>,
     /// Check the options and the data set, and exit
     #[arg(long)]
     pub(super) check: bool,
@@ -42,6 +45,13 @@ pub(crate) struct Fit {
     /// The names of the options on the command line.
     #[arg(skip)]
     pub(super) explicit: Vec<String>,
+}
+
+/// A further form of the metrics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Log {
+    /// Events of TensorBoard
+    Tensorboard,
 }
 
 impl Fit {
@@ -59,6 +69,7 @@ impl Fit {
             stop_after: None,
             report: false,
             serve: None,
+            log: None,
             check: false,
             preset: None,
             options,
