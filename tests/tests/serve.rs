@@ -87,6 +87,18 @@ impl Served {
     }
 }
 
+/// Waits until a fit has written a file.
+fn wait_for(file: &Path) -> fs::Metadata {
+    let start = Instant::now();
+    loop {
+        if let Ok(metadata) = fs::metadata(file) {
+            return metadata;
+        }
+        assert!(start.elapsed() < Duration::from_secs(120), "no {}", file.display());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 const FIT: [&str; 4] = ["--iterations", "1000000", "--batch", "128"];
 
 #[test]
@@ -126,11 +138,7 @@ fn a_browser_shows_a_fit_that_is_killed_resumed_and_stopped() {
     // After a kill, the page waits. The address and the token are those of the run, so it goes on.
     let before = fit.url.clone();
     let mut killed = fit;
-    let checkpoint = Path::new(&run).join("checkpoint/state.safetensors");
-    while !checkpoint.is_file() {
-        assert!(killed.child.try_wait().unwrap().is_none());
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    wait_for(&Path::new(&run).join("checkpoint/state.safetensors"));
     killed.child.kill().unwrap();
     killed.end();
     browser.wait(&pages[0], "document.getElementById('step').textContent.includes('No answer')");
@@ -172,7 +180,7 @@ fn strangers_and_bad_clients_neither_read_nor_disturb_a_fit() {
     // The token is for the owner of the run alone.
     #[cfg(unix)]
     {
-        let known = fs::metadata(Path::new(&run).join("serve.json")).unwrap();
+        let known = wait_for(&Path::new(&run).join("serve.json"));
         assert_eq!(std::os::unix::fs::MetadataExt::mode(&known) & 0o777, 0o600);
     }
 
@@ -241,5 +249,7 @@ fn an_address_that_cannot_be_used_is_refused() {
     let address = taken.local_addr().unwrap().to_string();
     let fit = ["fit", &data, "-o", &run, "--iterations", "5", "--batch", "16"];
     refused(&[&fit[..], &["--serve", &address]].concat(), 2, &["--serve", &address, "free port"]);
+    refused(&[&fit[..], &["--check", "--serve", &address]].concat(), 2, &["--serve", "free port"]);
+    assert!(!Path::new(&run).exists(), "nothing is written");
     refused(&["fit", "-o", &run, "--serve", &data], 2, &["--serve", "such as 8000"]);
 }

@@ -26,9 +26,29 @@ pub fn atomic_write(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
+    write_whole(path, ORDINARY, write)
+}
+
+/// As [`atomic_write`], for a file that its owner alone may read, on Unix: a file at `path`, or a link
+/// to one, is replaced with its permissions.
+///
+/// # Errors
+/// As [`atomic_write`].
+pub fn atomic_write_private(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    write_whole(path, PRIVATE, write)
+}
+
+fn write_whole(
+    path: &Path,
+    mode: u32,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), WriteError> {
     refuse_path(path)?;
     let folder = folder_of(path);
-    let temporary = temporary_in(folder).map_err(|e| folder_error(folder, e))?;
+    let temporary = temporary_in(folder, mode).map_err(|e| folder_error(folder, e))?;
     fill_and_rename(temporary, path, write).map_err(|e| WriteError::of_file(path, e))?;
     // The rename is an entry of the folder, so the folder is synced too. Some systems cannot sync a
     // folder. The file is whole there as well; only the rename may be lost in a crash.
@@ -48,7 +68,7 @@ pub fn atomic_write(
 pub fn check_output(path: &Path) -> Result<(), WriteError> {
     refuse_path(path)?;
     let folder = folder_of(path);
-    temporary_in(folder).map(drop).map_err(|e| folder_error(folder, e))
+    temporary_in(folder, ORDINARY).map(drop).map_err(|e| folder_error(folder, e))
 }
 
 /// Checks that files can be written in `folder`, which may not exist yet, before the work for them.
@@ -62,7 +82,7 @@ pub fn check_output_folder(folder: &Path) -> Result<(), WriteError> {
     refuse_name(folder, "a shorter name of a folder")?;
     let present = folder.ancestors().find(|p| p.symlink_metadata().is_ok());
     let present = present.unwrap_or(Path::new("."));
-    temporary_in(present).map(drop).map_err(|e| folder_error(present, e))
+    temporary_in(present, ORDINARY).map(drop).map_err(|e| folder_error(present, e))
 }
 
 /// Removes the temporary files of this process in `folder`, for an exit in the middle of a write.
@@ -143,14 +163,19 @@ fn refuse_name(path: &Path, expected: &str) -> Result<(), InputError> {
     }
 }
 
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+/// The permissions of a file: those that the user's umask leaves, and those of the owner alone.
+const ORDINARY: u32 = 0o666;
+const PRIVATE: u32 = 0o600;
+
+fn temporary_in(folder: &Path, mode: u32) -> io::Result<NamedTempFile> {
     let prefix = format!("{PREFIX}{}-", std::process::id());
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(SUFFIX);
-    // By default only the owner may read a temporary file. This one becomes an ordinary file, with
-    // the permissions that the user's umask leaves.
+    // By default only the owner may read a temporary file. This one becomes another file.
     #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    #[cfg(not(unix))]
+    let _ = mode;
     builder.tempfile_in(folder)
 }
 

@@ -12,8 +12,8 @@ mod regular;
 pub mod seconds;
 
 pub use atomic::{
-    atomic_write, check_output, check_output_folder, remove_abandoned_temporary_files,
-    remove_own_temporary_files,
+    atomic_write, atomic_write_private, check_output, check_output_folder,
+    remove_abandoned_temporary_files, remove_own_temporary_files,
 };
 pub use bounds::{SPHERE, is_sphere, parse_bounds};
 pub use duration::parse_duration;

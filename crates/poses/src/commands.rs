@@ -191,9 +191,8 @@ impl Options {
     /// All steps with the options that their results depend on. Matching is guided or not.
     pub(crate) fn settings(&self, photographs: &Photographs, is_guided: bool) -> Vec<Entry> {
         let matching = self.matching_of(photographs.count());
-        // COLMAP's own number is no setting, as in the folders of earlier versions.
-        let features = self.features_of(photographs.count());
-        let features = (features != MOST_FEATURES).then(|| ("features", features.to_string()));
+        // A number that nobody asked for is no setting: features that are there stay.
+        let features = self.features.map(|features| ("features", features.to_string()));
         let of = |step: Step| -> Vec<(&str, String)> {
             match step {
                 Step::Features => [
@@ -467,8 +466,9 @@ mod tests {
         let photographs = photographs(folder.path());
         let all = |options: Options| options.settings(&photographs, false);
         let settings = all(Options::default());
+        // Of many photographs, too, as in the folders of earlier versions.
         assert!(!settings[0].settings.contains_key("features"));
-        assert_ne!(all(asked)[0], settings[0]);
+        assert_eq!(all(asked)[0].settings["features"], "5000");
         let help =
             "--#.use_gpu arg --#.num_threads arg --#.max_image_size arg --#.max_num_features arg";
         let help = format!("{FEATURES} {}", help.replace('#', "SiftExtraction"));

@@ -5,10 +5,17 @@
   const token = new URLSearchParams(location.search).get("token") ?? "";
   const address = (path) => `${path}?token=${encodeURIComponent(token)}`;
   const [step, bar, stop] = [get("step"), get("progress"), get("stop")];
-  let [shown, loaded, ended] = [0, Promise.resolve(), false];
+  let [shown, loaded, ended, quietUntil] = [0, Promise.resolve(), false, 0];
 
   const say = (text) => {
-    step.textContent = text;
+    if (Date.now() > quietUntil) step.textContent = text;
+  };
+
+  // Says what the next news shall not hide at once.
+  const insist = (text) => {
+    quietUntil = 0;
+    say(text);
+    quietUntil = Date.now() + 6000;
   };
 
   const show = ({ scene, verdict, html }) => {
@@ -27,8 +34,9 @@
       if (wanted === shown) return;
       const answer = await fetch(address("scene"));
       if (!answer.ok) return;
-      show(await answer.json());
+      const scene = await answer.json();
       shown = Number(answer.headers.get("dsdf-version"));
+      show(scene);
     }).catch(() => {}); // The news tell again what there is.
     return loaded;
   };
@@ -41,8 +49,13 @@
     ended = now.state !== "running";
     stop.disabled = ended || now.stops;
     if (now.stops && !ended) say("The fit stops: it writes a checkpoint.");
-    if (ended) say(now.text);
+    if (ended) insist(now.text);
     await load(now.version);
+    const isLive = get("verdict").classList.contains("live");
+    if (ended && isLive && !get("verdict-text").textContent.includes("was stopped")) {
+      get("verdict").className = now.state === "failed" ? "verdict fault" : "verdict live";
+      get("verdict-text").textContent = now.text;
+    }
     // The program waits for its pages.
     if (ended) news.close();
   };
@@ -60,7 +73,7 @@
     const answer = await fetch(address("stop"), { method: "POST" }).catch(() => null);
     if (!answer?.ok) {
       stop.disabled = false;
-      say(answer ? await answer.text() : "No answer: the program was stopped.");
+      insist(answer ? await answer.text() : "No answer: the program was stopped.");
     }
   });
 }

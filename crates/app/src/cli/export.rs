@@ -9,8 +9,9 @@ use serde::Serialize;
 
 use super::common::{ARGUMENTS, Global, option_error};
 use super::cut::Subject;
+use crate::error::input_error;
 use export::bake::{bake, paint, unwrap};
-use files::extension;
+use files::{InputError, extension};
 use fit::{RunCameras, RunFile, Solid};
 use mesh::{Mesh, Texture, check_textured_obj, decimate, export_mesh};
 use render::Camera;
@@ -149,7 +150,7 @@ impl Export {
             let expected = "a number from 1e-12 to 1e12";
             return Err(option_error("scale", self.scale.to_string(), expected).into());
         }
-        if let Some(size) = self.texture.or_else(|| self.usual_texture(output)) {
+        if let Some(size) = self.texture {
             self.check_texture(size, output)?;
         }
         if self.up.and_then(Up::direction).is_some() && !is_upright(output) {
@@ -162,7 +163,9 @@ impl Export {
 
     /// The texture that a file has without the option: phones show no colours of vertices.
     fn usual_texture(&self, output: &Path) -> Option<u32> {
-        (extension(output) == "usdz" && self.color == Color::Auto).then_some(USUAL_TEXTURE)
+        let fits = || check_texels(USUAL_TEXTURE).is_ok();
+        (extension(output) == "usdz" && self.color == Color::Auto && fits())
+            .then_some(USUAL_TEXTURE)
     }
 
     /// Checks that a texture of this size can be written with a mesh.
@@ -171,8 +174,7 @@ impl Export {
             let found = format!("a texture for {}", output.display());
             return Err(option_error("texture", found, "a .glb, .usdz or .obj file").into());
         }
-        let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
-        files::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)?;
+        check_texels(size)?;
         if extension(output) == "obj" {
             check_textured_obj(output)?;
         }
@@ -222,10 +224,19 @@ impl Export {
         if is_colored && !cameras.is_empty() {
             exported.color_cameras = Some(cameras.len());
             let colors = Colors { solid: Solid::new(model, file), cameras: &cameras, global };
-            exported.unseen = Some(match self.texture.or_else(|| self.usual_texture(output)) {
+            let wanted = self.texture.or_else(|| self.usual_texture(output));
+            let painted = wanted.map(|size| colors.texture(&mesh, size)).transpose();
+            let painted = match painted {
+                // Nobody asked for the texture.
+                Err(error) if self.texture.is_none() && input_error(&error).is_some() => {
+                    global.say(&format!("WARNING colours of vertices, no texture: {error:#}"));
+                    None
+                }
+                painted => painted?,
+            };
+            exported.unseen = Some(match painted {
                 None => colors.add_to(&mut mesh)?,
-                Some(size) => {
-                    let (image, report, unseen) = colors.texture(&mesh, size)?;
+                Some((image, report, unseen)) => {
                     exported.texture = Some(report);
                     texture = Some(image);
                     unseen
@@ -241,6 +252,12 @@ impl Export {
         export_mesh(output, &mesh, &export)?;
         Ok((mesh, exported))
     }
+}
+
+/// Checks that there is memory for a texture of this size.
+fn check_texels(size: u32) -> Result<(), InputError> {
+    let bytes = u64::from(size) * u64::from(size) * MEMORY_PER_TEXEL;
+    files::check_memory(ARGUMENTS, "--texture", format!("{size} texels"), bytes)
 }
 
 /// Whether a file has an upward direction of its own.

@@ -1,6 +1,6 @@
 //! `dsdf report`, and the page of a fit while it runs.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::common::{Global, as_fitted};
 use super::fit::read_for;
+use crate::error::error_line;
 use crate::messages::Console;
 use crate::serve::Site;
 use ::inspect::inspect;
@@ -117,7 +118,7 @@ const PAUSE: u32 = 50;
 
 /// The page of a fit that goes on: a file, and that of a server, as asked.
 pub(super) struct Live {
-    about: About,
+    about: RefCell<About>,
     folder: RunFolder,
     page: Option<PathBuf>,
     console: Console,
@@ -133,7 +134,7 @@ impl Live {
         console: &Console,
     ) -> Self {
         Live {
-            about: About::of(&fitting.photographs.dataset, &fitting.file),
+            about: RefCell::new(About::of(&fitting.photographs.dataset, &fitting.file)),
             folder: RunFolder::new(folder),
             page,
             console: console.clone(),
@@ -141,25 +142,39 @@ impl Live {
         }
     }
 
-    /// The server of the page, if a browser shows it.
-    fn watched(&self) -> Option<&Site> {
-        self.console.site().filter(|site| site.is_watched())
+    /// Whether there is a file to write, or a browser shows the page.
+    fn is_wanted(&self) -> bool {
+        self.page.is_some() || self.console.site().is_some_and(Site::is_watched)
+    }
+
+    /// Begins again with the fit, in another sphere.
+    pub(super) fn begin_again(&self, fitting: &Fitting) {
+        *self.about.borrow_mut() = About::of(&fitting.photographs.dataset, &fitting.file);
     }
 
     /// Makes the page if it is due and wanted.
-    pub(super) fn refresh(&self, fitting: &Fitting) -> anyhow::Result<()> {
+    pub(super) fn refresh(&self, fitting: &Fitting) {
         let start = Instant::now();
-        if start >= self.next.get() && (self.page.is_some() || self.watched().is_some()) {
-            let verdict = so_far(fitting)?;
-            self.write(fitting, State::Running(verdict.as_ref()))?;
+        if start >= self.next.get() && self.is_wanted() {
+            self.warn(so_far(fitting).and_then(|verdict| {
+                self.make(fitting, State::Running(verdict.as_ref()), Detail::LIVE, &|_| {})
+            }));
             self.next.set(Instant::now() + start.elapsed() * PAUSE);
         }
-        Ok(())
     }
 
-    /// Makes the page of a fit that is not at its end. Its cameras are those of the data set.
-    pub(super) fn write(&self, fitting: &Fitting, state: State<'_>) -> anyhow::Result<()> {
-        self.make(fitting, state, Detail::LIVE, &|_| {})
+    /// Makes the page of a fit that was stopped. Its cameras are those of the data set.
+    pub(super) fn stopped(&self, fitting: &Fitting) {
+        if self.is_wanted() {
+            self.warn(self.make(fitting, State::Stopped, Detail::LIVE, &|_| {}));
+        }
+    }
+
+    /// Says that a page could not be made. The fit goes on without it.
+    fn warn(&self, made: anyhow::Result<()>) {
+        if let Err(error) = made {
+            self.console.line(&format!("WARNING no page: {}", error_line(&error)));
+        }
     }
 
     /// Makes the last page. The data set has the cameras and the exposures as fitted.
@@ -169,7 +184,7 @@ impl Live {
         verdict: &Verdict,
         global: &Global,
     ) -> anyhow::Result<()> {
-        if self.page.is_none() && self.watched().is_none() {
+        if !self.is_wanted() {
             return Ok(());
         }
         let bar = global.progress("report");
@@ -189,12 +204,14 @@ impl Live {
         progress: &(dyn Fn(f64) + Sync),
     ) -> anyhow::Result<()> {
         let Fitting { model, file, photographs, .. } = fitting;
-        let run = self.about.run(self.folder.path(), (model, file, &photographs.dataset), state);
+        let about = self.about.borrow();
+        let run = about.run(self.folder.path(), (model, file, &photographs.dataset), state);
         let content = Content::of(&run, detail, progress)?;
         if let Some(page) = &self.page {
             write(page, &content.html()?)?;
         }
-        if let Some(site) = self.watched() {
+        // A browser may come later.
+        if let Some(site) = self.console.site() {
             site.show(content.json()?);
         }
         Ok(())

@@ -1,14 +1,13 @@
 //! Where a page is: the address of its server, and its token.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
+use std::fs;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use files::{InputError, WriteError};
+use files::InputError;
 
 /// The address that a server shall listen at. Port 0 is any free port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +33,14 @@ impl FromStr for Address {
 }
 
 impl Address {
+    /// Checks that a server can listen at it.
+    ///
+    /// # Errors
+    /// If it cannot.
+    pub(crate) fn check(self) -> Result<(), InputError> {
+        self.listen(None).map(drop)
+    }
+
     /// Listens, at the address `before` if that is one of these and free.
     pub(super) fn listen(self, before: Option<SocketAddr>) -> Result<TcpListener, InputError> {
         let Address(wanted) = self;
@@ -58,12 +65,17 @@ pub(crate) struct Known {
 impl Known {
     const FILE: &str = "serve.json";
 
-    /// That of the run in `folder`; `None` without the file, or with one that cannot be read.
+    /// That of the run in `folder`; `None` without the file, with one that cannot be read, and with
+    /// one that others could read, too.
     pub(crate) fn load(folder: &Path) -> Option<Self> {
         let path = folder.join(Self::FILE);
-        let is_short = fs::metadata(&path).is_ok_and(|m| m.is_file() && m.len() < 1000);
-        let known: Known =
-            serde_json::from_slice(&is_short.then(|| fs::read(&path))?.ok()?).ok()?;
+        let metadata =
+            fs::symlink_metadata(&path).ok().filter(|m| m.is_file() && m.len() < 1000)?;
+        #[cfg(unix)]
+        if std::os::unix::fs::MetadataExt::mode(&metadata) & 0o077 != 0 {
+            return None;
+        }
+        let known: Known = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
         let is_token = known.token.len() == 2 * TOKEN_BYTES
             && known.token.bytes().all(|byte| byte.is_ascii_hexdigit());
         is_token.then_some(known)
@@ -74,14 +86,24 @@ impl Known {
     /// # Errors
     /// If it cannot be written.
     pub(crate) fn save(&self, folder: &Path) -> anyhow::Result<()> {
-        let path = folder.join(Self::FILE);
         let text = serde_json::to_string(self)?;
-        let mut options = OpenOptions::new();
-        options.write(true).create(true).truncate(true);
-        #[cfg(unix)]
-        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-        let written = options.open(&path).and_then(|mut file| file.write_all(text.as_bytes()));
-        Ok(written.map_err(|error| WriteError::of_file(&path, error))?)
+        files::atomic_write_private(&folder.join(Self::FILE), |out| {
+            out.write_all(text.as_bytes())
+        })?;
+        Ok(())
+    }
+
+    /// The address of the page, and what to say about it.
+    pub(super) fn url(&self) -> String {
+        let Known { address, token } = self;
+        if !address.ip().is_unspecified() {
+            return format!("http://{address}/?token={token}");
+        }
+        let port = address.port();
+        format!(
+            "http://127.0.0.1:{port}/?token={token} (on other computers: with this one's address; \
+             nothing is encrypted)"
+        )
     }
 }
 
@@ -133,6 +155,26 @@ mod tests {
         drop(listener);
         let again = address.listen(Some(known.address)).unwrap().local_addr().unwrap();
         assert_eq!(again, known.address);
+        let shown = |address: &str| {
+            Known { address: address.parse().unwrap(), token: "t".to_owned() }.url()
+        };
+        assert_eq!(shown("127.0.0.1:80"), "http://127.0.0.1:80/?token=t");
+        assert!(shown("0.0.0.0:80").starts_with("http://127.0.0.1:80/?token=t (on other"));
+        // A file that others can read, and a link, are replaced and not believed.
+        #[cfg(unix)]
+        {
+            let (file, victim) = (folder.path().join(Known::FILE), folder.path().join("victim"));
+            let open = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+            fs::set_permissions(&file, open).unwrap();
+            assert_eq!(Known::load(folder.path()), None);
+            fs::rename(&file, &victim).unwrap();
+            let before = fs::read(&victim).unwrap();
+            std::os::unix::fs::symlink(&victim, &file).unwrap();
+            assert_eq!(Known::load(folder.path()), None);
+            Known { token: new_token().unwrap(), ..known }.save(folder.path()).unwrap();
+            assert_eq!(fs::read(&victim).unwrap(), before);
+            assert!(Known::load(folder.path()).is_some());
+        }
         for broken in ["{", r#"{"address":"127.0.0.1:1","token":"short"}"#] {
             fs::write(folder.path().join(Known::FILE), broken).unwrap();
             assert_eq!(Known::load(folder.path()), None);

@@ -14,7 +14,7 @@ use hyper::{Method, Request, Response, StatusCode};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 use tokio::time::{sleep, timeout};
 
-use super::news::{Board, Watcher};
+use super::news::{Board, Counted};
 
 /// The body of an answer.
 pub(super) type Answer = Either<Full<Bytes>, Stream>;
@@ -32,12 +32,23 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 /// The header with the number of a surface.
 const VERSION: HeaderName = HeaderName::from_static("dsdf-version");
 
-/// The answer to a request. Its body is not read. The second value tells whether the answer is a
-/// stream without an end.
-pub(super) fn answer<B>(request: &Request<B>, board: &Arc<Board>) -> (Response<Answer>, bool) {
+/// What an answer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// To a client without the token.
+    Refused,
+    /// To one with the token.
+    Whole,
+    /// A stream without an end.
+    Endless,
+}
+
+/// The answer to a request. Its body is not read.
+pub(super) fn answer<B>(request: &Request<B>, board: &Arc<Board>) -> (Response<Answer>, Kind) {
     let uri = request.uri();
     if !has_token(uri.query().unwrap_or_default(), &board.token) {
-        return (text(StatusCode::FORBIDDEN, "the address lacks the token of the page\n"), false);
+        let refused = text(StatusCode::FORBIDDEN, "the address lacks the token of the page\n");
+        return (refused, Kind::Refused);
     }
     let (method, path) = (request.method(), uri.path());
     let answer = match (method, path) {
@@ -51,7 +62,7 @@ pub(super) fn answer<B>(request: &Request<B>, board: &Arc<Board>) -> (Response<A
         },
         (&Method::GET, "/news") => {
             let answer = builder(StatusCode::OK, "text/event-stream");
-            return (whole(answer, Either::Right(Stream::of(board))), true);
+            return (whole(answer, Either::Right(Stream::of(board))), Kind::Endless);
         }
         (&Method::POST, "/stop") if board.stop() => text(StatusCode::ACCEPTED, "it stops\n"),
         (&Method::POST, "/stop") => {
@@ -62,7 +73,7 @@ pub(super) fn answer<B>(request: &Request<B>, board: &Arc<Board>) -> (Response<A
         }
         _ => text(StatusCode::NOT_FOUND, "no such page\n"),
     };
-    (answer, false)
+    (answer, Kind::Whole)
 }
 
 /// Whether a query has the token. It compares all digits, so that the time tells nothing.
@@ -103,7 +114,7 @@ fn text(status: StatusCode, text: &'static str) -> Response<Answer> {
 /// The news of a fit, as server-sent events. A client that reads slowly gets fewer of them.
 pub(super) struct Stream {
     events: Receiver<Bytes>,
-    _watcher: Watcher,
+    _watcher: Counted,
 }
 
 impl Stream {

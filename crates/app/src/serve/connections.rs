@@ -4,8 +4,8 @@ use std::convert::Infallible;
 use std::future::ready;
 use std::net::TcpListener;
 use std::pin::pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use hyper::server::conn::http1;
@@ -15,10 +15,11 @@ use tokio::net::TcpStream;
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep, timeout};
 
-use super::answers::answer;
+use super::answers::{Kind, answer};
 use super::news::Board;
 
-/// How long the server stays after the end, for pages that are open: they load the last surface.
+/// How long the server stays after the end, for pages that are open: they load the last surface, and
+/// close their connections.
 pub(super) const FAREWELL: Duration = Duration::from_secs(5);
 
 /// The most connections at a time; more are closed at once. A process may have 1024 files.
@@ -38,11 +39,10 @@ const HEAD_FIELDS: usize = 64;
 pub(super) async fn serve(listener: TcpListener, board: Arc<Board>, end: Arc<Notify>) {
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     let free = Arc::new(Semaphore::new(MOST_CONNECTIONS));
-    let accepting = tokio::spawn(accept(listener, Arc::clone(&board), Arc::clone(&free)));
+    let accepting = tokio::spawn(accept(listener, Arc::clone(&board), free));
     end.notified().await;
     let last = Instant::now() + FAREWELL;
-    let is_open = || free.available_permits() < MOST_CONNECTIONS;
-    while is_open() && Instant::now() < last {
+    while board.has_guests() && Instant::now() < last {
         sleep(Duration::from_millis(20)).await;
     }
     accepting.abort();
@@ -63,10 +63,13 @@ async fn accept(listener: tokio::net::TcpListener, board: Arc<Board>, free: Arc<
 
 /// Answers one request.
 async fn connection(stream: TcpStream, board: Arc<Board>, _permit: OwnedSemaphorePermit) {
-    let is_stream = AtomicBool::new(false);
+    let (is_stream, guest) = (AtomicBool::new(false), Mutex::new(None));
     let service = service_fn(|request| {
-        let (answer, endless) = answer(&request, &board);
-        is_stream.store(endless, Ordering::Relaxed);
+        let (answer, kind) = answer(&request, &board);
+        is_stream.store(kind == Kind::Endless, Ordering::Relaxed);
+        if kind != Kind::Refused {
+            *guest.lock().unwrap_or_else(PoisonError::into_inner) = Some(board.guest());
+        }
         ready(Ok::<_, Infallible>(answer))
     });
     let mut serving = pin!(

@@ -47,9 +47,12 @@ impl Site {
         stop: Box<dyn Fn() -> bool + Send + Sync>,
     ) -> anyhow::Result<Self> {
         let listener = address.listen(before.as_ref().map(|known| known.address))?;
+        // A run folder may come from others, who know its token.
+        let before = before.filter(|known| known.address.ip().is_loopback());
+        let is_for_all = !listener.local_addr()?.ip().is_loopback();
         let token = match before {
-            Some(known) => known.token,
-            None => address::new_token()?,
+            Some(known) if !is_for_all => known.token,
+            _ => address::new_token()?,
         };
         let known = Known { address: listener.local_addr()?, token };
         let version = getrandom::u32()?;
@@ -61,7 +64,7 @@ impl Site {
 
     /// The address of the page, with its token.
     pub(crate) fn url(&self) -> String {
-        format!("http://{}/?token={}", self.known.address, self.known.token)
+        self.known.url()
     }
 
     /// Where the page is, for a later server of the same run.

@@ -1,7 +1,7 @@
 //! What a fit tells its pages.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use hyper::body::Bytes;
@@ -64,6 +64,8 @@ pub(super) struct Board {
     /// When pages were told last.
     last: Mutex<Option<Instant>>,
     watchers: AtomicUsize,
+    /// Connections of clients that have the token.
+    guests: AtomicUsize,
     stop: Box<dyn Fn() -> bool + Send + Sync>,
 }
 
@@ -82,6 +84,7 @@ impl Board {
             last_version: Mutex::new(first_version),
             last: Mutex::default(),
             watchers: AtomicUsize::new(0),
+            guests: AtomicUsize::new(0),
             stop,
         }
     }
@@ -139,18 +142,37 @@ impl Board {
         self.watchers.load(Ordering::Relaxed) > 0
     }
 
+    /// Whether a client with the token is connected.
+    pub(super) fn has_guests(&self) -> bool {
+        self.guests.load(Ordering::Relaxed) > 0
+    }
+
     /// Counts a page that is open, up to the end of the value.
-    pub(super) fn watcher(self: &std::sync::Arc<Self>) -> Watcher {
-        self.watchers.fetch_add(1, Ordering::Relaxed);
-        Watcher(std::sync::Arc::clone(self))
+    pub(super) fn watcher(self: &Arc<Self>) -> Counted {
+        Counted::new(self, |board| &board.watchers)
+    }
+
+    /// Counts a connection of a client that has the token, up to the end of the value.
+    pub(super) fn guest(self: &Arc<Self>) -> Counted {
+        Counted::new(self, |board| &board.guests)
     }
 }
 
-/// A page that is open.
-pub(super) struct Watcher(std::sync::Arc<Board>);
+/// One of a number that a board counts.
+pub(super) struct Counted {
+    board: Arc<Board>,
+    count: fn(&Board) -> &AtomicUsize,
+}
 
-impl Drop for Watcher {
+impl Counted {
+    fn new(board: &Arc<Board>, count: fn(&Board) -> &AtomicUsize) -> Self {
+        count(board).fetch_add(1, Ordering::Relaxed);
+        Counted { board: Arc::clone(board), count }
+    }
+}
+
+impl Drop for Counted {
     fn drop(&mut self) {
-        self.0.watchers.fetch_sub(1, Ordering::Relaxed);
+        (self.count)(&self.board).fetch_sub(1, Ordering::Relaxed);
     }
 }

@@ -20,7 +20,7 @@ use super::eval::{SAMPLES, compare_views};
 use super::report::Live;
 use crate::error::Interrupted;
 use crate::serve::{Address, Known};
-use ::report::{State, Verdict, live_page};
+use ::report::{Verdict, live_page};
 use dataset::Dataset;
 use fit::{Clock, Fit as Fitting, FitError, FitOptions, Metrics, RunFile, RunFolder, Session};
 use report::examine;
@@ -69,8 +69,6 @@ pub(super) struct Segment {
     page: Option<PathBuf>,
     /// Whether the metrics are events of TensorBoard, too.
     logs_events: bool,
-    /// The address of the page's server, if it has one.
-    serve: Option<Address>,
     /// Whether another command runs it as one of its steps, and continues it.
     is_step: bool,
 }
@@ -80,6 +78,9 @@ impl Fit {
         prepare_run::check_output(&self.output, global)?;
         if !self.resume {
             refuse_occupied(&self.output)?;
+        }
+        if let Some(address) = self.serve.filter(|_| self.check) {
+            address.check()?;
         }
         if self.check {
             self.validate(global)?;
@@ -95,8 +96,12 @@ impl Fit {
             files::check_output(page)?;
         }
         let Fit { resume, stop_after, serve, .. } = *self;
+        // The page comes before the photographs are read: nothing is written if it cannot.
+        if let Some(address) = serve {
+            serve_page(address, &self.output, global)?;
+        }
         let logs_events = self.log.is_some();
-        let segment = Segment { resume, stop_after, page, logs_events, serve, is_step: false };
+        let segment = Segment { resume, stop_after, page, logs_events, is_step: false };
         let report = self.fit(segment, global)?;
         global.report(&report, || report.text())
     }
@@ -156,7 +161,7 @@ pub(super) fn fit(
         console.while_iterating(|| iterate(&mut session, run, &segment, live.as_ref(), global))?;
     if console.stop_requested() {
         if let Some(live) = &live {
-            live.write(&session.fit, State::Stopped)?;
+            live.stopped(&session.fit);
         }
         let stopped = session.fit.clock.iteration;
         let how = if segment.is_step { "the same command" } else { "--resume" };
@@ -198,7 +203,7 @@ pub(super) fn fit(
         }
         report.verdict = Some(verdict);
     } else if let Some(live) = live {
-        live.write(&session.fit, State::Stopped)?;
+        live.stopped(&session.fit);
     }
     Ok((report, session))
 }
@@ -210,9 +215,6 @@ fn start_page(
     fitting: &Fitting,
     global: &Global,
 ) -> anyhow::Result<Option<Live>> {
-    if let Some(address) = segment.serve {
-        serve_page(address, run, global)?;
-    }
     let site = global.console.site();
     if let Some(site) = site {
         site.known().save(run)?;
@@ -312,7 +314,8 @@ fn iterate(
                 events.add(metrics)?;
             }
             last = Some(metrics.clone());
-            live.map_or(Ok(()), |live| live.refresh(&session.fit))
+            live.inspect(|live| live.refresh(&session.fit));
+            Ok(())
         };
         session.run(&stop, report)?;
         bar.finish_and_clear();
@@ -320,5 +323,6 @@ fn iterate(
             return Ok(last);
         }
         growth::examine(session, run, global)?;
+        live.inspect(|live| live.begin_again(&session.fit));
     }
 }
