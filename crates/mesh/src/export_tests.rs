@@ -225,7 +225,7 @@ fn a_textured_obj_file_has_its_material_and_image_beside_it() {
     }
     for name in ["a.ply", "a.stl"] {
         let error = export_mesh(&folder.path().join(name), &mesh, &export).unwrap_err();
-        assert!(error.to_string().contains("expected .glb or .obj"), "{error}");
+        assert!(error.to_string().contains("expected .glb, .usdz or .obj"), "{error}");
     }
 }
 
