@@ -83,6 +83,19 @@ fn shrink(data: &str) {
     }
 }
 
+/// Writes the refined cameras of a run as a data set, and compares them.
+fn are_written_for_other_programs(folder: &Folder, run: &str, cameras: &Value) {
+    let out = folder.path("cameras");
+    let written = dsdf_json(&["cameras", run, "-o", &out]);
+    assert_eq!((&written["refined"], &written["lens_error"]), (&json!(true), &json!(0.0)));
+    let frames = read(&format!("{out}/transforms.json"))["frames"].clone();
+    let (mut all, own) = (poses(&frames, "transform_matrix"), poses(&cameras["views"], "pose"));
+    assert!(all.len() > own.len(), "held-out views, too");
+    all.truncate(own.len());
+    assert!(difference(&all, &own) < 1e-4);
+    refused(&["cameras", run, "-o", &out], 2, &["output: found a folder with files"]);
+}
+
 #[test]
 fn a_fit_refines_disturbed_poses() {
     let folder = Folder::new();
@@ -133,6 +146,7 @@ fn a_fit_refines_disturbed_poses() {
     let [whole, half] = [quality(&[]), quality(&["--downscale", "2"])];
     println!("{whole} dB, {half} dB at half the size");
     assert!(half > whole - 1.0, "{half} and {whole} dB");
+    are_written_for_other_programs(&folder, &run, &cameras);
     // The held-out cameras are exact, but not in the world that the others have made.
     let psnr = dsdf_json(&["eval", &run])["psnr"].as_f64().unwrap();
     let refined = fs::read(format!("{run}/cameras.json")).unwrap();

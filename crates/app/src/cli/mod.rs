@@ -1,5 +1,6 @@
 //! The command line: parses the arguments, runs one command, returns the exit status.
 
+mod cameras;
 mod common;
 mod cut;
 mod demo;
@@ -90,6 +91,12 @@ enum Command {
     ///
     /// The page is one HTML file. It needs no network, and opens from the disk.
     Report(report::Report),
+    /// Write the cameras of a run, as it refined them, as a data set for other programs
+    ///
+    /// The folder gets transforms.json in the form of nerfstudio, sparse/0 in the form of COLMAP, and
+    /// the photographs as the fit read them: without distortion, at its size. Held-out views are
+    /// aligned to the model first.
+    Cameras(cameras::Cameras),
     /// Turn photographs into a mesh: poses, fit, mesh and page in one command
     ///
     /// The poses are those of `dsdf poses`, by COLMAP; a data set with poses needs none. The mesh is
@@ -261,6 +268,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
         Command::Query(command) => command.run(&global),
         Command::Poses(command) => command.run(&global),
         Command::Report(command) => command.run(&global),
+        Command::Cameras(command) => command.run(&global),
         Command::Scan(command) => command.run(&global),
     });
     global.console.close_site(&result);

@@ -30,8 +30,10 @@ pub(crate) struct Scan {
     /// The program COLMAP [default: colmap on the search path]
     #[arg(long, value_name = "PROGRAM")]
     colmap: Option<PathBuf>,
-    /// Show the progress and the surface in a browser: a port or an address to listen at [default
-    /// without a value: a free port, for this computer alone]
+    /// Show the scan in a browser while it runs: at a port, or an address
+    ///
+    /// The page has the progress, the surface, renders beside photographs, the curves, and a button
+    /// that stops the fit. Without a value, it is at a free port, for this computer alone.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = THIS_COMPUTER)]
     serve: Option<Address>,
 }

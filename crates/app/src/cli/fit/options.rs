@@ -27,11 +27,15 @@ pub(crate) struct Fit {
     /// Write report.html into the run folder, now and then and at the end
     #[arg(long)]
     pub(super) report: bool,
-    /// Show the surface, the views and the progress in a browser while the fit runs: a port or an
-    /// address to listen at [default without a value: a free port, for this computer alone]
+    /// Show the fit in a browser while it runs: at a port, or an address
+    ///
+    /// The page has the progress, the surface, renders beside photographs, the curves, and a button
+    /// that stops the fit. Without a value, it is at a free port, for this computer alone.
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = THIS_COMPUTER)]
     pub(super) serve: Option<Address>,
-    /// Write the metrics in another form, too: RUN/tensorboard, for `tensorboard --logdir RUN`
+    /// Write the metrics in another form, too
+    ///
+    /// RUN/tensorboard gets them as events: `tensorboard --logdir RUN` shows them.
     #[arg(long, value_name = "FORMAT", value_enum)]
     pub(super) log: Option<Log>,
     /// Check the options and the data set, and exit
