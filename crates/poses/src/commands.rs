@@ -102,11 +102,13 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub cameras: CameraChoice,
     /// Longest side at which features are searched, in pixels: less needs less time and memory
+    #[arg(help_heading = "Features")]
     #[arg(long, value_name = "PIXELS", default_value_t = 3200,
           value_parser = clap::value_parser!(u32).range(100..=20000))]
     pub max_size: u32,
     /// Features of a photograph, the largest ones first [default: 8192 for up to 25 photographs, and
     /// down to 2048 for more: the time of all pairs]
+    #[arg(help_heading = "Features")]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=65_536))]
     pub features: Option<u32>,
     /// Seed of COLMAP's random numbers, where its version has one
