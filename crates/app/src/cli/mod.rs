@@ -138,7 +138,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, registry: Registr
 /// No handler of Ctrl-C is installed, and nothing is written to the standard streams but help.
 ///
 /// # Errors
-/// Those of the command; [`exit_status`] tells their kinds apart, and [`error_line`](crate::error::error_line) has the text.
+/// Those of the command; [`exit_status`] tells their kinds apart, and [`error_line`] has the text.
 /// `Interrupted` if the host stopped the command.
 pub fn run_in_host(
     arguments: impl IntoIterator<Item = OsString>,
