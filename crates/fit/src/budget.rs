@@ -76,8 +76,7 @@ impl FitOptions {
         }
     }
 
-    /// The share of the budget with a soft surface. The file of a run has the option, by
-    /// [`soft_for`](Self::soft_for).
+    /// The share of the budget with a soft surface. The file of a run has the option.
     pub fn soft(&self) -> f64 {
         self.soft.unwrap_or(SOFT)
     }
