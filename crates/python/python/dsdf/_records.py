@@ -104,6 +104,17 @@ def record(
     )
 
 
+def pose_gradient(pose: Array, eye: Array, turn: Array) -> Array:
+    """The gradient by a camera's pose, 4 x 4, of those by its eye and by rotations about it."""
+    x, y, z = turn
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    gradient = np.zeros((4, 4))
+    # For a rotation about w, its product with cross(w) times the axes is turn . w.
+    gradient[:3, :3] = 0.5 * cross @ pose[:3, :3]
+    gradient[:3, 3] = eye
+    return gradient
+
+
 def pixels(cameras: Sequence[Union[Camera, dict]]) -> NDArray[np.int64]:
     """All pixels of the cameras, as rows of camera number, column and row.
 

@@ -249,11 +249,8 @@ class _Scene:
         moving = [i for i, camera in enumerate(arrays["cameras"]) if camera]
         sums = record.cameras(delta) if moving else ()
         for i in moving:
-            camera, (eye, (x, y, z), focal, principal) = cameras[i], (part[i] for part in sums)
-            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            pose = np.zeros((4, 4))
-            # For a rotation about w, its product with cross(w) times the axes is (x, y, z) . w.
-            pose[:3, :3], pose[:3, 3] = 0.5 * cross @ camera.pose[:3, :3], eye
+            eye, turn, focal, principal = (part[i] for part in sums)
+            pose = _records.pose_gradient(cameras[i].pose, eye, turn)
             of_cameras[i] = {"focal": focal, "principal": principal, "pose": pose}
             if np.ndim(arrays["cameras"][i]["focal"]) == 0:
                 of_cameras[i]["focal"] = focal.sum()

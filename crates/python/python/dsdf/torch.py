@@ -182,12 +182,7 @@ class Camera:
         self, eye: np.ndarray, turn: np.ndarray, focal: np.ndarray, principal: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The gradients of ``focal``, ``principal`` and ``pose``."""
-        x, y, z = turn
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        pose = np.zeros((4, 4))
-        # For a rotation about w, its product with cross(w) times the axes is turn . w.
-        pose[:3, :3] = 0.5 * cross @ _array(self.pose)[:3, :3]
-        pose[:3, 3] = eye
+        pose = _records.pose_gradient(_array(self.pose), eye, turn)
         if self.focal.numel() == 1:
             focal = focal.sum()
         return focal, principal, pose
