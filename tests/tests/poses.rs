@@ -117,6 +117,9 @@ fn photographs_become_a_data_set_and_finished_steps_are_kept() {
     assert_eq!(calls, ["sequential_matcher", "mapper", "image_undistorter"]);
     let (_, calls) = bench.json(&["--matching", "sequential", "--overlap", "3"], &[]);
     assert!(calls.is_empty());
+    let (_, calls) = bench.json(&["--matching", "alike"], &[]);
+    let matching = ["sequential_matcher", "vocab_tree_builder", "vocab_tree_matcher"];
+    assert_eq!(calls, [&matching[..], &ALL[2..]].concat());
     let (_, calls) = bench.json(&["--max-size", "1600"], &[]);
     assert_eq!(calls, ALL, "other features are for other matches");
 }

@@ -13,8 +13,14 @@ pub fn remedies(matching: Matching) -> Vec<&'static str> {
         "use a turntable for a textured object before one colour only; in a room, walk around it",
         "use photographs as the camera wrote them: sharp, not cropped, one lens, one zoom",
     ];
-    if matching == Matching::Sequential {
-        remedies.insert(0, "--matching exhaustive compares all pairs, not only neighbours");
+    match matching {
+        Matching::Sequential => {
+            remedies.insert(0, "--matching exhaustive compares all pairs, not only neighbours");
+        }
+        Matching::Alike => {
+            remedies.insert(0, "--matching exhaustive compares all pairs, not only those alike");
+        }
+        Matching::Auto | Matching::Exhaustive => {}
     }
     remedies
 }

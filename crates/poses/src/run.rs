@@ -8,7 +8,7 @@ use files::{InputError, WriteError};
 
 use crate::Error;
 use crate::advice::{FEW_REGISTERED, remedies};
-use crate::commands::{DATABASE, Guided, Options, Places, arguments, can_guide, list_name};
+use crate::commands::{Call, DATABASE, Guided, Options, Places, arguments, can_guide, list_name};
 use crate::output::Log;
 use crate::photographs::Photographs;
 use crate::program::{End, Program};
@@ -146,8 +146,8 @@ impl Job<'_> {
         if self.options.guided != Guided::Auto || settings.iter().any(Entry::is_guided) {
             return Ok(false);
         }
-        let command = self.options.command(Step::Matching, self.photographs.count());
-        Ok(can_guide(&self.program.help(command)?))
+        let calls = self.options.calls(Step::Matching, self.photographs);
+        Ok(can_guide(&self.program.help(calls[0].command)?))
     }
 
     /// Whether few photographs have a pose, and guided matching can find more.
@@ -325,18 +325,19 @@ impl Job<'_> {
         if !continues {
             self.prepare(step, &partial)?;
         }
-        let groups = match step {
-            Step::Features => self.options.groups(self.photographs),
-            _ => vec![Vec::new()],
-        };
+        let calls = self.options.calls(step, self.photographs);
         let (count, mut before) = (self.photographs.count(), 0);
-        for (number, group) in groups.iter().enumerate() {
-            let command = self.options.command(step, count);
+        for (number, Call { command, group }) in calls.iter().enumerate() {
+            // The parts of the features are of all photographs already.
+            let of_step = |part: f64| match step {
+                Step::Features => part,
+                _ => (number as f64 + part) / calls.len() as f64,
+            };
             let words = self.command_line(entry, command, &partial, number)?;
             log.begin(&words)?;
             let end = self.program.run(&words, lock, stop, &mut |line| {
-                if let Some((fraction, text)) = step.progress(line, count, before) {
-                    show(Event::Progress { step, fraction, text: &text });
+                if let Some((part, text)) = step.progress(line, count, before) {
+                    show(Event::Progress { step, fraction: of_step(part), text: &text });
                 }
                 log.add(line)
             })?;

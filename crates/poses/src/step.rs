@@ -108,6 +108,10 @@ fn matched(line: &str) -> Option<(f64, String)> {
             _ => {}
         }
     }
+    // A vocabulary is most of the work before photographs are looked up in it.
+    if line.contains("Building index for visual words") {
+        return Some((0.1, "a vocabulary of the features".to_owned()));
+    }
     fraction_in(line, "Matching image").or_else(|| fraction_in(line, "Processing image"))
 }
 
@@ -144,6 +148,8 @@ mod tests {
         let image = some(0.5, "1 of 2 photographs");
         assert_eq!(text(Step::Matching, "Matching image [1/2] in 0.1s"), image);
         assert_eq!(text(Step::Matching, "x.cc:1] Processing image [1/2]"), image);
+        let vocabulary = some(0.1, "a vocabulary of the features");
+        assert_eq!(text(Step::Matching, "Building index for visual words..."), vocabulary);
         let mapped = some(0.25, "12 of 48 photographs registered");
         assert_eq!(text(Step::Mapping, "Registering image #20 (12)"), mapped);
         assert_eq!(text(Step::Mapping, "Registering image #20 (num_reg_frames=12)"), mapped);
