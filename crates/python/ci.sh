@@ -11,6 +11,7 @@
 #              unless the package index has a build without CUDA for this machine
 # Files are checked by USD's validators (usd-core) and, where npm is there, by that of Khronos.
 #
+# DSDF_XTASK   `xtask`, which builds the wheel [default: cargo xtask]
 # DSDF_PROGRAM the program whose bits the commands must repeat [default: target/ci/dsdf, which
 #              `cargo build --profile ci` builds]; without it, these tests are skipped
 set -euo pipefail
@@ -47,9 +48,9 @@ install() {
 }
 
 build() {
-  rm -rf "$out/wheels"
-  PYO3_PYTHON="$out/venv/bin/python" "$out/venv/bin/maturin" build --quiet --profile ci --locked \
-    --manifest-path crates/python/Cargo.toml --out "$out/wheels"
+  # It tries the wheel in a fresh environment, too.
+  PYO3_PYTHON="$out/venv/bin/python" PYTHON="$out/venv/bin/python" MATURIN="$out/venv/bin/maturin" \
+    ${DSDF_XTASK:-cargo xtask} dist --only wheel --profile ci --output "$out/wheels"
   pip install --force-reinstall --no-deps "$out"/wheels/*.whl
 }
 

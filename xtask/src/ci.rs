@@ -20,7 +20,8 @@ const REQUIRE: (&str, &str) = ("DSDF_REQUIRE", "programs");
 /// Runs every check and stops at the first that fails.
 ///
 /// Work that leaves a part of the processors idle runs beside other work: the installation of the
-/// Python packages beside the build, and the tests of Python and of Slurm beside the tests of Rust.
+/// Python packages beside the build; the tests of Python and of Slurm, and the wheel and the archive
+/// of `dist` with their trials, beside the tests of Rust.
 ///
 /// # Errors
 /// If a check fails, or a program cannot be started.
@@ -33,9 +34,10 @@ pub(crate) fn run() -> anyhow::Result<()> {
     with_profile(&["build", "--workspace", "--bins", "--test", "bad_input"], &[])?;
     packages.wait()?;
     let others = Beside::start(
-        "python-and-slurm",
-        "bash crates/python/ci.sh build && bash crates/python/ci.sh test && \
-         bash xtask/tests/slurm.sh target/ci/dsdf",
+        "python-slurm-dist",
+        "DSDF_XTASK=target/ci/xtask bash crates/python/ci.sh build && bash crates/python/ci.sh test && \
+         bash xtask/tests/slurm.sh target/ci/dsdf && \
+         target/ci/xtask dist --only archive --profile ci --output target/ci/dist",
     )?;
     with_profile(&["test", "--workspace"], &[REQUIRE])?;
     cargo(

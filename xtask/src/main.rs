@@ -43,7 +43,7 @@ enum Task {
         #[arg(long, value_name = "THREADS", value_parser = clap::value_parser!(u32).range(1..))]
         workers: Option<u32>,
     },
-    /// Build a static binary of dsdf, and pack it with its licences
+    /// Build a static binary of dsdf and a wheel for Python, and try both
     Dist(dist::Dist),
     /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
     Ablate(sweep::Ablate),

@@ -1,12 +1,12 @@
-//! `cargo xtask dist`: an archive with a static binary.
+//! The archive with a static binary.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, bail, ensure};
-use clap::Args;
-
+use anyhow::{Context, ensure};
 use sweep::measure::{cargo, workspace_root};
+
+use super::trial::{self, TRIAL, built, text_of};
 
 /// The files beside the binary in the archive.
 const FILES: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "CHANGELOG.md"];
@@ -15,60 +15,46 @@ const FILES: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", "README.md", "CHANGEL
 /// "Program Header").
 const INTERPRETER: u32 = 3;
 
-/// Arguments of `cargo xtask dist`.
-#[derive(Args)]
-pub(crate) struct Dist {
-    /// Target of the binary [default: that of musl for this processor]
-    #[arg(long, value_name = "TRIPLE")]
-    target: Option<String>,
-    /// Folder for the archive [default: target/dist]
-    #[arg(short, long)]
-    output: Option<PathBuf>,
+/// Builds the binary, checks that it is static, packs it into `output`, and tries the archive.
+///
+/// # Errors
+/// If the target or a C compiler for it is missing, or if the build or the trial fails.
+pub(super) fn make(target: &str, profile: &str, output: &Path) -> anyhow::Result<()> {
+    check_target(target)?;
+    check_compiler(target)?;
+    let arguments = ["build", "--locked", "--profile", profile, "--target", target];
+    cargo(&[&arguments[..], &["--package", "dsdf", "--bin", "dsdf"]].concat(), &[])?;
+    let binary = built().join(target).join(profile).join("dsdf");
+    let bytes = std::fs::read(&binary).with_context(|| binary.display().to_string())?;
+    ensure!(is_static(&bytes)?, "{}: needs a loader of shared libraries", binary.display());
+    let version = text_of(Command::new(&binary).arg("--version"))?;
+    let name = format!("dsdf-{}-{target}", env!("CARGO_PKG_VERSION"));
+    let staged = output.join(&name);
+    if staged.exists() {
+        std::fs::remove_dir_all(&staged)?;
+    }
+    std::fs::create_dir_all(&staged).with_context(|| staged.display().to_string())?;
+    std::fs::copy(&binary, staged.join("dsdf"))?;
+    for file in FILES {
+        std::fs::copy(workspace_root().join(file), staged.join(file)).context(file)?;
+    }
+    let archive = format!("{name}.tar.gz");
+    pack(output, &name, &archive)?;
+    std::fs::remove_dir_all(&staged)?;
+    try_archive(&output.join(&archive), &name)?;
+    println!("{}, static: the trial passes", version.trim());
+    trial::tell(&output.join(archive))
 }
 
-impl Dist {
-    /// Builds the binary, checks that it is static and runs, and writes the archive and its
-    /// SHA-256.
-    ///
-    /// # Errors
-    /// If the target or a C compiler for it is missing, or if a step fails.
-    pub(crate) fn run(&self) -> anyhow::Result<()> {
-        let default = || format!("{}-unknown-linux-musl", std::env::consts::ARCH);
-        let target = self.target.clone().unwrap_or_else(default);
-        let target = target.as_str();
-        check_target(target)?;
-        check_compiler(target)?;
-        let arguments = ["build", "--locked", "--profile", "dist", "--target", target];
-        cargo(&[&arguments[..], &["--package", "dsdf", "--bin", "dsdf"]].concat(), &[])?;
-        let root = workspace_root();
-        let folder = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-        let built = root.join(folder);
-        let binary = built.join(target).join("dist/dsdf");
-        let bytes = std::fs::read(&binary).with_context(|| binary.display().to_string())?;
-        ensure!(is_static(&bytes)?, "{}: needs a loader of shared libraries", binary.display());
-        let version = said(&binary, &["--version"])?;
-        said(&binary, &["demo", "--help"])?;
-        let name = format!("dsdf-{}-{target}", env!("CARGO_PKG_VERSION"));
-        let output = self.output.clone().unwrap_or_else(|| built.join("dist"));
-        let staged = output.join(&name);
-        if staged.exists() {
-            std::fs::remove_dir_all(&staged)?;
-        }
-        std::fs::create_dir_all(&staged).with_context(|| staged.display().to_string())?;
-        std::fs::copy(&binary, staged.join("dsdf"))?;
-        for file in FILES {
-            std::fs::copy(root.join(file), staged.join(file)).context(file)?;
-        }
-        let archive = format!("{name}.tar.gz");
-        pack(&output, &name, &archive)?;
-        std::fs::remove_dir_all(&staged)?;
-        let sum = text_of(Command::new("sha256sum").arg(&archive).current_dir(&output))?;
-        std::fs::write(output.join(format!("{archive}.sha256")), &sum)?;
-        let megabytes = output.join(&archive).metadata()?.len() as f64 / 1e6;
-        println!("{}: {}, static, {megabytes:.1} MB", output.join(&archive).display(), version);
-        println!("SHA-256 {}", sum.trim());
-        Ok(())
-    }
+/// Unpacks an archive in a new folder and runs its binary there, without an environment.
+fn try_archive(archive: &Path, name: &str) -> anyhow::Result<()> {
+    let folder = tempfile::tempdir()?;
+    text_of(Command::new("tar").arg("-xzf").arg(archive).current_dir(&folder))?;
+    let binary = folder.path().join(name).join("dsdf");
+    let mut trial = Command::new(binary);
+    trial.env_clear().args(TRIAL).args(["-o", "demo", "--quiet"]).current_dir(&folder);
+    text_of(&mut trial)?;
+    trial::check(&folder.path().join("demo"))
 }
 
 /// Checks that the standard library of a target is installed.
@@ -121,27 +107,12 @@ fn is_static(bytes: &[u8]) -> anyhow::Result<bool> {
     Ok(true)
 }
 
-/// The output of the binary, which must succeed.
-fn said(binary: &Path, arguments: &[&str]) -> anyhow::Result<String> {
-    Ok(text_of(Command::new(binary).args(arguments))?.trim().to_owned())
-}
-
 /// Packs the folder `name` in `output`. The same files give the same bytes.
 fn pack(output: &Path, name: &str, archive: &str) -> anyhow::Result<()> {
     let mut tar = Command::new("tar");
     tar.args(["--sort=name", "--owner=0", "--group=0", "--numeric-owner", "--mtime=@0"]);
     tar.args(["-czf", archive, name]).current_dir(output);
     text_of(&mut tar).map(drop)
-}
-
-/// The standard output of a command.
-fn text_of(command: &mut Command) -> anyhow::Result<String> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let output = command.output().with_context(|| format!("cannot start {name}"))?;
-    if !output.status.success() {
-        bail!("{name}: {}", String::from_utf8_lossy(&output.stderr).trim());
-    }
-    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
 #[cfg(test)]
