@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyBufferError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -35,11 +35,17 @@ fn numbers_of(
         // Its mask would be lost.
         return Err(wrong(name, "array", "a masked array", "an array without a mask"));
     }
-    let array = numpy.call_method1("asarray", (value,)).map_err(|error| {
+    // NumPy itself knows lists, buffers and `__array__`. DLPack is shared memory as well.
+    let is_dlpack = !value.hasattr("__array__")? && value.hasattr("__dlpack__")?;
+    let maker = if is_dlpack { "from_dlpack" } else { "asarray" };
+    let array = numpy.call_method1(maker, (value,)).map_err(|error| {
         // Rows of several lengths, for example. Other exceptions pass through.
-        match error.is_instance_of::<PyValueError>(py) {
-            true => wrong(name, "array", error.value(py), "an array of numbers"),
-            false => error,
+        if error.is_instance_of::<PyValueError>(py) {
+            wrong(name, "array", error.value(py), "an array of numbers")
+        } else if is_dlpack && error.is_instance_of::<PyBufferError>(py) {
+            wrong(name, "array", error.value(py), "an array in the memory of the CPU")
+        } else {
+            error
         }
     })?;
     let dtype = array.getattr("dtype")?;

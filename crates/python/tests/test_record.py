@@ -57,6 +57,46 @@ def test_the_calling_thread_alone_calls_the_field():
     assert field.threads == {threading.get_ident()}
 
 
+class Foreign:
+    """An array of another framework, which shares its memory by DLPack and in no other way."""
+
+    def __init__(self, array, device=None):
+        self.array, self.device = array, device
+
+    def __dlpack__(self, **options):
+        if self.device:
+            raise BufferError(f"an array on {self.device}")
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return self.array.__dlpack_device__()
+
+
+def test_arrays_of_any_framework_are_read_by_dlpack():
+    class Other(Ball):
+        device = None
+
+        def value(self, x):
+            return Foreign(super().value(x), self.device)
+
+        def value_gradient(self, x):
+            return [Foreign(array) for array in super().value_gradient(x)]
+
+    views, pixels = [camera()], dsdf.pixels([camera()])
+    delta = np.ones((len(pixels), 3))
+    records = [
+        dsdf.record(field, (0.9, 0.6, 0.3), views, pixels, bounds=BOUNDS, seed=4, spp=2)
+        for field in (Ball(), Other())
+    ]
+    own, other = [record.backward(delta) for record in records]
+    assert all(np.array_equal(a, b) for a, b in zip(own, other))
+    by_dlpack = records[1].backward(Foreign(delta))
+    assert all(np.array_equal(a, b) for a, b in zip(own, by_dlpack))
+    Other.device = "a GPU"
+    wrong("an array on a GPU, expected an array in the memory of the CPU",
+          Other(), (1, 1, 1), views, pixels)
+
+
 def test_cameras_are_copied_and_pickled_to_the_last_bit():
     view = camera()
     u = np.array([[0.5, 1.5], [3.25, 7.0]])

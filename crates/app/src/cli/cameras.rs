@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::common::Global;
+use super::common::{Global, align_held_out, with_fitted_cameras};
 use dataset::{LoadOptions, check_empty, write};
-use fit::{Model, RunCameras, RunFile, align};
+use fit::{Model, RunFile};
 
 /// Arguments of `dsdf cameras`.
 #[derive(Args, Debug)]
@@ -46,27 +46,22 @@ impl Cameras {
         check_empty(&self.output)?;
         global.will_write_in(&self.output, &["images", "sparse/0"])?;
         let file = RunFile::load(&self.run)?;
-        let refined = RunCameras::load(&self.run)?;
         let downscale = self.downscale.unwrap_or(file.downscale());
         let bar = global.progress("photographs");
         let unread = file.open(self.dataset.as_deref())?;
-        let dataset =
-            unread.read(&LoadOptions { downscale }, &mut |done| bar.mover()(0.5 * done))?;
+        let dataset = unread.read(&LoadOptions { downscale }, &mut bar.mover())?;
+        bar.finish_and_clear();
         let mut dataset = dataset.about(file.origin());
-        if let Some(cameras) = &refined {
-            cameras.apply(&mut dataset, file.origin(), &self.run)?;
-            if !dataset.test.is_empty() {
-                // The given ones are in the world as it was before.
-                let model = Model::load(&self.run, &file)?;
-                let found = align(&model, &file, &dataset.test, &|_| {})?;
-                dataset.test.iter_mut().zip(found).for_each(|(view, own)| view.camera = own);
-            }
+        let is_other = self.dataset.is_some();
+        let refined = with_fitted_cameras(&self.run, &file, &mut dataset, is_other)?;
+        if refined && !dataset.test.is_empty() {
+            align_held_out(&Model::load(&self.run, &file)?, &file, &mut dataset, global)?;
         }
         let dataset = dataset.about(-file.origin());
-        let move_on = &mut |done: f64| bar.mover()(0.5 + 0.5 * done);
-        let lens_error = write(&self.output, &dataset, move_on)?;
+        let bar = global.progress("data set");
+        let lens_error = write(&self.output, &dataset, &mut bar.mover())?;
         bar.finish_and_clear();
-        if refined.is_none() {
+        if !refined {
             global.say("cameras: those of the data set, which the run did not change");
         }
         if lens_error > LENS_ERROR {
@@ -75,8 +70,7 @@ impl Cameras {
             ));
         }
         let views = [dataset.train.len(), dataset.test.len()];
-        let written =
-            Written { dataset: self.output.clone(), views, refined: refined.is_some(), lens_error };
+        let written = Written { dataset: self.output.clone(), views, refined, lens_error };
         global.report(&written, || {
             let [train, test] = views;
             let which = if written.refined { "refined cameras" } else { "cameras as given" };

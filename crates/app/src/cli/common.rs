@@ -175,6 +175,45 @@ pub(super) fn arguments<'a, T: Args>(
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
 
+/// Gives the training views of a data set the cameras of a run, and returns whether it refined any.
+///
+/// If the data set is another one than the run's, and the files lack a training view, all training
+/// views stay as they are.
+///
+/// # Errors
+/// If the file of the cameras cannot be used.
+pub(super) fn with_fitted_cameras(
+    run: &Path,
+    file: &RunFile,
+    dataset: &mut Dataset,
+    is_other: bool,
+) -> anyhow::Result<bool> {
+    let cameras = RunCameras::load(run)?;
+    if let Some(cameras) = cameras.as_ref().filter(|all| !is_other || all.has_views_of(dataset)) {
+        cameras.apply(dataset, file.origin(), run)?;
+    }
+    Ok(cameras.is_some())
+}
+
+/// Gives held-out views the cameras that suit a model best: the given ones are in the world as it
+/// was before the refinement.
+///
+/// # Errors
+/// If the field or a gradient is not finite.
+pub(super) fn align_held_out(
+    model: &Model,
+    file: &RunFile,
+    dataset: &mut Dataset,
+    global: &Global,
+) -> anyhow::Result<()> {
+    let bar = global.progress("cameras");
+    let cameras = align(model, file, &dataset.test, &bar.mover())?;
+    bar.finish_and_clear();
+    dataset.test.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
+    global.say("cameras: those of the held-out views are aligned to the model first");
+    Ok(())
+}
+
 /// Gives the views of a data set the cameras and exposures of a run, if it fitted any: training
 /// photographs those of the run's files, held-out ones those that suit its model best.
 ///
@@ -191,10 +230,8 @@ pub(crate) fn as_fitted(
     is_other: bool,
     global: &Global,
 ) -> anyhow::Result<()> {
-    let (cameras, exposures) = (RunCameras::load(run)?, RunExposures::load(run)?);
-    if let Some(cameras) = cameras.as_ref().filter(|all| !is_other || all.has_views_of(dataset)) {
-        cameras.apply(dataset, file.origin(), run)?;
-    }
+    let is_refined = with_fitted_cameras(run, file, dataset, is_other)?;
+    let exposures = RunExposures::load(run)?;
     if let Some(exposures) = &exposures {
         if !is_other || exposures.has_views_of(dataset) {
             exposures.apply(dataset, run)?;
@@ -204,14 +241,10 @@ pub(crate) fn as_fitted(
         bar.finish_and_clear();
         global.say("exposures: those of the held-out photographs are matched to the model first");
     }
-    if cameras.is_none() || dataset.test.is_empty() {
+    if !is_refined || dataset.test.is_empty() {
         return Ok(());
     }
-    let bar = global.progress("cameras");
-    let cameras = align(model, file, &dataset.test, &bar.mover())?;
-    bar.finish_and_clear();
-    dataset.test.iter_mut().zip(cameras).for_each(|(view, camera)| view.camera = camera);
-    global.say("cameras: those of the held-out views are aligned to the model first");
+    align_held_out(model, file, dataset, global)?;
     if exposures.is_some() {
         // With the cameras as given, a bright part may have stood beside its place.
         match_exposures(model, file, &mut dataset.test, &|_| {})?;
