@@ -120,6 +120,12 @@ fn photographs_become_a_data_set_and_finished_steps_are_kept() {
     let (_, calls) = bench.json(&["--matching", "alike"], &[]);
     let matching = ["sequential_matcher", "vocab_tree_builder", "vocab_tree_matcher"];
     assert_eq!(calls, [&matching[..], &ALL[2..]].concat());
+    let global = ["--matching", "alike", "--mapper", "global"];
+    let (_, calls) = bench.json(&global, &[("FAKE_GLOBAL", "1")]);
+    assert_eq!(calls, ["global_mapper", "image_undistorter"]);
+    let words = ["arguments: --mapper: found one by `colmap global_mapper`", "COLMAP 4 or later"];
+    let other = [&global[..], &["--features", "999"]].concat();
+    failed(&bench.run(&other, &[]), 2, &words);
     let (_, calls) = bench.json(&["--max-size", "1600"], &[]);
     assert_eq!(calls, ALL, "other features are for other matches");
 }

@@ -92,6 +92,16 @@ pub enum Guided {
     Never,
 }
 
+/// The way from matches to poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Mapper {
+    /// One photograph after another
+    #[default]
+    Incremental,
+    /// All at once: much faster for hundreds of photographs, by COLMAP 4 and later
+    Global,
+}
+
 /// The options of a search for poses.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "COLMAP")]
@@ -107,6 +117,9 @@ pub struct Options {
     /// have a pose
     #[arg(long, value_enum, default_value_t)]
     pub guided: Guided,
+    /// From matches to poses
+    #[arg(long, value_enum, default_value_t)]
+    pub mapper: Mapper,
     /// Model of the lens
     #[arg(long, value_enum, default_value_t)]
     pub camera_model: CameraModel,
@@ -134,6 +147,7 @@ impl Default for Options {
             matching: Matching::default(),
             overlap: 20,
             guided: Guided::default(),
+            mapper: Mapper::default(),
             camera_model: CameraModel::default(),
             cameras: CameraChoice::default(),
             max_size: 3200,
@@ -231,6 +245,9 @@ impl Options {
                         }
                     }
                 }
+                Step::Mapping if self.mapper == Mapper::Global => {
+                    vec![("mapper", "global".to_owned())]
+                }
                 Step::Mapping | Step::Undistortion => Vec::new(),
             }
         };
@@ -260,7 +277,13 @@ impl Options {
                 };
                 commands.iter().map(|command| Call::of(command, Vec::new())).collect()
             }
-            Step::Mapping => vec![Call::of("mapper", Vec::new())],
+            Step::Mapping => {
+                let command = match self.mapper {
+                    Mapper::Incremental => "mapper",
+                    Mapper::Global => GLOBAL_MAPPER,
+                };
+                vec![Call::of(command, Vec::new())]
+            }
             Step::Undistortion => vec![Call::of("image_undistorter", Vec::new())],
         }
     }
@@ -279,6 +302,9 @@ impl Call {
         Call { command, group }
     }
 }
+
+/// The command that finds all poses at once.
+const GLOBAL_MAPPER: &str = "global_mapper";
 
 /// The command that makes a vocabulary of the features: it tells which photographs are alike.
 const BUILDER: &str = "vocab_tree_builder";
@@ -400,6 +426,7 @@ pub(crate) fn arguments(
             line.add(&["image_path"], path(places.images))?;
             line.add(&["output_path"], path(places.output))?;
             line.add_if_known("Mapper.num_threads", threads);
+            line.add_if_known("GlobalMapper.num_threads", threads);
             // The default, 10, refuses a model of 9 of 12 photographs.
             line.add_if_known("Mapper.min_model_size", (photographs.count() / 4).clamp(3, 10));
         }
@@ -415,6 +442,7 @@ pub(crate) fn arguments(
         line.add_if_known(seed, options.seed);
     }
     line.add_if_known("Mapper.random_seed", options.seed);
+    line.add_if_known("GlobalMapper.random_seed", options.seed);
     Ok(line.words)
 }
 

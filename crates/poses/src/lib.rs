@@ -12,7 +12,7 @@ mod state;
 mod step;
 
 pub use advice::{FEW_REGISTERED, remedies};
-pub use commands::{CameraChoice, CameraModel, Guided, Matching, Options};
+pub use commands::{CameraChoice, CameraModel, Guided, Mapper, Matching, Options};
 pub use error::Error;
 pub use photographs::Photographs;
 pub use program::Program;

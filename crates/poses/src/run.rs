@@ -100,6 +100,7 @@ pub fn run(
     }
     // The program first: without it, nothing is written.
     let version = job.program.version()?;
+    job.check_mapper(&version)?;
     let done_of =
         |state: &State| if state.colmap == version { job.done(state, &settings) } else { 0 };
     // COLMAP leaves photographs out that it cannot decode.
@@ -139,6 +140,18 @@ impl Job<'_> {
             Guided::Never => false,
         };
         self.options.settings(self.photographs, is_guided)
+    }
+
+    /// Refuses a mapper that the installed version lacks, before the work of the other steps.
+    fn check_mapper(&self, version: &str) -> Result<(), Error> {
+        for Call { command, .. } in self.options.calls(Step::Mapping, self.photographs) {
+            if !self.program.help(command)?.has("database_path") {
+                let found = format!("one by `colmap {command}`, which COLMAP {version} lacks");
+                let expected = "incremental, or COLMAP 4 or later";
+                return Err(InputError::new("arguments", "--mapper", found, expected).into());
+            }
+        }
+        Ok(())
     }
 
     /// Whether matching can begin again, guided.
