@@ -25,7 +25,8 @@ sys.path.insert(0, str(HERE))
 
 from dsdf_nerfbaselines import cameras as convert, dataset as datasets  # noqa: E402
 from dsdf_nerfbaselines.errors import Refused  # noqa: E402
-from dsdf_nerfbaselines.method import Dsdf  # noqa: E402
+from dsdf_nerfbaselines.method import Dsdf, srgb  # noqa: E402
+from dsdf_nerfbaselines.running_fit import RunningFit  # noqa: E402
 from nerfbaselines import camera_model_to_int, new_cameras, new_dataset  # noqa: E402
 from nerfbaselines.datasets import load_dataset  # noqa: E402
 
@@ -74,7 +75,8 @@ def nerfbaselines(*arguments, status=0):
 
 def train(data, output, *more, status=0):
     options = ["--method", "dsdf", "--data", data, "--output", output, "--logger", "none"]
-    return nerfbaselines("train", *options, "--set", f"iterations={ITERATIONS}", *more, status=status)
+    options += ["--set", f"iterations={ITERATIONS}"]
+    return nerfbaselines("train", *options, *more, status=status)
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +170,8 @@ def small(**changes):
         camera_models=np.zeros(2, dtype=np.int32),
         image_sizes=np.array([[24, 20]] * 2, dtype=np.int32),
     )
-    images = [np.random.default_rng(i).integers(256, size=(20, 24, 3), dtype=np.uint8) for i in (0, 1)]
+    noise = np.random.default_rng(0)
+    images = [noise.integers(256, size=(20, 24, 3), dtype=np.uint8) for _ in range(2)]
     made = new_dataset(
         cameras=cameras,
         images=images,
@@ -187,9 +190,7 @@ def test_a_data_set_is_written_without_loss(tmp_path):
     seen, held_out = dsdf.photographs(tmp_path / "data")
     assert len(seen) == 2 and not held_out
     for photograph, image, camera in zip(seen, made["images"], made["cameras"]):
-        srgb = image / 255.0
-        linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-        assert np.abs(photograph.image - linear).max() < 1e-6
+        assert np.abs(srgb(photograph.image) * 255 - image).max() < 1e-3
         assert np.allclose(photograph.camera.pose, convert.pose(camera), atol=1e-7)
         assert photograph.camera.focal == (40, 41) and photograph.camera.principal == (12, 10)
     points = plyfile.PlyData.read(tmp_path / "data" / "points.ply")["vertex"]
@@ -225,6 +226,18 @@ def test_a_wrong_checkpoint_is_refused_in_one_line(tmp_path):
         Dsdf(checkpoint=str(tmp_path))
 
 
+def test_a_fit_that_begins_again_in_a_larger_sphere_is_followed(tmp_path):
+    """Its metrics begin again, too."""
+    fit = RunningFit(tmp_path / "data", tmp_path, {"iterations": 9})
+    lines = [json.dumps({"iteration": i + 1, "loss": 0.5 - 0.1 * i}) + "\n" for i in range(3)]
+    (tmp_path / "metrics.jsonl").write_text("".join(lines) + '{"iter')
+    fit._follow()
+    assert [line["iteration"] for line in fit._metrics] == [1, 2, 3]
+    (tmp_path / "metrics.jsonl").write_text(lines[0])
+    fit._follow()
+    assert [line["iteration"] for line in fit._metrics] == [1]
+
+
 @pytest.mark.parametrize(
     ("model", "distortion"),
     [
@@ -251,7 +264,8 @@ def test_distortion_is_read_and_rendered(data, trained, tmp_path, model, distort
     assert known.mean() > 0.85 and np.abs(difference[known]).mean() < 0.01
 
     # dsdf takes the distortion out of a photograph of the bent camera.
-    photographs = [convert.warped(views["images"][i][..., :3], straight[i], bent[i]) for i in (0, 1)]
+    films = [image[..., :3] for image in views["images"][:2]]
+    photographs = [convert.warped(film, straight[i], bent[i]) for i, film in enumerate(films)]
     names = views["image_paths"][:2]
     content = views | {"cameras": bent[:2], "images": photographs, "image_paths": names}
     datasets.write(content, tmp_path / "data")
@@ -261,10 +275,9 @@ def test_distortion_is_read_and_rendered(data, trained, tmp_path, model, distort
             intrinsics=np.array([*seen.camera.focal, *seen.camera.principal]),
             image_sizes=np.array([seen.camera.width, seen.camera.height]),
         )
-        sharp = convert.warped(views["images"][i][..., :3] / 255.0, straight[i], own)
+        expected = convert.warped(films[i] / 255.0, straight[i], own)
         inner = (slice(12, -12), slice(12, -12))
-        srgb = np.where(seen.image <= 0.0031308, 12.92 * seen.image, 1.055 * seen.image ** (1 / 2.4) - 0.055)
-        assert np.abs(srgb - sharp)[inner].mean() < 0.02
+        assert np.abs(srgb(seen.image) - expected)[inner].mean() < 0.02
 
 
 def test_distortion_of_zero_changes_nothing(data, trained):

@@ -16,8 +16,8 @@ LENSES = {
     "full_opencv": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
 
-#: The largest tangent of an angle to the optical axis that an image shows: that of 55 degrees, as in
-#: dsdf's own images of fisheye lenses.
+#: The largest tangent of an angle to the optical axis that an image shows: that of 55 degrees, as
+#: in dsdf's own images of fisheye lenses.
 WIDEST = 1.43
 
 

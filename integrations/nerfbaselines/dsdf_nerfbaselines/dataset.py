@@ -1,7 +1,7 @@
 """Writes a data set of nerfbaselines as one that dsdf reads, without loss.
 
-The result is a ``transforms.json`` in the form of nerfstudio, with photographs and masks as PNG, and
-the points of the data set. Numbers are written with all of their digits.
+The result is a ``transforms.json`` in the form of nerfstudio, with photographs and masks as PNG,
+and the points of the data set. Numbers are written with all of their digits.
 """
 
 import json
@@ -82,11 +82,11 @@ def _write_points(path: pathlib.Path, points: Any, colors: Optional[Any]) -> Non
     fields = [(axis, "<f4") for axis in "xyz"]
     if colors is not None:
         fields += [(name, "u1") for name in ("red", "green", "blue")]
-    columns = np.asarray(points).T.tolist() + ([] if colors is None else np.asarray(colors).T.tolist())
+    columns = [*np.asarray(points).T, *([] if colors is None else np.asarray(colors).T)]
     rows = np.empty(len(points), dtype=fields)
     for (name, _), column in zip(fields, columns):
         rows[name] = column
     kinds = {"<f4": "float", "u1": "uchar"}
     properties = "".join(f"property {kinds[kind]} {name}\n" for name, kind in fields)
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
-    path.write_bytes(head.encode("ascii") + rows.tobytes())
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}"
+    path.write_bytes((head + "end_header\n").encode("ascii") + rows.tobytes())

@@ -123,7 +123,7 @@ class Dsdf(Method):
         result = {}
         if "color" in outputs:
             appearance = {"type": "neural", "weights": self._run / "radiance.safetensors"}
-            result["color"] = _srgb(self._image(camera, appearance, self._scene_background()))
+            result["color"] = srgb(self._image(camera, appearance, self._scene_background()))
         if "normal" in outputs:
             # n/2 + 1/2, and the middle where there is no surface.
             result["normal"] = self._image(camera, {"type": "normal"}, [0.5, 0.5, 0.5])
@@ -210,7 +210,8 @@ def _check(options: dict[str, Any]) -> None:
     """Refuses options before a file is written."""
     for key in options:
         if key.replace("-", "_") in RESERVED:
-            raise Refused(f"{key}: found an option that nerfbaselines decides, expected another one")
+            found = "an option that nerfbaselines decides"
+            raise Refused(f"{key}: found {found}, expected another one")
     for key in OWN:
         text = str(options[key])
         if not (text.isascii() and text.isdigit() and int(text) > 0):
@@ -234,7 +235,8 @@ def _background(dataset: Dataset) -> list[float]:
     return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4).tolist()
 
 
-def _srgb(linear: np.ndarray) -> np.ndarray:
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """Display values of linear RGB, 0 to 1."""
     linear = np.clip(linear, 0, 1)
     curve = 1.055 * np.power(linear, 1 / 2.4) - 0.055
     return np.where(linear <= 0.0031308, 12.92 * linear, curve).astype(np.float32)

@@ -18,8 +18,8 @@ class _Stop(Exception):
 class RunningFit:
     """A fit in the run folder ``run``. It starts at the first wait for an iteration.
 
-    One fit of dsdf is all iterations: nobody calls it for each of them. So it runs on by itself, and
-    the caller follows it. ``stop`` ends it after a checkpoint; the next wait continues it.
+    One fit of dsdf is all iterations: nobody calls it for each of them. So it runs on by itself,
+    and the caller follows it. ``stop`` ends it after a checkpoint; the next wait continues it.
     """
 
     def __init__(self, dataset: pathlib.Path, run: pathlib.Path, options: dict[str, Any]):
