@@ -9,6 +9,7 @@
 # PYTHON       the interpreter [default: python3]
 # DSDF_TORCH   arguments of pip that install PyTorch; without it, the tests of PyTorch are skipped
 #              unless the package index has a build without CUDA for this machine
+# The method of nerfbaselines is tested where that package is; else its tests are skipped.
 # Files are checked by USD's validators (usd-core) and, where npm is there, by that of Khronos.
 #
 # DSDF_XTASK   `xtask`, which builds the wheel [default: cargo xtask]
@@ -57,7 +58,8 @@ build() {
 run_tests() {
   export DSDF_PROGRAM="${DSDF_PROGRAM:-$PWD/target/ci/dsdf}"
   export DSDF_NODE_MODULES="$out/npm/node_modules"
-  "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests
+  "$out/venv/bin/python" -m pytest -q -rs --durations=5 crates/python/tests \
+    integrations/nerfbaselines
 }
 
 case ${1:-all} in
