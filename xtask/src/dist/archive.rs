@@ -24,7 +24,8 @@ pub(super) fn make(target: &str, profile: &str, output: &Path) -> anyhow::Result
     check_compiler(target)?;
     let arguments = ["build", "--locked", "--profile", profile, "--target", target];
     cargo(&[&arguments[..], &["--package", "dsdf", "--bin", "dsdf"]].concat(), &[])?;
-    let binary = built().join(target).join(profile).join("dsdf");
+    let folder = if profile == "dev" { "debug" } else { profile };
+    let binary = built().join(target).join(folder).join("dsdf");
     let bytes = std::fs::read(&binary).with_context(|| binary.display().to_string())?;
     ensure!(is_static(&bytes)?, "{}: needs a loader of shared libraries", binary.display());
     let version = text_of(Command::new(&binary).arg("--version"))?;
