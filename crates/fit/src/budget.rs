@@ -10,7 +10,7 @@ use crate::options::{DEFAULT_ITERATIONS, FitOptions};
 /// search for depths that takes too long follows the clock.
 const ITERATIONS_PER_SECOND: f64 = 50.0;
 
-/// The most threads that this number is multiplied by.
+/// The most threads that make a fit faster.
 const MOST_THREADS: usize = 16;
 
 /// The share of the budget with a soft surface. docs/captures-compared.md has other shares.
@@ -65,11 +65,20 @@ impl FitOptions {
     }
 
     /// The number of iterations of the budget. For a budget of time it is assumed, from the
-    /// recorded number of threads.
+    /// recorded number of threads: a fit is faster by about the root of it (docs/iteration.md).
     pub(crate) fn assumed_iterations(&self) -> u64 {
+        self.assumed(f64::sqrt)
+    }
+
+    /// The same for work that threads share without waiting for each other.
+    pub(crate) fn assumed_shared_iterations(&self) -> u64 {
+        self.assumed(|threads| threads)
+    }
+
+    /// The number of iterations of the budget, of a time by how much faster threads are than one.
+    fn assumed(&self, speed: fn(f64) -> f64) -> u64 {
         let threads = self.schedule_threads.unwrap_or_else(rayon::current_num_threads);
-        let threads = threads.min(MOST_THREADS) as f64;
-        let rate = ITERATIONS_PER_SECOND * threads;
+        let rate = ITERATIONS_PER_SECOND * speed(threads.min(MOST_THREADS) as f64);
         match self.budget() {
             Budget::Time(time) => (time.as_secs_f64() * rate) as u64,
             Budget::Iterations(all) => all,
@@ -140,7 +149,8 @@ mod tests {
             pool.install(|| options.clone().with_schedule())
         };
         let [one, four] = [1, 4].map(|n| of_threads(n, &options));
-        assert_eq!([&one, &four].map(FitOptions::assumed_iterations), [30_000, 120_000]);
+        assert_eq!([&one, &four].map(FitOptions::assumed_iterations), [30_000, 60_000]);
+        assert_eq!([&one, &four].map(FitOptions::assumed_shared_iterations), [30_000, 120_000]);
         let resumed = of_threads(4, &one);
         assert_eq!(resumed, one);
         assert_eq!(resumed.soft_for(false), one.soft_for(false));

@@ -36,7 +36,7 @@ const ROUNDS: usize = 2;
 impl FitOptions {
     /// The largest number of pixels of photographs that are searched for depths.
     fn searched_pixels(&self) -> u64 {
-        self.assumed_iterations().saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
+        self.assumed_shared_iterations().saturating_mul(PIXELS_PER_ITERATION).min(MOST_PIXELS)
     }
 }
 

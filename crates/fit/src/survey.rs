@@ -87,7 +87,7 @@ fn near_nodes(model: &Model, level: usize) -> Vec<bool> {
 
 /// The level of the pyramid whose pixels are traced.
 fn traced_level(fit: &Fit) -> usize {
-    let most = fit.file.options.assumed_iterations().saturating_mul(TRACED_PER_ITERATION);
+    let most = fit.file.options.assumed_shared_iterations().saturating_mul(TRACED_PER_ITERATION);
     let levels = &fit.photographs.levels;
     let last = levels.len() - 1;
     let fits = |level: &usize| levels[*level].photograph_pixels() <= most;
