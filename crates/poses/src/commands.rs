@@ -389,38 +389,7 @@ pub(crate) fn arguments(
             let features = options.features_of(photographs.count());
             line.add_if_known("SiftExtraction.max_num_features", features);
         }
-        Step::Matching if help.command() == BUILDER => {
-            line.add(&["database_path"], database)?;
-            line.add(&["vocab_tree_path"], path(&places.output.join(VOCABULARY)))?;
-            line.add_if_known("num_visual_words", VISUAL_WORDS);
-            line.add_if_known("max_num_images", VOCABULARY_PHOTOGRAPHS);
-            // The tree of the words: 64 branches twice.
-            line.add_if_known("branching", 64);
-            line.add_if_known("num_iterations", 5);
-            line.add_if_known("num_threads", threads);
-        }
-        Step::Matching => {
-            line.add(&["database_path"], database)?;
-            line.add(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], 0)?;
-            line.add(&["FeatureMatching.num_threads", "SiftMatching.num_threads"], threads)?;
-            if entry.is_guided() {
-                line.add(&GUIDED_MATCHING, 1)?;
-                line.add_if_known("SiftMatching.max_ratio", GUIDED_RATIO);
-            }
-            match help.command() {
-                "sequential_matcher" => {
-                    line.add(&["SequentialMatching.overlap"], options.overlap)?;
-                }
-                "vocab_tree_matcher" => {
-                    let vocabulary = path(&places.output.join(VOCABULARY));
-                    line.add(&["VocabTreeMatching.vocab_tree_path"], vocabulary)?;
-                    // A photograph is the one most alike to itself.
-                    line.add(&["VocabTreeMatching.num_images"], ALIKE + 1)?;
-                }
-                // Small blocks show more of the progress. The pairs are the same.
-                _ => line.add_if_known("ExhaustiveMatching.block_size", 10),
-            }
-        }
+        Step::Matching => matching_arguments(entry, options, threads, places, &mut line)?,
         Step::Mapping => {
             line.add(&["database_path"], path(places.input))?;
             line.add(&["image_path"], path(places.images))?;
@@ -444,6 +413,48 @@ pub(crate) fn arguments(
     line.add_if_known("Mapper.random_seed", options.seed);
     line.add_if_known("GlobalMapper.random_seed", options.seed);
     Ok(line.words)
+}
+
+/// Adds the arguments of a command that compares photographs, or makes the vocabulary for it.
+fn matching_arguments(
+    entry: &Entry,
+    options: &Options,
+    threads: usize,
+    places: &Places<'_>,
+    line: &mut Line<'_>,
+) -> Result<(), Error> {
+    let path = |name: &str| places.output.join(name).display().to_string();
+    line.add(&["database_path"], path(DATABASE))?;
+    if line.help.command() == BUILDER {
+        line.add(&["vocab_tree_path"], path(VOCABULARY))?;
+        line.add_if_known("num_visual_words", VISUAL_WORDS);
+        line.add_if_known("max_num_images", VOCABULARY_PHOTOGRAPHS);
+        // The tree of the words: 64 branches twice.
+        line.add_if_known("branching", 64);
+        line.add_if_known("num_iterations", 5);
+        line.add_if_known("num_threads", threads);
+        return Ok(());
+    }
+    line.add(&["FeatureMatching.use_gpu", "SiftMatching.use_gpu"], 0)?;
+    line.add(&["FeatureMatching.num_threads", "SiftMatching.num_threads"], threads)?;
+    if entry.is_guided() {
+        line.add(&GUIDED_MATCHING, 1)?;
+        line.add_if_known("SiftMatching.max_ratio", GUIDED_RATIO);
+    }
+    match line.help.command() {
+        "sequential_matcher" => {
+            line.add(&["SequentialMatching.overlap"], options.overlap)?;
+        }
+        "vocab_tree_matcher" => {
+            let vocabulary = path(VOCABULARY);
+            line.add(&["VocabTreeMatching.vocab_tree_path"], vocabulary)?;
+            // A photograph is the one most alike to itself.
+            line.add(&["VocabTreeMatching.num_images"], ALIKE + 1)?;
+        }
+        // Small blocks show more of the progress. The pairs are the same.
+        _ => line.add_if_known("ExhaustiveMatching.block_size", 10),
+    }
+    Ok(())
 }
 
 /// The threads for which half of the memory suffices.
