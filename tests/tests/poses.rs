@@ -423,7 +423,14 @@ fn colmap_finds_the_poses_of_a_patterned_corner() {
         picture.save(folder.path(&format!("photos/{name}"))).unwrap();
         truth.insert(name, camera);
     }
-    check_poses(&folder.path("photos"), &folder.path("data"), &truth, 7);
+    let (photos, data) = (folder.path("photos"), folder.path("data"));
+    check_poses(&photos, &data, &truth, 7);
+    // The same by a vocabulary: each photograph with its neighbours, then with those alike.
+    let alike = ["poses", &photos, "-o", &data, "--matching", "alike", "--overlap", "1"];
+    let poses = dsdf_json(&alike);
+    assert!(poses["registered"].as_u64().unwrap() >= 7, "{poses}");
+    let log = fs::read_to_string(folder.path("data/colmap.log")).unwrap();
+    assert!(log.contains("visual words") && log.contains("Indexing image"), "{log}");
 }
 
 /// Views of the room that are next to each other.

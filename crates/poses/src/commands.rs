@@ -26,12 +26,14 @@ const LEAST_FEATURES: u32 = 2048;
 /// The photographs that each is compared with because they are alike.
 const ALIKE: u32 = 20;
 
-/// The visual words of a vocabulary. With 4096 of them, 12 alike photographs of each of `spot_room`
-/// have 89 % of the pairs with 30 matches or more; 81 % with 1024, and 73 % with 256.
-const VISUAL_WORDS: u32 = 4096;
+/// The visual words of a vocabulary: so many for each photograph, and no more. With 4096 of them, 12
+/// alike photographs of each of `spot_room` have 89 % of the pairs with 30 matches or more; 81 %
+/// with 1024, and 73 % with 256. COLMAP 3.8 needs a minute for 4096.
+const WORDS_PER_PHOTOGRAPH: usize = 32;
+const MOST_WORDS: usize = 4096;
 
 /// The photographs whose features make a vocabulary: those of more change it little.
-const VOCABULARY_PHOTOGRAPHS: u32 = 150;
+const VOCABULARY_PHOTOGRAPHS: usize = 150;
 
 /// Bytes of memory for each pixel of a photograph and each thread while COLMAP finds features on a
 /// CPU. Measured with COLMAP 3.8: 2.28 GB for 7.7 million pixels.
@@ -389,7 +391,10 @@ pub(crate) fn arguments(
             let features = options.features_of(photographs.count());
             line.add_if_known("SiftExtraction.max_num_features", features);
         }
-        Step::Matching => matching_arguments(entry, options, threads, places, &mut line)?,
+        Step::Matching => {
+            let count = photographs.count();
+            matching_arguments(entry, options, (count, threads), places, &mut line)?;
+        }
         Step::Mapping => {
             line.add(&["database_path"], path(places.input))?;
             line.add(&["image_path"], path(places.images))?;
@@ -419,7 +424,7 @@ pub(crate) fn arguments(
 fn matching_arguments(
     entry: &Entry,
     options: &Options,
-    threads: usize,
+    (photographs, threads): (usize, usize),
     places: &Places<'_>,
     line: &mut Line<'_>,
 ) -> Result<(), Error> {
@@ -427,8 +432,10 @@ fn matching_arguments(
     line.add(&["database_path"], path(DATABASE))?;
     if line.help.command() == BUILDER {
         line.add(&["vocab_tree_path"], path(VOCABULARY))?;
-        line.add_if_known("num_visual_words", VISUAL_WORDS);
-        line.add_if_known("max_num_images", VOCABULARY_PHOTOGRAPHS);
+        let words = (WORDS_PER_PHOTOGRAPH * photographs).min(MOST_WORDS);
+        line.add_if_known("num_visual_words", words);
+        // COLMAP 3.8 ends by a failed check if there are fewer.
+        line.add_if_known("max_num_images", photographs.min(VOCABULARY_PHOTOGRAPHS));
         // The tree of the words: 64 branches twice.
         line.add_if_known("branching", 64);
         line.add_if_known("num_iterations", 5);
