@@ -23,6 +23,10 @@ const PAIRS_WITH_ALL_FEATURES: f64 = 300.0;
 /// The fewest features of a photograph, however many pairs there are.
 const LEAST_FEATURES: u32 = 2048;
 
+/// The longest side at which features are searched, in pixels: for the fewest features, and for all
+/// of them, which is COLMAP's.
+const MAX_SIZE: [u32; 2] = [1600, 3200];
+
 /// The photographs that each is compared with because they are alike.
 const ALIKE: u32 = 20;
 
@@ -128,11 +132,11 @@ pub struct Options {
     /// Photographs that share a lens
     #[arg(long, value_enum, default_value_t)]
     pub cameras: CameraChoice,
-    /// Longest side at which features are searched, in pixels: less needs less time and memory
+    /// Longest side at which features are searched, in pixels [default: 3200, and down to 1600 where
+    /// fewer features are searched: less needs less time and memory]
     #[arg(help_heading = "Features")]
-    #[arg(long, value_name = "PIXELS", default_value_t = 3200,
-          value_parser = clap::value_parser!(u32).range(100..=20000))]
-    pub max_size: u32,
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(100..=20000))]
+    pub max_size: Option<u32>,
     /// Features of a photograph, the largest ones first [default: 8192 for up to 25 photographs, and
     /// down to 2048 for more: the time of all pairs]
     #[arg(help_heading = "Features")]
@@ -152,7 +156,7 @@ impl Default for Options {
             mapper: Mapper::default(),
             camera_model: CameraModel::default(),
             cameras: CameraChoice::default(),
-            max_size: 3200,
+            max_size: None,
             features: None,
             seed: 0,
         }
@@ -181,6 +185,14 @@ impl Options {
         let affordable =
             f64::from(MOST_FEATURES) * (PAIRS_WITH_ALL_FEATURES / pairs.min(all)).sqrt();
         self.features.unwrap_or((affordable as u32).clamp(LEAST_FEATURES, MOST_FEATURES))
+    }
+
+    /// The longest side at which features are searched, in pixels. COLMAP takes the largest features,
+    /// so fewer of them are found at a smaller size, too: the area is in proportion to their number.
+    pub fn max_size_of(&self, photographs: usize) -> u32 {
+        let share = f64::from(self.features_of(photographs)) / f64::from(MOST_FEATURES);
+        let size = f64::from(MAX_SIZE[1]) * share.sqrt();
+        self.max_size.unwrap_or((size as u32).clamp(MAX_SIZE[0], MAX_SIZE[1]))
     }
 
     /// Refuses one lens for photographs of several sizes.
@@ -224,14 +236,15 @@ impl Options {
     /// All steps with the options that their results depend on. Matching is guided or not.
     pub(crate) fn settings(&self, photographs: &Photographs, is_guided: bool) -> Vec<Entry> {
         let matching = self.matching_of(photographs.count());
-        // A number that nobody asked for is no setting: features that are there stay.
+        // Numbers that nobody asked for are no settings: features that are there stay.
+        let max_size = self.max_size.unwrap_or(MAX_SIZE[1]);
         let features = self.features.map(|features| ("features", features.to_string()));
         let of = |step: Step| -> Vec<(&str, String)> {
             match step {
                 Step::Features => [
                     ("camera_model", self.model().to_owned()),
                     ("cameras", self.lenses(photographs).to_owned()),
-                    ("max_size", self.max_size.to_string()),
+                    ("max_size", max_size.to_string()),
                     ("seed", self.seed.to_string()),
                 ]
                 .into_iter()
@@ -384,10 +397,11 @@ pub(crate) fn arguments(
                 line.add(&["ImageReader.single_camera_per_image"], 1)?;
             }
             line.add(&["FeatureExtraction.use_gpu", "SiftExtraction.use_gpu"], 0)?;
-            let threads = threads.min(threads_for(photographs.most_pixels(options.max_size)));
+            let max_size = options.max_size_of(photographs.count());
+            let threads = threads.min(threads_for(photographs.most_pixels(max_size)));
             line.add(&["FeatureExtraction.num_threads", "SiftExtraction.num_threads"], threads)?;
             let size = ["FeatureExtraction.max_image_size", "SiftExtraction.max_image_size"];
-            line.add(&size, options.max_size)?;
+            line.add(&size, max_size)?;
             let features = options.features_of(photographs.count());
             line.add_if_known("SiftExtraction.max_num_features", features);
         }
@@ -556,7 +570,7 @@ mod tests {
         let matching = Matching::Sequential;
         let sequential = all(Options { matching, ..Options::default() });
         assert!(settings[0] == sequential[0] && settings[1] != sequential[1]);
-        let size = all(Options { max_size: 900, ..Options::default() });
+        let size = all(Options { max_size: Some(900), ..Options::default() });
         assert!(settings[0] != size[0] && settings[1..] == size[1..]);
         let guided = Options::default().settings(&photographs, true);
         assert!(guided[1].is_guided() && !settings[1].is_guided() && guided[2..] == settings[2..]);
@@ -572,6 +586,8 @@ mod tests {
         assert_eq!([48, 80, 150].map(of), [4224, 2524, 2048]);
         // Neighbours alone are few pairs.
         assert_eq!(of(300), 2048);
+        let sizes = [2, 25, 80, 151].map(|count| Options::default().max_size_of(count));
+        assert_eq!(sizes, [3200, 3200, 1776, 1600]);
         let asked = Options { features: Some(5000), ..Options::default() };
         assert_eq!(asked.features_of(150), 5000);
         let folder = tempfile::tempdir().unwrap();
