@@ -49,6 +49,7 @@ install() {
 }
 
 build() {
+  rm -rf "$out/wheels"
   # It tries the wheel in a fresh environment, too.
   PYO3_PYTHON="$out/venv/bin/python" PYTHON="$out/venv/bin/python" MATURIN="$out/venv/bin/maturin" \
     ${DSDF_XTASK:-cargo xtask} dist --only wheel --profile ci --output "$out/wheels"

@@ -104,7 +104,7 @@ pub enum Mapper {
     /// One photograph after another
     #[default]
     Incremental,
-    /// All at once: much faster for hundreds of photographs, by COLMAP 4 and later
+    /// All at once, by COLMAP 4 and later: for hundreds of photographs
     Global,
 }
 
@@ -322,7 +322,7 @@ impl Call {
 const GLOBAL_MAPPER: &str = "global_mapper";
 
 /// The command that makes a vocabulary of the features: it tells which photographs are alike.
-const BUILDER: &str = "vocab_tree_builder";
+pub(crate) const BUILDER: &str = "vocab_tree_builder";
 
 /// The setting of guided matching.
 const GUIDED: &str = "guided";

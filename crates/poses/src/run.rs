@@ -8,7 +8,9 @@ use files::{InputError, WriteError};
 
 use crate::Error;
 use crate::advice::{FEW_REGISTERED, remedies};
-use crate::commands::{Call, DATABASE, Guided, Options, Places, arguments, can_guide, list_name};
+use crate::commands::{
+    BUILDER, Call, DATABASE, Guided, Mapper, Options, Places, arguments, can_guide, list_name,
+};
 use crate::output::Log;
 use crate::photographs::Photographs;
 use crate::program::{End, Program};
@@ -144,6 +146,9 @@ impl Job<'_> {
 
     /// Refuses a mapper that the installed version lacks, before the work of the other steps.
     fn check_mapper(&self, version: &str) -> Result<(), Error> {
+        if self.options.mapper == Mapper::Incremental {
+            return Ok(());
+        }
         for Call { command, .. } in self.options.calls(Step::Mapping, self.photographs) {
             if !self.program.help(command)?.has("database_path") {
                 let found = format!("one by `colmap {command}`, which COLMAP {version} lacks");
@@ -460,6 +465,10 @@ impl Job<'_> {
         let has_model = self.partial_of(step).join("0").is_dir();
         // The mapper fails if it makes no model.
         if step == Step::Mapping && !has_model && status == "ended with status 1" {
+            return self.no_pose(log);
+        }
+        // There are fewer features than words of a vocabulary: COLMAP ends by a failed check.
+        if command == BUILDER && log.error().contains("num_visual_words") {
             return self.no_pose(log);
         }
         let (error, log) = (log.error(), log.path().display());

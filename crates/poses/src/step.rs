@@ -108,7 +108,7 @@ fn matched(line: &str) -> Option<(f64, String)> {
             _ => {}
         }
     }
-    // A vocabulary is most of the work before photographs are looked up in it.
+    // COLMAP says no more until the vocabulary is done.
     if line.contains("Building index for visual words") {
         return Some((0.1, "a vocabulary of the features".to_owned()));
     }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyBufferError, PyValueError};
+use pyo3::exceptions::{PyBufferError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -42,8 +42,8 @@ fn numbers_of(
         // Rows of several lengths, for example. Other exceptions pass through.
         if error.is_instance_of::<PyValueError>(py) {
             wrong(name, "array", error.value(py), "an array of numbers")
-        } else if is_dlpack && error.is_instance_of::<PyBufferError>(py) {
-            wrong(name, "array", error.value(py), "an array in the memory of the CPU")
+        } else if is_dlpack && is_of_dlpack(py, &error) {
+            wrong(name, "array", error.value(py), "an array of numbers in the memory of the CPU")
         } else {
             error
         }
@@ -61,6 +61,13 @@ fn numbers_of(
     let array = array.cast_into::<PyArrayDyn<f64>>()?;
     let shape = array.shape().to_vec();
     Ok((array.to_vec()?, shape))
+}
+
+/// Whether an error tells that an array cannot be shared: by the protocol, or by NumPy.
+fn is_of_dlpack(py: Python<'_>, error: &PyErr) -> bool {
+    error.is_instance_of::<PyBufferError>(py)
+        || error.is_instance_of::<PyRuntimeError>(py)
+            && error.value(py).to_string().starts_with("Unsupported")
 }
 
 /// Floating-point numbers of an exact shape, the result of a method; or any, as an argument.

@@ -93,7 +93,7 @@ def test_arrays_of_any_framework_are_read_by_dlpack():
     by_dlpack = records[1].backward(Foreign(delta))
     assert all(np.array_equal(a, b) for a, b in zip(own, by_dlpack))
     Other.device = "a GPU"
-    wrong("an array on a GPU, expected an array in the memory of the CPU",
+    wrong("an array on a GPU, expected an array of numbers in the memory of the CPU",
           Other(), (1, 1, 1), views, pixels)
 
 

@@ -1,7 +1,7 @@
 //! `cargo xtask dist`: an archive with a static binary, and a wheel for Python.
 //!
-//! Both are tried as a user has them: in a folder of their own, without the environment of this
-//! process, by the embedded example.
+//! Both are tried as a user has them, by the embedded example: the archive in a folder of its own,
+//! without an environment, and the wheel in a new virtual environment, for which pip gets NumPy.
 
 mod archive;
 mod trial;
@@ -9,7 +9,7 @@ mod wheel;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 
 /// What is made.
@@ -44,6 +44,13 @@ impl Dist {
     /// # Errors
     /// If a target, a compiler or maturin is missing, or if a step fails.
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        ensure!(
+            self.target.is_none() || self.only != Some(Product::Wheel),
+            "--target: found it with --only wheel, expected it for the archive alone"
+        );
+        if self.only != Some(Product::Archive) {
+            wheel::check_programs()?;
+        }
         let output = self.output.clone().unwrap_or_else(|| trial::built().join("dist"));
         let output = std::path::absolute(output)?;
         std::fs::create_dir_all(&output).with_context(|| output.display().to_string())?;

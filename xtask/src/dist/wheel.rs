@@ -1,6 +1,5 @@
 //! The wheel for Python, which maturin builds.
 
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -9,36 +8,65 @@ use anyhow::{Context, bail, ensure};
 use super::trial::{self, text_of};
 use sweep::measure::workspace_root;
 
-/// Builds the wheel, replaces those in `output`, and tries it in a fresh environment.
-///
-/// The variables `MATURIN` and `PYTHON` name the programs, otherwise `maturin` and `python3`.
+/// Checks that maturin, and Python with `venv`, are there.
 ///
 /// # Errors
-/// If maturin, or Python with venv, is missing, or if the build or the trial fails.
-pub(super) fn make(profile: &str, output: &Path) -> anyhow::Result<()> {
-    let maturin = program("MATURIN", "maturin");
+/// If one is missing.
+pub(super) fn check_programs() -> anyhow::Result<()> {
+    let answers = |program: PathBuf, arguments: &[&str]| {
+        Command::new(program).args(arguments).output().is_ok_and(|output| output.status.success())
+    };
     ensure!(
-        Command::new(&maturin).arg("--version").output().is_ok(),
-        "{}: found no such program, expected maturin: pip install maturin, or its path in MATURIN",
-        maturin.display()
+        answers(maturin(), &["--version"]),
+        "{}: found no maturin, expected one: pip install maturin, or its path in MATURIN",
+        maturin().display()
     );
-    for old in wheels(output)? {
-        std::fs::remove_file(old)?;
-    }
-    let mut build = Command::new(maturin);
+    ensure!(
+        answers(python(), &["-c", "import venv, ensurepip"]),
+        "{}: found no Python with venv, expected one: apt install python3-venv, or its path in PYTHON",
+        python().display()
+    );
+    Ok(())
+}
+
+/// Builds the wheel, tries it in a fresh environment, and moves it to `output`, where it replaces
+/// an older one.
+///
+/// # Errors
+/// If the build or the trial fails. `output` is as before then.
+pub(super) fn make(profile: &str, output: &Path) -> anyhow::Result<()> {
+    let folder = tempfile::tempdir_in(output)?;
+    let mut build = Command::new(maturin());
     build.args(["build", "--quiet", "--locked", "--profile", profile]);
-    build.args(["--manifest-path", "crates/python/Cargo.toml", "--out"]).arg(output);
+    build.args(["--manifest-path", "crates/python/Cargo.toml", "--out"]).arg(folder.path());
     let status = build.current_dir(workspace_root()).status()?;
     ensure!(status.success(), "maturin build: {status}");
-    let [wheel] = &wheels(output)?[..] else { bail!("{}: not one wheel", output.display()) };
+    let [wheel] = &wheels(folder.path())?[..] else { bail!("maturin build: not one wheel") };
     let version = try_wheel(wheel)?;
     println!("dsdf {version} for Python: the trial passes");
-    trial::tell(wheel)
+    let target = output.join(wheel.file_name().context("a wheel without a name")?);
+    std::fs::rename(wheel, &target).with_context(|| target.display().to_string())?;
+    trial::tell(&target)
+}
+
+fn maturin() -> PathBuf {
+    program("MATURIN", "maturin")
+}
+
+fn python() -> PathBuf {
+    program("PYTHON", "python3")
 }
 
 /// A program by a variable of the environment, or by its usual name.
 fn program(variable: &str, usual: &str) -> PathBuf {
-    std::env::var_os(variable).unwrap_or_else(|| OsString::from(usual)).into()
+    let Some(given) = std::env::var_os(variable) else { return usual.into() };
+    let given = PathBuf::from(given);
+    // The build runs in another folder.
+    if given.components().count() > 1 {
+        std::path::absolute(&given).unwrap_or(given)
+    } else {
+        given
+    }
 }
 
 /// The wheels in a folder.
@@ -53,7 +81,7 @@ fn wheels(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 fn try_wheel(wheel: &Path) -> anyhow::Result<String> {
     let folder = tempfile::tempdir()?;
     let environment = folder.path().join("environment");
-    text_of(Command::new(program("PYTHON", "python3")).args(["-m", "venv"]).arg(&environment))?;
+    text_of(Command::new(python()).args(["-m", "venv"]).arg(&environment))?;
     let python = environment.join("bin/python");
     let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
     text_of(Command::new(&python).args(pip).arg(wheel))?;

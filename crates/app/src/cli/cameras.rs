@@ -52,8 +52,8 @@ impl Cameras {
         let dataset = unread.read(&LoadOptions { downscale }, &mut bar.mover())?;
         bar.finish_and_clear();
         let mut dataset = dataset.about(file.origin());
-        let is_other = self.dataset.is_some();
-        let refined = with_fitted_cameras(&self.run, &file, &mut dataset, is_other)?;
+        // Another data set without the views of the run is refused.
+        let refined = with_fitted_cameras(&self.run, &file, &mut dataset, false)?;
         if refined && !dataset.test.is_empty() {
             align_held_out(&Model::load(&self.run, &file)?, &file, &mut dataset, global)?;
         }

@@ -175,13 +175,14 @@ pub(super) fn arguments<'a, T: Args>(
 /// The origin of the bounding sphere of a run that exists.
 pub(super) const FROM_RUN: &str = "from the run";
 
-/// Gives the training views of a data set the cameras of a run, and returns whether it refined any.
+/// Gives the training views of a data set the cameras of a run, and returns whether the run has
+/// cameras of its own.
 ///
-/// If the data set is another one than the run's, and the files lack a training view, all training
-/// views stay as they are.
+/// If the data set is another one than the run's (`is_other`), and the files lack a training view,
+/// all training views stay as they are.
 ///
 /// # Errors
-/// If the file of the cameras cannot be used.
+/// If the file of the cameras cannot be used, or lacks a training view of the run's own data set.
 pub(super) fn with_fitted_cameras(
     run: &Path,
     file: &RunFile,
