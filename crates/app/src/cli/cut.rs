@@ -9,11 +9,11 @@ use export::cut::{
 };
 use glam::DVec3;
 
-use super::common::{ARGUMENTS, Global};
+use super::common::{ARGUMENTS, Global, with_fitted_cameras};
 use ::mesh::{Components, Mesh, keep_components};
 use dataset::Dataset;
 use files::InputError;
-use fit::{Model, RunCameras, RunFile, Solid};
+use fit::{Model, RunFile, Solid};
 use metrics::SurfacePoint;
 use render::Camera;
 use render::upwards;
@@ -141,11 +141,8 @@ impl CutOptions {
         let dataset = match by_views {
             true => {
                 let mut dataset = views_of_run(subject.file, subject.dataset)?;
-                let suits =
-                    |all: &RunCameras| subject.dataset.is_none() || all.has_views_of(&dataset);
-                if let Some(cameras) = RunCameras::load(subject.run)?.filter(suits) {
-                    cameras.apply(&mut dataset, subject.file.origin(), subject.run)?;
-                }
+                let is_other = subject.dataset.is_some();
+                with_fitted_cameras(subject.run, subject.file, &mut dataset, is_other)?;
                 Some(dataset)
             }
             false => None,
