@@ -1,5 +1,7 @@
 """``dsdf.torch.render``: gradients of all that takes one, against finite differences."""
 
+import pathlib
+
 import numpy as np
 import pytest
 from shapes import BOUNDS
@@ -156,3 +158,13 @@ def test_an_estimator_without_derivatives_by_cameras_is_refused():
     value = setup.render(seed=1, estimator="paper")
     with pytest.raises(dsdf.InputError, match="estimator: found one that has none"):
         value.sum().backward()
+
+
+def test_the_silhouettes_of_the_manual_are_fitted():
+    manual = pathlib.Path(__file__).parents[3] / "docs/python.md"
+    blocks = manual.read_text(encoding="utf-8").split("```python\n")[1:]
+    (code,) = [block.split("```")[0] for block in blocks if "class Box" in block]
+    assert sum(bool(line.strip()) for line in code.splitlines()) <= 25
+    found = {}
+    exec(code, found)
+    assert found["error"] < 0.04, found["error"]
