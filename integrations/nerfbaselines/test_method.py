@@ -21,8 +21,9 @@ dsdf = pytest.importorskip("dsdf", reason=f"{reason}, dsdf")
 plyfile = pytest.importorskip("plyfile", reason=f"{reason}, plyfile")
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "crates/python/tests")]
 
+import shapes  # noqa: E402
 from dsdf_nerfbaselines import cameras as convert, dataset as datasets  # noqa: E402
 from dsdf_nerfbaselines.errors import Refused  # noqa: E402
 from dsdf_nerfbaselines.method import Dsdf, srgb  # noqa: E402
@@ -30,16 +31,9 @@ from dsdf_nerfbaselines.running_fit import RunningFit  # noqa: E402
 from nerfbaselines import camera_model_to_int, new_cameras, new_dataset  # noqa: E402
 from nerfbaselines.datasets import load_dataset  # noqa: E402
 
-SCENE = {
+SCENE = shapes.SCENE | {
     "camera": {"width": 64, "height": 64, "focal": 110, "principal": [32, 32],
                "eye": [0.6, 0.8, 3.2], "target": [0, 0, 0], "up": [0, 1, 0]},
-    "sdf": {"type": "smooth_union", "k": 0.2, "children": [
-        {"type": "sphere", "center": [0.1, 0, 0], "radius": 0.6},
-        {"type": "box", "center": [-0.3, 0, 0.1], "half_size": [0.4, 0.3, 0.3]}]},
-    "appearance": {"type": "lambert", "albedo": [0.8, 0.6, 0.4], "ambient": [0.3, 0.3, 0.3],
-                   "lights": [{"type": "directional", "direction": [0.3, 0.5, 0.8],
-                               "radiance": [0.7, 0.7, 0.7]}]},
-    "background": [0.1, 0.2, 0.3],
 }  # fmt: skip
 ITERATIONS = 400
 

@@ -319,7 +319,7 @@ impl Call {
 }
 
 /// The command that finds all poses at once.
-const GLOBAL_MAPPER: &str = "global_mapper";
+pub(crate) const GLOBAL_MAPPER: &str = "global_mapper";
 
 /// The command that makes a vocabulary of the features: it tells which photographs are alike.
 pub(crate) const BUILDER: &str = "vocab_tree_builder";

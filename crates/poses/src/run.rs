@@ -9,7 +9,8 @@ use files::{InputError, WriteError};
 use crate::Error;
 use crate::advice::{FEW_REGISTERED, remedies};
 use crate::commands::{
-    BUILDER, Call, DATABASE, Guided, Mapper, Options, Places, arguments, can_guide, list_name,
+    BUILDER, Call, DATABASE, GLOBAL_MAPPER, Guided, Mapper, Options, Places, arguments, can_guide,
+    list_name,
 };
 use crate::output::Log;
 use crate::photographs::Photographs;
@@ -146,15 +147,11 @@ impl Job<'_> {
 
     /// Refuses a mapper that the installed version lacks, before the work of the other steps.
     fn check_mapper(&self, version: &str) -> Result<(), Error> {
-        if self.options.mapper == Mapper::Incremental {
-            return Ok(());
-        }
-        for Call { command, .. } in self.options.calls(Step::Mapping, self.photographs) {
-            if !self.program.help(command)?.has("database_path") {
-                let found = format!("one by `colmap {command}`, which COLMAP {version} lacks");
-                let expected = "incremental, or COLMAP 4 or later";
-                return Err(InputError::new("arguments", "--mapper", found, expected).into());
-            }
+        let has_command = || Ok::<_, Error>(self.program.help(GLOBAL_MAPPER)?.has("database_path"));
+        if self.options.mapper == Mapper::Global && !has_command()? {
+            let found = format!("one by `colmap {GLOBAL_MAPPER}`, which COLMAP {version} lacks");
+            let expected = "incremental, or COLMAP 4 or later";
+            return Err(InputError::new("arguments", "--mapper", found, expected).into());
         }
         Ok(())
     }

@@ -53,7 +53,9 @@ fn try_archive(archive: &Path, name: &str) -> anyhow::Result<()> {
     text_of(Command::new("tar").arg("-xzf").arg(archive).current_dir(&folder))?;
     let binary = folder.path().join(name).join("dsdf");
     let mut trial = Command::new(binary);
-    trial.env_clear().args(TRIAL).args(["-o", "demo", "--quiet"]).current_dir(&folder);
+    let options = TRIAL.map(|(name, value)| format!("--{name}={value}"));
+    trial.env_clear().arg("demo").args(options).args(["-o", "demo", "--quiet"]);
+    trial.current_dir(&folder);
     text_of(&mut trial)?;
     trial::check(&folder.path().join("demo"))
 }

@@ -7,7 +7,7 @@ use anyhow::{Context, bail, ensure};
 use sweep::measure::workspace_root;
 
 /// The embedded example as a trial: 8 images of 32 × 32 pixels, and a fit of two seconds.
-pub(super) const TRIAL: [&str; 7] = ["demo", "--views", "8", "--size", "32", "--time", "2s"];
+pub(super) const TRIAL: [(&str, &str); 3] = [("views", "8"), ("size", "32"), ("time", "2s")];
 
 /// The surface that the trial writes.
 const TRIAL_RESULT: &str = "mesh.ply";

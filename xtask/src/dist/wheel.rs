@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 
-use super::trial::{self, text_of};
+use super::trial::{self, TRIAL, text_of};
 use sweep::measure::workspace_root;
 
 /// Checks that maturin, and Python with `venv`, are there.
@@ -85,11 +85,14 @@ fn try_wheel(wheel: &Path) -> anyhow::Result<String> {
     let python = environment.join("bin/python");
     let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
     text_of(Command::new(&python).args(pip).arg(wheel))?;
-    let script = "import importlib.metadata, dsdf\n\
-                  dsdf.command('demo', output='demo', views=8, size=32, time='2s', quiet=True)\n\
-                  print(importlib.metadata.version('dsdf'))";
+    let options: String = TRIAL.map(|(name, value)| format!("{name}='{value}', ")).concat();
+    let script = format!(
+        "import importlib.metadata, dsdf\n\
+         dsdf.command('demo', output='demo', {options}quiet=True)\n\
+         print(importlib.metadata.version('dsdf'))"
+    );
     let mut trial = Command::new(&python);
-    trial.args(["-I", "-c", script]).current_dir(&folder);
+    trial.args(["-I", "-c", &script]).current_dir(&folder);
     let version = text_of(&mut trial)?;
     trial::check(&folder.path().join("demo"))?;
     Ok(version.trim().to_owned())
