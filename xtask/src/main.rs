@@ -5,12 +5,11 @@ mod arguments;
 mod bench;
 mod ci;
 mod dist;
-mod figures;
 mod fuzz;
 mod output;
+mod record;
 mod soak;
 mod style;
-mod tradeoff;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,7 +17,6 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use arguments::WrongArgument;
-use figures::Figure;
 
 /// Development commands of dsdf
 #[derive(Parser)]
@@ -47,20 +45,8 @@ enum Task {
     Dist(dist::Dist),
     /// Run a sweep: fits with different parameters, their errors, their gradients, and a report
     Ablate(sweep::Ablate),
-    /// Measure cost and accuracy of each parameter and of the presets
-    Tradeoff {
-        /// Folder for the results [default: docs/results/tradeoff]
-        #[arg(short, long)]
-        output: Option<PathBuf>,
-    },
-    /// Measure one figure of the documentation, and write its tables and plots
-    Figures {
-        /// The figure
-        figure: Figure,
-        /// Folder for the results [default: docs/results/FIGURE]
-        #[arg(short, long)]
-        output: Option<PathBuf>,
-    },
+    #[command(alias = "figures")]
+    Record(record::Record),
     /// Read hostile files with every reader, in processes with limits of memory and time
     Fuzz(fuzz::Fuzz),
     /// Kill and resume a fit at random moments, and watch the memory of a long one
@@ -109,8 +95,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Task::Bench { output, workers: Some(workers) } => {
             bench::workers::run(workers as usize, output)
         }
-        Task::Tradeoff { output } => tradeoff::run(output),
-        Task::Figures { figure, output } => figures::run(figure, output),
+        Task::Record(record) => record.run(),
         Task::Fuzz(fuzz) => fuzz.run(),
         Task::Soak(soak) => soak.run(),
     }

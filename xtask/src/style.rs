@@ -17,8 +17,9 @@ use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 
+pub(crate) use crates::dependencies;
 use paths::Tree;
-use source::Source;
+pub(crate) use source::Source;
 
 /// Packages that a renderer can be built of without a network, and the packages that they therefore
 /// do not reach.
@@ -129,7 +130,7 @@ impl Repository {
     fn about_architecture(&self) -> anyhow::Result<Vec<String>> {
         let page = self.texts.get(ARCHITECTURE).context(ARCHITECTURE)?;
         let mut findings = crates::table(page, &self.members);
-        findings.extend(crates::layers(page, &self.members, &crates::dependencies()?));
+        findings.extend(crates::layers(page, &self.members, &dependencies()?));
         let promised = quiet::promised(page);
         let checked = BTreeSet::from(QUIET.map(str::to_owned));
         let difference = promised.symmetric_difference(&checked);
@@ -171,6 +172,11 @@ impl Repository {
         let is_markdown = name.ends_with(".md");
         let mut findings = Vec::new();
         if is_markdown {
+            findings.extend(crate::record::check_page(
+                name,
+                text,
+                &sweep::measure::workspace_root(),
+            ));
             findings.extend(paths::check_links(name, text, &self.tree));
             findings.extend(results::check(name, text, |file| {
                 let path = sweep::measure::workspace_root().join(file);

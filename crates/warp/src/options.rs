@@ -32,8 +32,8 @@ impl WarpOptions {
     /// The defaults of derivative images: γ = 3 and N = 22 are published; k, λ_d and ε are not.
     ///
     /// - k = 14: k = 7 has 1.3 times its error and half of its time, k = 22 has 0.87 of its error
-    ///   and 1.4 times its time (`cargo xtask tradeoff`).
-    /// - λ_d = 1: 0.1 has 0.6 of its error, and 10 has twice its error (`cargo xtask tradeoff`).
+    ///   and 1.4 times its time (`cargo xtask record tradeoff`).
+    /// - λ_d = 1: 0.1 has 0.6 of its error, and 10 has twice its error (`cargo xtask record tradeoff`).
     ///   The default stays, so that derivative images by old commands compare with new ones.
     /// - N = 22: over 150 fits N = 6 has 1.59 times the Chamfer distance of 22, N = 10 1.12 times,
     ///   N = 64 1.15 times and N = 200 1.22 times (`cargo xtask ablate steps-epsilon`).

@@ -1,9 +1,9 @@
 //! `cargo xtask bench`: the machine's peak, the throughput of every network pass, and the time and
 //! memory of whole commands.
 
-mod accuracy;
-mod growth;
-mod programs;
+pub(crate) mod accuracy;
+pub(crate) mod growth;
+pub(crate) mod programs;
 mod scenes;
 pub(crate) mod workers;
 
@@ -38,7 +38,7 @@ struct BenchResults {
 
 /// The results of the bench `machine` of `sdf-nn`, unchanged.
 #[derive(Deserialize, Serialize)]
-struct Machine {
+pub(crate) struct Machine {
     /// The peak of the processor.
     peak: Value,
     /// The throughput of every pass.
@@ -47,7 +47,7 @@ struct Machine {
 
 impl Machine {
     /// Runs the bench in the profile for benches; its table goes to standard error.
-    fn measure() -> anyhow::Result<Self> {
+    pub(crate) fn measure() -> anyhow::Result<Self> {
         let output = cargo_command(&["bench", "--package", "dsdf-sdf-nn", "--bench", "machine"])
             .stderr(Stdio::inherit())
             .output()?;

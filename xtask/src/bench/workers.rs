@@ -21,11 +21,20 @@ const SIMULATED: &str = "200";
 /// Simulates iterations on `workers` threads, prints the result, and writes it to `output`.
 pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()> {
     let path = output.unwrap_or_else(|| workspace_root().join("target/workers.json"));
-    let binary = dsdf::build()?;
+    let both = [2, workers];
+    let results = measure(&dsdf::build()?, if workers == 2 { &both[..1] } else { &both })?;
+    super::write(&path, &results)?;
+    eprintln!("{}", path.display());
+    Ok(())
+}
+
+/// Simulates iterations with a soft and with a sharp surface on these numbers of threads, and prints
+/// the results.
+pub(crate) fn measure(binary: &Path, threads: &[usize]) -> anyhow::Result<Vec<Value>> {
     let folder = tempfile::tempdir()?;
     let [data, run] = ["data", "run"].map(|n| folder.path().join(n).to_string_lossy().into_owned());
     let scene = workspace_root().join(SCENE).to_string_lossy().into_owned();
-    dsdf::run_json(&binary, &["synth", &scene, "-o", &data, "--views", "24", "--size", "200x200"])?;
+    dsdf::run_json(binary, &["synth", &scene, "-o", &data, "--views", "24", "--size", "200x200"])?;
     println!(
         "A simulation: one thread computes all tasks, and their times are dealt to workers.\n"
     );
@@ -36,10 +45,9 @@ pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()>
         let begin = ["fit", &data, "-o", &run, "--iterations", ITERATIONS, "--seed", "1"];
         let again = ["fit", "-o", &run, "--resume"];
         let start: &[&str] = if results.is_empty() { &begin } else { &again };
-        dsdf::run_json(&binary, &[start, &["--masks", "ignore", "--stop-after", at]].concat())?;
-        let both = [2, workers];
-        for workers in both.into_iter().take(if workers == 2 { 1 } else { 2 }) {
-            let found = simulate(&run, workers)?;
+        dsdf::run_json(binary, &[start, &["--masks", "ignore", "--stop-after", at]].concat())?;
+        for workers in threads {
+            let found = simulate(&run, *workers)?;
             let of = |key: &str| found[key].as_f64().unwrap_or(f64::NAN);
             let (ms, simulated) = (of("ms"), of("simulated_ms"));
             let (faster, efficiency) = (of("speed_up"), 100.0 * of("efficiency"));
@@ -47,12 +55,10 @@ pub(crate) fn run(workers: usize, output: Option<PathBuf>) -> anyhow::Result<()>
                 "| {surface} | {workers} | {ms:.2} | {simulated:.2} | {faster:.1} | \
                  {efficiency:.0} % |"
             );
-            results.push(json!({"surface": surface, "result": found}));
+            results.push(json!({"surface": surface, "workers": workers, "result": found}));
         }
     }
-    super::write(&path, &results)?;
-    eprintln!("{}", path.display());
-    Ok(())
+    Ok(results)
 }
 
 /// Runs the bench `workers` of `fit` on a run.

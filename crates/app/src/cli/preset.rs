@@ -5,7 +5,7 @@ use clap::{ArgMatches, ValueEnum};
 
 /// A speed/accuracy preset of `gradient` and `fit`.
 ///
-/// `cargo xtask tradeoff` measures the error and the time of each; docs/tradeoff.md has the
+/// `cargo xtask record tradeoff` measures the error and the time of each; docs/tradeoff.md has the
 /// results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Preset {

@@ -9,13 +9,18 @@ pub fn processor() -> String {
     name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
 }
 
-/// The revision of the source by `git describe --always --dirty`, or `unknown`.
+/// The files that decide what a program does.
+const CODE: [&str; 5] = ["crates", "xtask", "tests", "Cargo.toml", "Cargo.lock"];
+
+/// The commit of the source, with `-dirty` if its code differs from it, or `unknown`.
 pub fn revision() -> String {
-    let output = Command::new("git")
-        .args(["describe", "--always", "--dirty"])
-        .current_dir(crate::measure::workspace_root())
-        .output();
-    let revision =
-        output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
-    if revision.is_empty() { "unknown".to_owned() } else { revision }
+    let git = |arguments: &[&str]| {
+        let root = crate::measure::workspace_root();
+        let output = Command::new("git").args(arguments).current_dir(root).output().ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        output.status.success().then_some(text)
+    };
+    let Some(commit) = git(&["rev-parse", "--short", "HEAD"]) else { return "unknown".to_owned() };
+    let changes = git(&[&["status", "--porcelain", "--"][..], &CODE].concat());
+    if changes.is_some_and(|changes| changes.is_empty()) { commit } else { commit + "-dirty" }
 }

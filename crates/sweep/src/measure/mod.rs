@@ -4,7 +4,7 @@ mod cargo;
 pub mod dsdf;
 pub mod host;
 pub mod image;
-mod npy;
+pub mod npy;
 pub mod plot;
 pub mod reference;
 pub mod suite;

@@ -9,7 +9,10 @@ use crate::measure::image::Image;
 const PREFIX: usize = 10;
 
 /// Reads a float32 file of shape H × W × 3, little-endian and in C order, as `dsdf` writes it.
-pub(crate) fn read_image(path: &Path) -> Result<Image, Error> {
+///
+/// # Errors
+/// If the file cannot be read, or is cut short.
+pub fn read_image(path: &Path) -> Result<Image, Error> {
     let bytes = std::fs::read(path).map_err(Error::file(path))?;
     if bytes.len() <= PREFIX {
         return Err(Error::content(format!("{} is cut short", path.display())));

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::ensure;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use sweep::measure::dsdf::gradient;
@@ -27,6 +28,21 @@ pub(super) struct Axis {
 
 /// The options of the published estimator.
 const PAPER: &[&str] = &["--estimator", "paper"];
+
+impl Axis {
+    /// The options of all its measurements, as a person would type them.
+    pub(super) fn options(&self) -> String {
+        let (first, last) = (self.values.first(), self.values.last());
+        let values = format!("{} to {}", first.unwrap_or(&""), last.unwrap_or(&""));
+        let base: String = self.base.iter().map(|option| format!("{option} ")).collect();
+        format!("{base}{} {values} --spp {} to {}", self.flag, SPP[0], SPP[SPP.len() - 1])
+    }
+}
+
+/// The seeds of every measurement.
+pub(super) fn seeds() -> impl Iterator<Item = u64> {
+    (0..SEEDS).map(u64::from)
+}
 
 /// All parameters. Those of the published warp (N, k, γ, ε, λ_d) need its estimator.
 /// For `refined`, edge samples are lines per pixel.
@@ -118,8 +134,8 @@ const SEEDS: u32 = 8;
 const LEAST: f64 = 1e-4;
 
 /// Time and relative L2 error of a setting: on one scene, or the geometric mean over the scenes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Measurement {
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+pub(super) struct Cost {
     /// Wall time of one run.
     pub(super) seconds: f64,
     /// The error of one run, root mean square over seeds and parameters.
@@ -129,7 +145,7 @@ pub(super) struct Measurement {
 }
 
 /// The measurements of an axis: for every value, one for each number of samples.
-pub(super) type AxisMeasurements = Vec<Vec<Measurement>>;
+pub(super) type AxisMeasurements = Vec<Vec<Cost>>;
 
 /// A scene with its reference images.
 struct GradientScene {
@@ -193,11 +209,11 @@ impl GradientScenes {
         flags: &[&str],
         label: &str,
         csv: &mut String,
-    ) -> anyhow::Result<Measurement> {
+    ) -> anyhow::Result<Cost> {
         let gaussian = flags.iter().any(|f| GAUSSIAN.contains(f));
         let mut logs = [0.0; 3];
         for scene in &self.scenes {
-            let Measurement { seconds, error, bias } =
+            let Cost { seconds, error, bias } =
                 scene.measure(binary, flags, usize::from(gaussian))?;
             let _ = writeln!(csv, "{label},{},{seconds:.6},{error:.6},{bias:.6}", scene.name);
             for (log, v) in logs.iter_mut().zip([seconds, error, bias]) {
@@ -205,13 +221,13 @@ impl GradientScenes {
             }
         }
         let [seconds, error, bias] = logs.map(f64::exp);
-        Ok(Measurement { seconds, error, bias })
+        Ok(Cost { seconds, error, bias })
     }
 }
 
 impl GradientScene {
     /// Measures options against the references under one filter: 0 for box, 1 for Gaussian.
-    fn measure(&self, binary: &Path, flags: &[&str], filter: usize) -> anyhow::Result<Measurement> {
+    fn measure(&self, binary: &Path, flags: &[&str], filter: usize) -> anyhow::Result<Cost> {
         let mut runs = Vec::new();
         let mut seconds = 0.0;
         for seed in 0..SEEDS {
@@ -229,6 +245,6 @@ impl GradientScene {
             square += error.run / norm;
             bias += error.bias / norm;
         }
-        Ok(Measurement { seconds, error: square.sqrt(), bias: bias.max(0.0).sqrt() })
+        Ok(Cost { seconds, error: square.sqrt(), bias: bias.max(0.0).sqrt() })
     }
 }

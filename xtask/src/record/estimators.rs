@@ -3,13 +3,16 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use serde_json::Value;
+use anyhow::Context;
+use serde_json::{Value, json};
 use sweep::measure::dsdf::gradient;
 use sweep::measure::image::Image;
 use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::reference::{box_filtered, gaussian_filtered};
 use sweep::measure::suite::{Case, cases, scene};
 
+use super::measurement::{Bench, Measurement};
+use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
 /// The estimators, each with whether its pixels are Gaussian-filtered.
@@ -39,31 +42,64 @@ const SEEDS: u32 = 2;
 /// Seconds and relative error of one estimator on one scene, for growing numbers of samples.
 type ErrorCurve = Vec<(f64, f64)>;
 
-/// Measures all cases, and writes `estimators.csv`, `.svg` and `.md` after each.
-pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
-    let mut csv = String::from("scene,wrt,estimator,spp,seed,seconds,evaluations,relative_l2\n");
-    let mut panels = Vec::new();
-    let mut rows = Vec::new();
-    for case in cases()? {
-        eprintln!("{}", case.scene);
-        let curves = measure(binary, &case, &mut csv)?;
-        rows.push(row(&case.scene, &curves));
-        let curve =
-            |(name, points): (&(&str, bool), ErrorCurve)| Curve { name: name.0.to_owned(), points };
-        panels.push(Panel {
-            title: case.scene,
-            curves: ESTIMATORS.iter().zip(curves).map(curve).collect(),
-            front: false,
-        });
-        write(folder, "estimators.csv", &csv)?;
-        write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
-        write(folder, "estimators.md", table(&rows))?;
+/// Errors of derivative images at equal time.
+pub(crate) struct Estimators;
+
+impl Measurement for Estimators {
+    fn name(&self) -> &'static str {
+        "estimators"
     }
-    Ok(())
+
+    fn measured(&self) -> &'static [&'static str] {
+        &["scene", "estimate"]
+    }
+
+    fn plan(&self) -> anyhow::Result<Vec<Planned>> {
+        let row = |case: Case| {
+            let command = format!(
+                "dsdf gradient tests/gradients/{}.json --wrt {} --estimator E --spp {} to {} --seed S",
+                case.scene,
+                case.wrt.join(" --wrt "),
+                SPP[0],
+                SPP[SPP.len() - 1]
+            );
+            Planned::new(case.scene, command).seeds((0..SEEDS).map(u64::from))
+        };
+        Ok(cases()?.into_iter().map(row).collect())
+    }
+
+    fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
+        let case = cases()?.into_iter().find(|case| case.scene == row.name);
+        let mut csv = String::new();
+        let curves = curves(bench.program, &case.context("a scene of the suite")?, &mut csv)?;
+        Ok(json!({ "csv": csv, "curves": curves }))
+    }
+
+    fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
+        let header = "scene,wrt,estimator,spp,seed,seconds,evaluations,relative_l2\n";
+        let (mut panels, mut lines) = (Vec::new(), Vec::new());
+        let plan = self.plan()?;
+        for (name, row) in rows.in_order(&plan) {
+            let curves: Vec<ErrorCurve> = serde_json::from_value(row.values["curves"].clone())?;
+            lines.push(table_row(name, &curves));
+            let curve = |((name, _), points): (&(&str, bool), ErrorCurve)| Curve {
+                name: (*name).to_owned(),
+                points,
+            };
+            panels.push(Panel {
+                title: name.to_owned(),
+                curves: ESTIMATORS.iter().zip(curves).map(curve).collect(),
+                front: false,
+            });
+        }
+        write(folder, "estimators.csv", rows.csv(&plan, header))?;
+        write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
+        write(folder, "estimators.md", table(&lines) + "\n" + &provenance(rows) + "\n")
+    }
 }
 
-/// The error curve of every estimator on a case.
-fn measure(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<ErrorCurve>> {
+/// The error curve of every estimator on a case. Adds rows to `csv`.
+fn curves(binary: &Path, case: &Case, csv: &mut String) -> anyhow::Result<Vec<ErrorCurve>> {
     let scene = scene(&case.scene)?;
     let references =
         [box_filtered(binary, &scene, &case.wrt)?, gaussian_filtered(binary, &scene, &case.wrt)?];
@@ -136,7 +172,7 @@ fn error_at(curve: &ErrorCurve, seconds: f64) -> f64 {
 }
 
 /// The errors of a scene at equal time.
-fn row(scene: &str, curves: &[ErrorCurve]) -> (String, Vec<f64>) {
+fn table_row(scene: &str, curves: &[ErrorCurve]) -> (String, Vec<f64>) {
     (scene.to_owned(), curves.iter().map(|curve| error_at(curve, AT)).collect())
 }
 

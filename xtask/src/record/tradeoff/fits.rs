@@ -1,9 +1,9 @@
 //! Fits with different networks and presets: time and quality.
 
-use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::Context;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use sweep::measure::dsdf::run_json;
@@ -34,10 +34,8 @@ pub(super) const PRESETS: [FitSetting; 3] = [
 ];
 
 /// Cost and quality of a fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub(super) struct FitOutcome {
-    /// Of the setting.
-    pub(super) name: &'static str,
     /// Wall time of the fit, in seconds.
     pub(super) seconds: f64,
     /// Iterations of the fit.
@@ -48,8 +46,12 @@ pub(super) struct FitOutcome {
     pub(super) chamfer: f64,
 }
 
+/// How the data set is made and the fits are measured, as a person would type it.
+pub(super) const DATA: &str = "DATA by dsdf synth crates/app/src/cli/demo_scene.json --views 24 \
+                               --size 128x128; errors by dsdf eval RUN --mesh DATA/truth.ply";
+
 /// Renders 24 views of the demo's scene as a data set, and returns its folder.
-pub(super) fn photographs(binary: &Path, folder: &Path) -> anyhow::Result<String> {
+fn photographs(binary: &Path, folder: &Path) -> anyhow::Result<String> {
     let data = folder.join("dataset").to_string_lossy().into_owned();
     let scene =
         workspace_root().join("crates/app/src/cli/demo_scene.json").to_string_lossy().into_owned();
@@ -57,28 +59,24 @@ pub(super) fn photographs(binary: &Path, folder: &Path) -> anyhow::Result<String
     Ok(data)
 }
 
-/// Fits a data set, evaluates the fit, and adds a row to `csv`.
+/// Fits a data set in the folder `scratch`, and evaluates the fit.
 pub(super) fn measure(
     binary: &Path,
-    folder: &Path,
-    data: &str,
+    scratch: &Path,
     setting: &FitSetting,
-    csv: &mut String,
 ) -> anyhow::Result<FitOutcome> {
-    let run = tempfile::tempdir_in(folder)?;
-    let run = run.path().to_string_lossy().into_owned();
-    let fit = run_json(binary, &[&["fit", data, "-o", &run], setting.flags].concat())?;
-    let truth = Path::new(data).join("truth.ply").to_string_lossy().into_owned();
+    // A measurement that was killed leaves its files.
+    let folder = tempfile::tempdir_in(scratch)?;
+    let data = photographs(binary, folder.path())?;
+    let run = folder.path().join("run").to_string_lossy().into_owned();
+    let fit = run_json(binary, &[&["fit", &data, "-o", &run], setting.flags].concat())?;
+    let truth = Path::new(&data).join("truth.ply").to_string_lossy().into_owned();
     let quality = run_json(binary, &["eval", &run, "--mesh", &truth])?;
     let number = |value: &Value, key: &'static str| value[key].as_f64().context(key);
-    let outcome = FitOutcome {
-        name: setting.name,
+    Ok(FitOutcome {
         seconds: number(&fit, "seconds")?,
         iterations: fit["iterations"].as_u64().context("iterations")?,
         psnr: number(&quality, "psnr")?,
         chamfer: number(&quality, "chamfer_relative")?,
-    };
-    let FitOutcome { name, seconds, iterations, psnr, chamfer } = &outcome;
-    let _ = writeln!(csv, "{name},{seconds:.2},{iterations},{psnr:.2},{chamfer:.5}");
-    Ok(outcome)
+    })
 }

@@ -14,6 +14,8 @@ use sweep::measure::image::Image;
 use sweep::measure::reference::box_filtered;
 use sweep::measure::suite::scene;
 
+use super::measurement::{Bench, Measurement};
+use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
 /// Runs of every estimator.
@@ -36,32 +38,72 @@ const ZOOM: u32 = 5;
 /// Reach of the Gaussian filter, in pixels.
 const REACH: i64 = 2;
 
-/// Measures all scenes, and writes `filters.md`, `filters.csv` and a picture for each scene.
-pub(crate) fn run(binary: &Path, folder: &Path) -> anyhow::Result<()> {
-    let mut table = format!(
-        "Variance of one pixel's derivative at {SPP} samples a pixel, mean over pixels, in units \
-         of the derivative image's mean square; {SEEDS} seeds.\n\n\
-         | scene | by | estimator | pixels inside | pixels with a silhouette |\n\
-         |---|---|---|---|---|\n"
-    );
-    let mut csv = String::from("scene,wrt,estimator,interior_variance,silhouette_variance\n");
-    for name in SCENES {
-        eprintln!("{name}");
-        let scene = VarianceScene::new(binary, name)?;
-        let mut variances = Vec::new();
+/// Variances of derivative images with two filters.
+pub(crate) struct Filters;
+
+impl Measurement for Filters {
+    fn name(&self) -> &'static str {
+        "filters"
+    }
+
+    fn measured(&self) -> &'static [&'static str] {
+        &["scene", "estimate"]
+    }
+
+    fn plan(&self) -> anyhow::Result<Vec<Planned>> {
+        let row = |name: &str| {
+            let command = format!(
+                "dsdf gradient SCENE --wrt {} --estimator E --spp {SPP} --seed S, where SCENE is \
+                 tests/gradients/{name}.json with {MAGNIFIED} times the width and height",
+                parameter(name)
+            );
+            Planned::new(name, command).seeds((0..SEEDS).map(u64::from))
+        };
+        Ok(SCENES.into_iter().map(row).collect())
+    }
+
+    fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
+        let name = &row.name;
+        let scene = VarianceScene::new(bench.program, name)?;
+        let (mut csv, mut variances, mut means) = (String::new(), Vec::new(), Vec::new());
         for estimator in ESTIMATORS {
-            let variance = scene.variance(binary, estimator)?;
+            let variance = scene.variance(bench.program, estimator)?;
             let inside = scene.mean(&variance, PixelKind::Inside);
             let edge = scene.mean(&variance, PixelKind::Silhouette);
-            let wrt = &scene.wrt[0];
-            let _ = writeln!(table, "| {name} | {wrt} | {estimator} | {inside:.3e} | {edge:.3e} |");
-            let _ = writeln!(csv, "{name},{wrt},{estimator},{inside:e},{edge:e}");
+            let _ = writeln!(csv, "{name},{},{estimator},{inside:e},{edge:e}", scene.wrt[0]);
+            means.push([inside, edge]);
             variances.push(variance);
         }
-        picture(&variances, scene.reference.width).save(folder.join(format!("{name}.png")))?;
+        let picture = picture(&variances, scene.reference.width);
+        picture.save(bench.folder.join(format!("{name}.png")))?;
+        Ok(json!({ "csv": csv, "variances": means }))
     }
-    write(folder, "filters.csv", csv)?;
-    write(folder, "filters.md", table)
+
+    fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
+        let plan = self.plan()?;
+        let mut table = format!(
+            "Variance of one pixel's derivative at {SPP} samples a pixel, mean over pixels, in \
+             units of the derivative image's mean square; {SEEDS} seeds.\n\n\
+             | scene | by | estimator | pixels inside | pixels with a silhouette |\n\
+             |---|---|---|---|---|\n"
+        );
+        for (name, row) in rows.in_order(&plan) {
+            let means: Vec<[f64; 2]> = serde_json::from_value(row.values["variances"].clone())?;
+            for (estimator, [inside, edge]) in ESTIMATORS.iter().zip(means) {
+                let wrt = parameter(name);
+                let _ =
+                    writeln!(table, "| {name} | {wrt} | {estimator} | {inside:.3e} | {edge:.3e} |");
+            }
+        }
+        let header = "scene,wrt,estimator,interior_variance,silhouette_variance\n";
+        write(folder, "filters.csv", rows.csv(&plan, header))?;
+        write(folder, "filters.md", table + "\n" + &provenance(rows) + "\n")
+    }
+}
+
+/// The parameter by which the images of a scene are differentiated.
+fn parameter(scene: &str) -> &'static str {
+    if scene.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" }
 }
 
 /// A magnified scene with its reference image and its pixels' kinds.
@@ -80,8 +122,7 @@ impl VarianceScene {
     /// Computes the reference and the pixels' kinds of a scene of the suite.
     fn new(binary: &Path, name: &str) -> anyhow::Result<Self> {
         let scene = magnified(scene(name)?)?;
-        let wrt = if name.starts_with("torus") { "/sdf/major" } else { "/sdf/radius" };
-        let wrt = vec![wrt.to_owned()];
+        let wrt = vec![parameter(name).to_owned()];
         let reference = box_filtered(binary, &scene, &wrt)?.remove(0);
         let kinds = pixel_kinds(&reference, binary, &scene)?;
         Ok(VarianceScene { scene, wrt, reference, kinds })

@@ -1,0 +1,181 @@
+//! Digests of code: whether a row of the record is older than what it measures.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, ensure};
+
+use crate::style::{Source, dependencies};
+
+/// The length of a digest, in hexadecimal digits.
+const DIGITS: usize = 12;
+
+/// The code of the workspace: the text of each file without comments, tests, blank space and the
+/// content of strings, by its name.
+pub(crate) struct Code {
+    files: BTreeMap<String, String>,
+    /// The crates that each crate depends on, by the names of their folders.
+    dependencies: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl Code {
+    /// Reads the code of the workspace.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or the crates cannot be listed.
+    pub(crate) fn read(root: &Path) -> anyhow::Result<Self> {
+        let mut files = BTreeMap::new();
+        for folder in ["crates", "xtask"] {
+            for path in rust_files(&root.join(folder))? {
+                let text =
+                    std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+                let name = path.strip_prefix(root)?.to_string_lossy().replace('\\', "/");
+                files.insert(name, bare(&text));
+            }
+        }
+        Ok(Code { files, dependencies: dependencies()? })
+    }
+
+    /// The digest of what a measurement depends on: crates with all that they depend on, by the
+    /// names of their folders, and single files, by their paths in the workspace.
+    ///
+    /// # Errors
+    /// If there is no such crate or file, or git does not start.
+    pub(crate) fn digest(&self, measured: &[&str]) -> anyhow::Result<String> {
+        let mut text = String::new();
+        for (name, code) in self.of(measured)? {
+            text += &format!("{name}\n{code}\n");
+        }
+        digest(&text)
+    }
+
+    /// The files of a measurement, with their code.
+    fn of(&self, measured: &[&str]) -> anyhow::Result<BTreeMap<&str, &str>> {
+        let mut crates = BTreeSet::new();
+        let mut out = BTreeMap::new();
+        for name in measured {
+            if let Some((file, code)) = self.files.get_key_value(*name) {
+                out.insert(&**file, &**code);
+            } else {
+                ensure!(self.dependencies.contains_key(*name), "{name}: no such crate or file");
+                self.add_crates(name, &mut crates);
+            }
+        }
+        for name in crates {
+            let start = format!("crates/{name}/src/");
+            let own = self.files.iter().filter(|(file, _)| file.starts_with(&start));
+            out.extend(own.map(|(file, code)| (&**file, &**code)));
+        }
+        Ok(out)
+    }
+
+    /// Adds a crate and all that it depends on.
+    fn add_crates(&self, name: &str, to: &mut BTreeSet<String>) {
+        if to.insert(name.to_owned()) {
+            for next in self.dependencies.get(name).into_iter().flatten() {
+                self.add_crates(next, to);
+            }
+        }
+    }
+}
+
+/// The files of Rust in the folders `src` of a folder; none of build outputs.
+fn rust_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut out = Vec::new();
+    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    for entry in entries {
+        let path = entry?.path();
+        if path.is_dir() && !path.ends_with("target") {
+            out.extend(rust_files(&path)?);
+        } else if path.extension().is_some_and(|end| end == "rs") && !is_test(&path) {
+            out.push(path);
+        }
+    }
+    Ok(out)
+}
+
+/// Whether only tests have a file.
+fn is_test(path: &Path) -> bool {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.ends_with("tests") || path.components().any(|part| part.as_os_str() == "tests")
+}
+
+/// The code of a file without what changes no number: comments, tests, blank space with the commas
+/// in front of it, and the content of strings.
+fn bare(text: &str) -> String {
+    let mut code: String = Source::new(text).code.split_whitespace().collect();
+    for closing in [")", "]", "}"] {
+        code = code.replace(&format!(",{closing}"), closing);
+    }
+    code
+}
+
+/// The first digits of the object name that git gives a text.
+fn digest(text: &str) -> anyhow::Result<String> {
+    let mut git = Command::new("git")
+        .args(["hash-object", "--stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .context("cannot start git")?;
+    git.stdin.take().context("standard input of git")?.write_all(text.as_bytes())?;
+    let output = git.wait_with_output()?;
+    ensure!(output.status.success(), "git hash-object failed");
+    Ok(String::from_utf8(output.stdout)?.chars().take(DIGITS).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `fit` depends on `trace`, and `trace` on `field`.
+    fn code(constant: &str) -> Code {
+        let file = |name: &str, text: &str| (name.to_owned(), bare(text));
+        let on = |name: &str, others: &[&str]| {
+            (name.to_owned(), others.iter().map(|&other| other.to_owned()).collect())
+        };
+        Code {
+            files: [
+                file("crates/field/src/lib.rs", "pub fn f() {}"),
+                file(
+                    "crates/trace/src/lib.rs",
+                    &format!("/// Steps.\nconst STEPS: u32 = {constant};"),
+                ),
+                file("crates/fit/src/lib.rs", "fn fit() { trace::steps() }"),
+                file("crates/app/src/preset.rs", "const ITERATIONS: u32 = 2000;"),
+            ]
+            .into(),
+            dependencies: [
+                on("field", &[]),
+                on("trace", &["field"]),
+                on("fit", &["trace"]),
+                on("app", &["fit"]),
+            ]
+            .into(),
+        }
+    }
+
+    #[test]
+    fn a_constant_changes_the_digest_of_all_that_depends_on_it() {
+        let (old, new) = (code("64"), code("65"));
+        let differs =
+            |measured: &[&str]| old.digest(measured).unwrap() != new.digest(measured).unwrap();
+        assert!(differs(&["fit"]) && differs(&["trace"]) && differs(&["field", "app"]));
+        assert!(!differs(&["field"]) && !differs(&["crates/app/src/preset.rs", "field"]));
+        assert!(old.digest(&["fits"]).is_err());
+        assert_eq!(old.digest(&["fit"]).unwrap().len(), DIGITS);
+    }
+
+    #[test]
+    fn comments_tests_and_messages_do_not_change_the_digest() {
+        let text = "/// A.\nfn f() -> u32 { error(\"too few\"); 1 }\n#[cfg(test)]\nmod tests { fn g() {} }\n";
+        let other = "/// Better words.\nfn f() -> u32 {\n    error(\"fewer than 2\");\n    1\n}\n";
+        assert_eq!(bare(text), bare(other));
+        assert_eq!(bare("f(\n    a,\n    b,\n)"), bare("f(a, b)"));
+        assert_ne!(bare(other), bare(&other.replace('1', "2")));
+        assert!(is_test(Path::new("src/file_tests.rs")) && is_test(Path::new("src/tests/a.rs")));
+        assert!(!is_test(Path::new("src/test_model.rs")));
+    }
+}

@@ -1,0 +1,508 @@
+//! Fits of data sets with a known surface, and of photographs.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+use serde_json::{Value, json};
+use sweep::measure::{cargo_command, dsdf, workspace_root};
+
+use super::measurement::{Bench, Measurement, shared};
+use super::rows::{Planned, Rows, provenance};
+use crate::output::write;
+
+/// Fits, of a fixed number of iterations on one thread, so that their results have the same bits
+/// again. Their times are those of the machine.
+pub(crate) struct Fits;
+
+/// What a fit is compared with.
+#[derive(Clone, Copy, PartialEq)]
+enum Truth {
+    /// A mesh in the folder of the data set, in the frame of its cameras.
+    Mesh(&'static str),
+    /// A mesh of the object of a room: all surface above the table counts.
+    Room,
+    /// Points that COLMAP found.
+    Points,
+    /// Held-out photographs alone.
+    Views,
+}
+
+/// Where a data set is from.
+#[derive(Clone, Copy, PartialEq)]
+enum Source {
+    /// A folder or a camera file in `shared/data`.
+    Shared(&'static str),
+    /// A kind of `compose`, made of a folder in `shared/data`.
+    Composed(&'static str, &'static str),
+    /// A scene of the workspace, with the options of `dsdf synth`.
+    Scene(&'static str, &'static [&'static str]),
+    /// Photographs in `shared/data`, whose poses `dsdf poses` finds.
+    Photographs(&'static str),
+}
+
+/// A data set with its fits.
+struct Set {
+    /// Its name in tables.
+    name: &'static str,
+    /// What it is.
+    about: &'static str,
+    source: Source,
+    truth: Truth,
+    iterations: u32,
+    seeds: &'static [u64],
+    /// Further options of `dsdf fit`.
+    options: &'static [&'static str],
+}
+
+const IGNORE: &[&str] = &["--masks", "ignore"];
+const MESH: Truth = Truth::Mesh("mesh_normalized.ply");
+const THREE: &[u64] = &[1, 2, 3];
+const ONE: &[u64] = &[1];
+
+impl Set {
+    const fn of(name: &'static str, about: &'static str, source: Source, truth: Truth) -> Self {
+        Set { name, about, source, truth, iterations: 18_000, seeds: ONE, options: IGNORE }
+    }
+
+    const fn iterations(mut self, iterations: u32) -> Self {
+        self.iterations = iterations;
+        self
+    }
+
+    const fn options(mut self, options: &'static [&'static str]) -> Self {
+        self.options = options;
+        self
+    }
+
+    const fn seeds(mut self, seeds: &'static [u64]) -> Self {
+        self.seeds = seeds;
+        self
+    }
+}
+
+/// The data sets, in the order of the table.
+const SETS: &[Set] = &[
+    Set::of("spot", "32 views of 256 × 256, no masks", Source::Shared("spot"), MESH).seeds(THREE),
+    Set::of("bob", "32 views of 256 × 256, no masks", Source::Shared("bob"), MESH).seeds(THREE),
+    Set::of("ridged", "40 views of 320 × 320, fine ridges", Source::Shared("ridged"), MESH)
+        .iterations(27_000)
+        .seeds(THREE),
+    Set::of("spot, briefly", "the same as `spot`", Source::Shared("spot"), MESH)
+        .iterations(6_000)
+        .seeds(THREE),
+    Set::of(
+        "slab",
+        "a plain slab with ridges, 32 views of 256 × 256",
+        Source::Scene("xtask/sweeps/scenes/ridges.json", &["--views", "32", "--size", "256x256"]),
+        Truth::Mesh("truth.ply"),
+    )
+    .iterations(8_000),
+    Set::of(
+        "demo",
+        "the scene of `dsdf demo`, 24 views of 128 × 128",
+        Source::Scene(
+            "crates/app/src/cli/demo_scene.json",
+            &["--views", "24", "--size", "128x128"],
+        ),
+        Truth::Mesh("truth.ply"),
+    )
+    .iterations(8_000)
+    .seeds(THREE),
+    Set::of("bananas", "16 photographs by hand", Source::Photographs("banana"), Truth::Points)
+        .iterations(3_000)
+        .seeds(&[1, 2]),
+    Set::of(
+        "spot_room",
+        "a cow in a room, 48 views of 320 × 240",
+        Source::Shared("spot_room"),
+        Truth::Room,
+    )
+    .seeds(THREE),
+    Set::of(
+        "bob_room",
+        "a shiny ring in a room, 18 views of 640 × 480",
+        Source::Shared("bob_room"),
+        Truth::Room,
+    )
+    .seeds(THREE),
+    Set::of(
+        "spot_room, noisy poses",
+        "poses off by 0.4°",
+        Source::Shared("spot_room/transforms_noisy.json"),
+        Truth::Room,
+    ),
+    Set::of(
+        "spot_room, exposures",
+        "exposures that differ",
+        Source::Shared("spot_room/transforms_exposure.json"),
+        Truth::Room,
+    ),
+    Set::of(
+        "dinoSparseRing",
+        "16 photographs of 640 × 480",
+        Source::Shared("dinoSparseRing"),
+        Truth::Views,
+    )
+    .iterations(40_000),
+    Set::of(
+        "DTU scan 65",
+        "49 photographs of 400 × 300",
+        Source::Shared("dtu_scan65_400x300"),
+        Truth::Views,
+    )
+    .iterations(55_000),
+    Set::of("spot, panorama", "in front of a panorama", Source::Composed("panorama", "spot"), MESH),
+    Set::of("spot, noise", "in front of noise", Source::Composed("noise", "spot"), MESH),
+    Set::of(
+        "spot, grey",
+        "in front of grey, exposures within 0.7 stops",
+        Source::Composed("grey-exposure", "spot"),
+        MESH,
+    ),
+    Set::of("spot, alpha", "renders with alpha", Source::Composed("alpha", "spot"), MESH)
+        .options(&["--masks", "auto"]),
+];
+
+impl Source {
+    /// The file or folder that it needs outside of the repository.
+    fn needs(self) -> Option<PathBuf> {
+        match self {
+            Source::Shared(path) | Source::Composed(_, path) | Source::Photographs(path) => {
+                Some(data_set(path))
+            }
+            Source::Scene(..) => None,
+        }
+    }
+
+    /// The data set in a command line, as a person would type it.
+    fn shown(self) -> String {
+        match self {
+            Source::Shared(path) => path.to_owned(),
+            Source::Composed(kind, _) => format!("{kind}_data"),
+            Source::Scene(path, _) => {
+                path.rsplit('/').next().unwrap_or_default().replace(".json", "_data")
+            }
+            Source::Photographs(path) => format!("{path}_data"),
+        }
+    }
+
+    /// The commands that make the data set, as a person would type them.
+    fn made_by(self) -> Option<String> {
+        let data = self.shown();
+        match self {
+            Source::Shared(_) => None,
+            Source::Composed(kind, path) => Some(format!(
+                "cargo run --release -p tests --example compose -- {kind} {path} {data}"
+            )),
+            Source::Scene(path, options) => {
+                Some(format!("dsdf synth {path} -o {data} {}", options.join(" ")))
+            }
+            Source::Photographs(path) => Some(format!("dsdf poses {path} -o {data}")),
+        }
+    }
+
+    /// The data set, made if it is not there.
+    fn data(self, program: &Path) -> anyhow::Result<PathBuf> {
+        if let Source::Shared(path) = self {
+            return Ok(data_set(path));
+        }
+        let place = workspace_root().join("target/record/data");
+        std::fs::create_dir_all(&place)?;
+        let data = place.join(self.shown());
+        if data.exists() {
+            return Ok(data);
+        }
+        // A data set that was begun and not finished does not count.
+        let begun = place.join(format!("{}-begun", self.shown()));
+        if begun.exists() {
+            std::fs::remove_dir_all(&begun)?;
+        }
+        let out = begun.to_string_lossy().into_owned();
+        match self {
+            Source::Shared(_) => {}
+            Source::Composed(kind, path) => {
+                let path = data_set(path);
+                let of_cargo =
+                    ["run", "--release", "-p", "tests", "--example", "compose", "--", kind];
+                let status = cargo_command(&of_cargo).arg(path).arg(&out).status()?;
+                ensure!(status.success(), "compose {kind} failed");
+            }
+            Source::Scene(path, options) => {
+                let scene = workspace_root().join(path).to_string_lossy().into_owned();
+                dsdf::run_json(program, &[&["synth", &scene, "-o", &out], options].concat())?;
+            }
+            Source::Photographs(path) => {
+                let photographs = data_set(path).to_string_lossy().into_owned();
+                dsdf::run_json(program, &["poses", &photographs, "-o", &out])?;
+            }
+        }
+        std::fs::rename(&begun, &data)?;
+        Ok(data)
+    }
+
+    /// The folder of the truth.
+    fn folder(self, data: &Path) -> PathBuf {
+        match self {
+            Source::Composed(_, path) => data_set(path),
+            _ if data.is_file() => data.parent().unwrap_or(data).to_owned(),
+            _ => data.to_owned(),
+        }
+    }
+}
+
+/// A data set that is not in the repository.
+fn data_set(path: &str) -> PathBuf {
+    shared().join("data").join(path)
+}
+
+impl Truth {
+    /// The options of `dsdf eval`, as a person would type them.
+    fn shown(self) -> String {
+        match self {
+            Truth::Mesh(name) => format!("dsdf eval RUN --mesh {name}"),
+            Truth::Points => "dsdf eval RUN --points auto".to_owned(),
+            Truth::Views => "dsdf eval RUN".to_owned(),
+            Truth::Room => "dsdf mesh RUN -o shape.ply; room_eval.py shape.ply DATA".to_owned(),
+        }
+    }
+}
+
+/// The name of a row.
+fn row_name(set: &Set, seed: u64) -> String {
+    format!("{}, seed {seed}", set.name)
+}
+
+impl Measurement for Fits {
+    fn name(&self) -> &'static str {
+        "fits"
+    }
+
+    fn measured(&self) -> &'static [&'static str] {
+        &["fit", "inspect", "metrics", "mesh", "poses", "export"]
+    }
+
+    fn plan(&self) -> anyhow::Result<Vec<Planned>> {
+        let row = |set: &Set, seed: u64| {
+            let made = set.source.made_by().map_or(String::new(), |line| line + "; ");
+            let (data, options) = (set.source.shown(), set.options.join(" "));
+            let iterations = set.iterations;
+            Planned {
+                name: row_name(set, seed),
+                command: format!(
+                    "{made}dsdf fit {data} -o RUN --iterations {iterations} --threads 1 --seed \
+                     {seed} {options}; {}",
+                    set.truth.shown()
+                ),
+                seeds: vec![seed],
+                is_single: true,
+                needs: set.source.needs(),
+            }
+        };
+        let rows = SETS.iter().flat_map(|set| set.seeds.iter().map(move |seed| row(set, *seed)));
+        Ok(rows.collect())
+    }
+
+    fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
+        let Bench { program, scratch, .. } = *bench;
+        let set = SETS.iter().find(|set| set.seeds.iter().any(|s| row_name(set, *s) == row.name));
+        let (set, seed) = (set.context("a data set of this name")?, row.seeds[0]);
+        let data = set.source.data(program)?;
+        let run = scratch.join("run");
+        let text = |path: &Path| path.to_string_lossy().into_owned();
+        let (data_name, run_name) = (text(&data), text(&run));
+        let (iterations, seed) = (set.iterations.to_string(), seed.to_string());
+        let mut fit = vec!["fit", &data_name, "-o", &run_name, "--iterations", &iterations];
+        fit.extend(["--threads", "1", "--seed", &seed]);
+        fit.extend(set.options);
+        // A row that was killed goes on from its checkpoint.
+        if run.join("checkpoint/state.safetensors").exists() {
+            fit.push("--resume");
+        }
+        let report = dsdf::run_json(program, &fit)?;
+        let mut values = json!({
+            "fit_seconds": report["seconds"],
+            "iterations": report["iterations"],
+        });
+        let folder = set.source.folder(&data);
+        let truth = match set.truth {
+            Truth::Mesh(name) => text(&folder.join(name)),
+            _ => "auto".to_owned(),
+        };
+        let mut eval = vec!["eval", &run_name];
+        match set.truth {
+            Truth::Mesh(_) => eval.extend(["--mesh", &truth]),
+            Truth::Points => eval.extend(["--points", &truth]),
+            Truth::Room | Truth::Views => {}
+        }
+        let found = dsdf::run_json(program, &eval)?;
+        for key in ["psnr", "mask_iou", "chamfer_relative", "normal_error", "points_median"] {
+            if !found[key].is_null() {
+                values[key] = found[key].clone();
+            }
+        }
+        if set.truth == Truth::Room {
+            let shape = text(&scratch.join("shape.ply"));
+            dsdf::run_json(program, &["mesh", &run_name, "-o", &shape])?;
+            for (key, value) in room(&shape, &folder)? {
+                values[key] = json!(value);
+            }
+        }
+        Ok(values)
+    }
+
+    fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
+        write(folder, "fits.md", table(rows) + "\n" + &provenance(rows) + "\n")
+    }
+}
+
+/// The errors of the object of a room: Chamfer distance of all surface above the table, of that
+/// inside the masks, and the area of sails.
+fn room(shape: &str, folder: &Path) -> anyhow::Result<Vec<(&'static str, f64)>> {
+    let script = shared().join("tools/room_eval.py");
+    let output = Command::new(python()?).arg(script).arg(shape).arg(folder).output()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let error = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "room_eval.py: {}", error.trim());
+    let number = |line: &str, word: &str| -> anyhow::Result<f64> {
+        let line = text.lines().find(|text| text.starts_with(line)).context("a line")?;
+        let after = line.split_once(word).context("a number")?.1;
+        Ok(after.split_whitespace().next().context("a number")?.trim_end_matches(',').parse()?)
+    };
+    Ok(vec![
+        ("room_raw", number("raw", "Chamfer")?),
+        ("room_cut", number("cut", "Chamfer")?),
+        ("sails", number("sails", "sails")?),
+    ])
+}
+
+/// A Python with the packages of the scripts, in an environment of its own, made if it is not there.
+fn python() -> anyhow::Result<PathBuf> {
+    let folder = workspace_root().join("target/record/python");
+    let program = folder.join("bin/python");
+    let run = |program: &Path, arguments: &[&str]| {
+        let status = Command::new(program).args(arguments).status();
+        let status = status.with_context(|| program.display().to_string())?;
+        ensure!(status.success(), "{} {} failed", program.display(), arguments.join(" "));
+        Ok(())
+    };
+    if !program.exists() {
+        run(Path::new("python3"), &["-m", "venv", &folder.to_string_lossy()])?;
+    }
+    if !folder.join("installed").exists() {
+        let packages = ["numpy", "scipy", "trimesh", "pillow"];
+        run(&program, &[&["-m", "pip", "install", "--quiet"][..], &packages].concat())?;
+        std::fs::write(folder.join("installed"), "")?;
+    }
+    Ok(program)
+}
+
+/// The table of fits: a line for each data set, with the medians over its seeds.
+fn table(rows: &Rows) -> String {
+    let mut out = String::from(
+        "| data | iterations | time on one core | seeds | result |\n| --- | --- | --- | --- | --- |\n",
+    );
+    for set in SETS {
+        let names = set.seeds.iter().map(|seed| row_name(set, *seed));
+        let names: Vec<String> = names.filter(|name| rows.0.contains_key(name)).collect();
+        let of = |value: &str| {
+            let mut all: Vec<f64> =
+                names.iter().filter_map(|name| rows.number(name, value)).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        if names.is_empty() {
+            continue;
+        }
+        let minutes =
+            median(&of("fit_seconds")).map(|seconds| format!("{:.1} min", seconds / 60.0));
+        let _ = writeln!(
+            out,
+            "| `{}`, {} | {} | {} | {} | {} |",
+            set.name,
+            set.about,
+            thousands(set.iterations),
+            minutes.unwrap_or_default(),
+            names.len(),
+            result(set.truth, &of)
+        );
+    }
+    out
+}
+
+/// The median of sorted numbers; none of no numbers.
+fn median(sorted: &[f64]) -> Option<f64> {
+    let middle = sorted.len() / 2;
+    match sorted.len() % 2 {
+        _ if sorted.is_empty() => None,
+        1 => Some(sorted[middle]),
+        _ => Some(0.5 * (sorted[middle - 1] + sorted[middle])),
+    }
+}
+
+/// The values of a line: medians, with the range of distances if there are several seeds.
+fn result(truth: Truth, of: &dyn Fn(&str) -> Vec<f64>) -> String {
+    let distance = |name: &str, value: &str, digits: usize| {
+        let all = of(value);
+        let middle = 100.0 * median(&all)?;
+        let range = match all[..] {
+            [first, .., last] => {
+                format!(" ({:.digits$} to {:.digits$})", 100.0 * first, 100.0 * last)
+            }
+            _ => String::new(),
+        };
+        Some(format!("{name}{middle:.digits$} %{range}"))
+    };
+    let number = |value: &str, shown: &dyn Fn(f64) -> String| median(&of(value)).map(shown);
+    let psnr = number("psnr", &|v| format!("{v:.1} dB"));
+    let parts = match truth {
+        Truth::Mesh(_) => vec![
+            distance("Chamfer ", "chamfer_relative", 3),
+            number("normal_error", &|v| format!("normals {v:.1}°")),
+            psnr,
+        ],
+        Truth::Room => vec![
+            distance("Chamfer ", "room_raw", 2),
+            distance("inside the masks ", "room_cut", 2),
+            number("sails", &|v| format!("sails {v:.3}")),
+        ],
+        Truth::Points => vec![distance("points ", "points_median", 3)],
+        Truth::Views => vec![psnr],
+    };
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// A number with a comma in front of three digits.
+fn thousands(n: u32) -> String {
+    if n < 1000 { n.to_string() } else { format!("{},{:03}", n / 1000, n % 1000) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_different_names_and_commands() {
+        let plan = Fits.plan().unwrap();
+        let distinct = |of: fn(&Planned) -> &str| {
+            plan.iter().map(of).collect::<std::collections::BTreeSet<_>>().len()
+        };
+        assert_eq!(distinct(|row| &row.name), plan.len());
+        assert_eq!(distinct(|row| &row.command), plan.len());
+        assert!(plan[0].command.starts_with("dsdf fit spot -o RUN --iterations 18000"));
+    }
+
+    #[test]
+    fn a_line_has_medians_and_ranges() {
+        let of = |value: &str| match value {
+            "chamfer_relative" => vec![0.0007, 0.0008, 0.001],
+            "psnr" => vec![40.0, 41.0],
+            _ => vec![],
+        };
+        let expected = "Chamfer 0.080 % (0.070 to 0.100), 40.5 dB";
+        assert_eq!(result(MESH, &of), expected);
+        assert_eq!(result(Truth::Views, &|_| vec![30.0]), "30.0 dB");
+        assert_eq!((thousands(800), thousands(18_000)), ("800".into(), "18,000".into()));
+    }
+}

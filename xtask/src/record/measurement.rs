@@ -1,0 +1,51 @@
+//! What a measurement of the record is: rows that are measured one by one, and files made of them.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::rows::{Planned, Rows};
+
+/// A measurement: a folder of `docs/results`, with rows that are measured one by one.
+pub(crate) trait Measurement: Sync {
+    /// Its name: the folder.
+    fn name(&self) -> &'static str;
+
+    /// What its numbers depend on: crates with all that these depend on, and single files.
+    fn measured(&self) -> &'static [&'static str];
+
+    /// The rows, in the order of the tables.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    fn plan(&self) -> anyhow::Result<Vec<Planned>>;
+
+    /// Measures a row.
+    ///
+    /// # Errors
+    /// If the measurement fails.
+    fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value>;
+
+    /// Writes tables and plots of the rows into the folder of the measurement. Rows that were never
+    /// measured are missing.
+    ///
+    /// # Errors
+    /// If a file cannot be written, or a row lacks a value.
+    fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()>;
+}
+
+/// What a row is measured with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bench<'a> {
+    /// The program `dsdf`.
+    pub(crate) program: &'a Path,
+    /// A folder of the row's own: a measurement that was killed left it as it was.
+    pub(crate) scratch: &'a Path,
+    /// The folder of the measurement, for pictures of the row.
+    pub(crate) folder: &'a Path,
+}
+
+/// The folder of data sets and references that are not in the repository.
+pub(crate) fn shared() -> PathBuf {
+    sweep::measure::workspace_root().join("../shared")
+}

@@ -1,0 +1,306 @@
+//! `cargo xtask record`: measures every table and figure that pages quote, a row at a time.
+
+mod ablate;
+mod code;
+mod derivatives;
+mod detail;
+mod estimators;
+mod filters;
+mod fits;
+mod math;
+mod measurement;
+mod pages;
+mod rows;
+mod speed;
+mod steps;
+mod tradeoff;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::ScopedJoinHandle;
+use std::time::{Instant, SystemTime};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use sweep::measure::host::{processor, revision};
+use sweep::measure::{dsdf, workspace_root};
+
+use crate::arguments::WrongArgument;
+use code::Code;
+use measurement::{Bench, Measurement};
+pub(crate) use pages::check as check_page;
+use rows::{Planned, Row, Rows};
+
+/// Measure every table and figure that the README and docs quote; rows that are current are kept
+#[derive(Args)]
+pub(crate) struct Record {
+    /// The measurements; all of them without a name
+    names: Vec<String>,
+    /// List the rows that are missing or older than the code they measure; measure nothing
+    #[arg(long)]
+    list: bool,
+    /// Rows that are measured at a time, where a row uses one thread
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    jobs: u32,
+    /// Measure only rows whose name contains this text
+    #[arg(long)]
+    only: Option<String>,
+    /// Write tables, plots and pages of the rows that are there; measure nothing
+    #[arg(long, conflicts_with = "list")]
+    tables: bool,
+}
+
+/// All measurements.
+const ALL: &[&dyn Measurement] = &[
+    &derivatives::Derivatives,
+    &fits::Fits,
+    &detail::Detail,
+    &estimators::Estimators,
+    &steps::Steps,
+    &filters::Filters,
+    &tradeoff::Tradeoff,
+    &speed::Speed,
+    &math::Math,
+    &ablate::Ablations,
+];
+
+/// The state of a planned row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// It was measured with the code and the command of today.
+    Current,
+    /// The code or the command has changed since.
+    Stale,
+    /// It was never measured.
+    Missing,
+}
+
+/// A measurement with its plan and the rows that are there.
+struct Work {
+    of: &'static dyn Measurement,
+    folder: PathBuf,
+    plan: Vec<Planned>,
+    rows: Rows,
+    digest: String,
+}
+
+impl Work {
+    fn new(of: &'static dyn Measurement, code: &Code) -> anyhow::Result<Self> {
+        let folder = workspace_root().join("docs/results").join(of.name());
+        Ok(Work {
+            of,
+            plan: of.plan()?,
+            rows: Rows::load(&folder)?,
+            digest: code.digest(of.measured())?,
+            folder,
+        })
+    }
+
+    fn state(&self, row: &Planned) -> State {
+        match self.rows.0.get(&row.name) {
+            None => State::Missing,
+            Some(old) if old.code == self.digest && old.command == row.command => State::Current,
+            Some(_) => State::Stale,
+        }
+    }
+
+    /// The rows to measure; those whose data are not here only with `absent`.
+    fn due(&self, only: Option<&str>) -> (Vec<Planned>, Vec<Planned>) {
+        let is_due = |row: &&Planned| {
+            self.state(row) != State::Current && only.is_none_or(|text| row.name.contains(text))
+        };
+        let due = self.plan.iter().filter(is_due).cloned();
+        due.partition(|row| row.needs.as_ref().is_none_or(|path| path.exists()))
+    }
+
+    /// Removes rows that no plan has any more.
+    fn forget(&mut self) {
+        let planned = |name: &String| self.plan.iter().any(|row| row.name == *name);
+        self.rows.0.retain(|name, _| planned(name));
+    }
+}
+
+impl Record {
+    /// Measures, or lists.
+    ///
+    /// # Errors
+    /// If a name is unknown, or a measurement fails.
+    pub(crate) fn run(&self) -> anyhow::Result<()> {
+        let code = Code::read(&workspace_root())?;
+        let mut all = Vec::new();
+        for of in self.wanted()? {
+            all.push(Work::new(of, &code)?);
+        }
+        if self.list {
+            return list(&all);
+        }
+        if !self.tables {
+            self.measure(&mut all)?;
+        }
+        for work in &mut all {
+            work.forget();
+            if !work.rows.0.is_empty() {
+                work.rows.save(&work.folder)?;
+                work.of.write(&work.rows, &work.folder)?;
+            }
+        }
+        pages::refresh(&workspace_root())
+    }
+
+    /// The measurements that the arguments name.
+    fn wanted(&self) -> anyhow::Result<Vec<&'static dyn Measurement>> {
+        let names = || ALL.iter().map(|of| of.name()).collect::<Vec<_>>().join(", ");
+        let find = |name: &String| {
+            let found = ALL.iter().find(|of| of.name() == name);
+            let wrong =
+                || WrongArgument(format!("{name}: no measurement, expected one of {}", names()));
+            found.copied().ok_or_else(|| wrong().into())
+        };
+        if self.names.is_empty() { Ok(ALL.to_vec()) } else { self.names.iter().map(find).collect() }
+    }
+
+    /// Measures all rows that are due. A row is saved as soon as it is measured.
+    fn measure(&self, all: &mut [Work]) -> anyhow::Result<()> {
+        let due: Vec<_> = all.iter().map(|work| work.due(self.only.as_deref())).collect();
+        let count: usize = due.iter().map(|(here, _)| here.len()).sum();
+        for (work, (_, absent)) in all.iter().zip(&due) {
+            for row in absent {
+                let path = row.needs.as_deref().unwrap_or(Path::new(""));
+                eprintln!(
+                    "SKIPPED {}: {}: {} is not here",
+                    work.of.name(),
+                    row.name,
+                    path.display()
+                );
+            }
+        }
+        if count == 0 {
+            return Ok(());
+        }
+        let program = dsdf::build()?;
+        let mut number = 0;
+        for (work, (here, _)) in all.iter_mut().zip(due) {
+            std::fs::create_dir_all(&work.folder)?;
+            let (single, others): (Vec<_>, Vec<_>) =
+                here.into_iter().partition(|row| row.is_single);
+            let batches = [(single, self.jobs as usize), (others, 1)];
+            for (batch, jobs) in batches {
+                let first = number;
+                number += batch.len();
+                measure_rows(work, &batch, &program, jobs, (first, count))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Measures rows of one measurement, `jobs` at a time. `first` of `count` rows were measured before.
+fn measure_rows(
+    work: &mut Work,
+    batch: &[Planned],
+    program: &Path,
+    jobs: usize,
+    (first, count): (usize, usize),
+) -> anyhow::Result<()> {
+    let Work { of, rows, digest, folder, .. } = work;
+    let (next, rows) = (AtomicUsize::new(0), Mutex::new(rows));
+    let locked = || rows.lock().map_err(|_| anyhow!("another row failed"));
+    let one_after_the_other = || -> anyhow::Result<()> {
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(planned) = batch.get(number) else { return Ok(()) };
+            let last = locked()?.0.get(&planned.name).map(|row| row.seconds);
+            let last = last.map_or(String::new(), |seconds| format!(" ({seconds:.0} s last time)"));
+            eprintln!("{} of {count}: {}: {}{last}", first + number + 1, of.name(), planned.name);
+            let row = measure_row(*of, planned, (program, folder), digest, jobs);
+            let row = row.with_context(|| format!("{}: {}", of.name(), planned.name))?;
+            let mut rows = locked()?;
+            rows.0.insert(planned.name.clone(), row);
+            rows.save(folder)?;
+        }
+    };
+    std::thread::scope(|scope| {
+        let start = |_| scope.spawn(one_after_the_other);
+        let workers: Vec<_> = (0..jobs.min(batch.len())).map(start).collect();
+        let joined = |worker: ScopedJoinHandle<'_, anyhow::Result<()>>| {
+            worker.join().map_err(|_| anyhow!("a measurement panicked"))?
+        };
+        // All of them end before an error is returned.
+        let results: Vec<_> = workers.into_iter().map(joined).collect();
+        results.into_iter().collect()
+    })
+}
+
+/// Measures one row.
+fn measure_row(
+    of: &dyn Measurement,
+    planned: &Planned,
+    (program, folder): (&Path, &Path),
+    digest: &str,
+    jobs: usize,
+) -> anyhow::Result<Row> {
+    let scratch = scratch(of.name(), digest, &planned.name)?;
+    let begin = Instant::now();
+    let values = of.measure(planned, &Bench { program, scratch: &scratch, folder })?;
+    std::fs::remove_dir_all(&scratch)?;
+    Ok(Row {
+        command: planned.command.clone(),
+        seeds: planned.seeds.clone(),
+        code: digest.to_owned(),
+        commit: revision(),
+        machine: processor(),
+        cores: std::thread::available_parallelism().map_or(1, usize::from),
+        date: today(),
+        seconds: begin.elapsed().as_secs_f64(),
+        jobs,
+        values,
+    })
+}
+
+/// The folder of a row's own files, which outlives a measurement that is killed. Another version of
+/// the code has another one.
+fn scratch(measurement: &str, digest: &str, row: &str) -> anyhow::Result<PathBuf> {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+    let row: String = row.chars().map(plain).collect();
+    let path = workspace_root().join("target/record").join(measurement).join(digest).join(row);
+    std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
+    Ok(path)
+}
+
+/// The day, in UTC.
+fn today() -> String {
+    humantime::format_rfc3339_seconds(SystemTime::now()).to_string().chars().take(10).collect()
+}
+
+/// Prints what is missing or older than its code.
+fn list(all: &[Work]) -> anyhow::Result<()> {
+    let mut due = 0;
+    for work in all {
+        let count = |state| work.plan.iter().filter(|row| work.state(row) == state).count();
+        let [current, stale, missing] = [State::Current, State::Stale, State::Missing].map(count);
+        println!(
+            "{}: {current} of {} rows are current, {stale} are older than {}, {missing} are missing",
+            work.of.name(),
+            work.plan.len(),
+            work.of.measured().join(", "),
+        );
+        for row in &work.plan {
+            match work.state(row) {
+                State::Current => continue,
+                State::Stale => {
+                    let old = &work.rows.0[&row.name];
+                    println!("  older: {} ({}, {})", row.name, old.commit, old.date);
+                }
+                State::Missing => println!("  missing: {}", row.name),
+            }
+            due += 1;
+        }
+    }
+    if due == 0 {
+        println!("nothing is older than the code that it measures");
+    } else {
+        println!("{due} rows to measure: cargo xtask record");
+    }
+    Ok(())
+}
