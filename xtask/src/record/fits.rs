@@ -42,16 +42,28 @@ enum Source {
     Photographs(&'static str),
 }
 
+/// The kind of a capture: how long a fit takes, and which error to expect, depends on it.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// An object in front of one colour.
+    Studio,
+    /// An object in a room, with exact cameras.
+    Room,
+    /// Photographs by hand.
+    Hand,
+}
+
 /// A data set with its fits.
 struct Set {
     /// Its name in tables.
     name: &'static str,
     /// What it is.
     about: &'static str,
+    kind: Kind,
     source: Source,
     truth: Truth,
-    iterations: u32,
-    seeds: &'static [u64],
+    /// Numbers of iterations, each with its seeds. A table of one line a set has the last.
+    budgets: &'static [(u32, &'static [u64])],
     /// Further options of `dsdf fit`.
     options: &'static [&'static str],
 }
@@ -60,14 +72,16 @@ const IGNORE: &[&str] = &["--masks", "ignore"];
 const MESH: Truth = Truth::Mesh("mesh_normalized.ply");
 const THREE: &[u64] = &[1, 2, 3];
 const ONE: &[u64] = &[1];
+const LONG: &[(u32, &[u64])] = &[(18_000, ONE)];
 
 impl Set {
     const fn of(name: &'static str, about: &'static str, source: Source, truth: Truth) -> Self {
-        Set { name, about, source, truth, iterations: 18_000, seeds: ONE, options: IGNORE }
+        let (kind, options) = (Kind::Studio, IGNORE);
+        Set { name, about, kind, source, truth, budgets: LONG, options }
     }
 
-    const fn iterations(mut self, iterations: u32) -> Self {
-        self.iterations = iterations;
+    const fn kind(mut self, kind: Kind) -> Self {
+        self.kind = kind;
         self
     }
 
@@ -76,29 +90,42 @@ impl Set {
         self
     }
 
-    const fn seeds(mut self, seeds: &'static [u64]) -> Self {
-        self.seeds = seeds;
+    const fn budgets(mut self, budgets: &'static [(u32, &'static [u64])]) -> Self {
+        self.budgets = budgets;
         self
+    }
+
+    /// All its fits: iterations and seeds.
+    fn fits(&self) -> impl Iterator<Item = (u32, u64)> {
+        self.budgets.iter().flat_map(|(n, seeds)| seeds.iter().map(|seed| (*n, *seed)))
     }
 }
 
 /// The data sets, in the order of the table.
 const SETS: &[Set] = &[
-    Set::of("spot", "32 views of 256 × 256, no masks", Source::Shared("spot"), MESH).seeds(THREE),
-    Set::of("bob", "32 views of 256 × 256, no masks", Source::Shared("bob"), MESH).seeds(THREE),
+    Set::of("spot", "32 views of 256 × 256, no masks", Source::Shared("spot"), MESH).budgets(&[
+        (1_000, ONE),
+        (2_000, ONE),
+        (6_000, ONE),
+        (18_000, THREE),
+        (36_000, THREE),
+    ]),
+    Set::of("bob", "32 views of 256 × 256, no masks", Source::Shared("bob"), MESH).budgets(&[
+        (1_000, ONE),
+        (2_000, ONE),
+        (6_000, ONE),
+        (18_000, THREE),
+        (36_000, THREE),
+    ]),
     Set::of("ridged", "40 views of 320 × 320, fine ridges", Source::Shared("ridged"), MESH)
-        .iterations(27_000)
-        .seeds(THREE),
-    Set::of("spot, briefly", "the same as `spot`", Source::Shared("spot"), MESH)
-        .iterations(6_000)
-        .seeds(THREE),
+        .budgets(&[(1_000, ONE), (2_000, ONE), (6_000, ONE), (27_000, THREE)]),
     Set::of(
         "slab",
         "a plain slab with ridges, 32 views of 256 × 256",
         Source::Scene("xtask/sweeps/scenes/ridges.json", &["--views", "32", "--size", "256x256"]),
         Truth::Mesh("truth.ply"),
     )
-    .iterations(8_000),
+    .budgets(&[(2_000, ONE), (6_000, ONE), (18_000, ONE)]),
     Set::of(
         "demo",
         "the scene of `dsdf demo`, 24 views of 128 × 128",
@@ -108,53 +135,59 @@ const SETS: &[Set] = &[
         ),
         Truth::Mesh("truth.ply"),
     )
-    .iterations(8_000)
-    .seeds(THREE),
+    .budgets(&[(1_000, ONE), (2_000, ONE), (6_000, ONE), (18_000, THREE)]),
     Set::of("bananas", "16 photographs by hand", Source::Photographs("banana"), Truth::Points)
-        .iterations(3_000)
-        .seeds(&[1, 2]),
+        .kind(Kind::Hand)
+        .budgets(&[(1_000, ONE), (3_000, &[1, 2]), (9_000, ONE)]),
     Set::of(
         "spot_room",
         "a cow in a room, 48 views of 320 × 240",
         Source::Shared("spot_room"),
         Truth::Room,
     )
-    .seeds(THREE),
+    .kind(Kind::Room)
+    .budgets(&[(2_000, ONE), (6_000, ONE), (18_000, THREE)]),
     Set::of(
         "bob_room",
         "a shiny ring in a room, 18 views of 640 × 480",
         Source::Shared("bob_room"),
         Truth::Room,
     )
-    .seeds(THREE),
+    .kind(Kind::Room)
+    .budgets(&[(2_000, ONE), (6_000, ONE), (18_000, THREE)]),
     Set::of(
         "spot_room, noisy poses",
         "poses off by 0.4°",
         Source::Shared("spot_room/transforms_noisy.json"),
         Truth::Room,
-    ),
+    )
+    .kind(Kind::Room),
     Set::of(
         "spot_room, exposures",
         "exposures that differ",
         Source::Shared("spot_room/transforms_exposure.json"),
         Truth::Room,
-    ),
+    )
+    .kind(Kind::Room),
     Set::of(
         "dinoSparseRing",
         "16 photographs of 640 × 480",
         Source::Shared("dinoSparseRing"),
         Truth::Views,
     )
-    .iterations(40_000),
+    .budgets(&[(40_000, ONE)]),
     Set::of(
         "DTU scan 65",
         "49 photographs of 400 × 300",
         Source::Shared("dtu_scan65_400x300"),
         Truth::Views,
     )
-    .iterations(55_000),
-    Set::of("spot, panorama", "in front of a panorama", Source::Composed("panorama", "spot"), MESH),
-    Set::of("spot, noise", "in front of noise", Source::Composed("noise", "spot"), MESH),
+    .kind(Kind::Room)
+    .budgets(&[(55_000, ONE)]),
+    Set::of("spot, panorama", "in front of a panorama", Source::Composed("panorama", "spot"), MESH)
+        .kind(Kind::Room),
+    Set::of("spot, noise", "in front of noise", Source::Composed("noise", "spot"), MESH)
+        .kind(Kind::Room),
     Set::of(
         "spot, grey",
         "in front of grey, exposures within 0.7 stops",
@@ -270,8 +303,13 @@ impl Truth {
 }
 
 /// The name of a row.
-fn row_name(set: &Set, seed: u64) -> String {
-    format!("{}, seed {seed}", set.name)
+fn row_name(set: &Set, iterations: u32, seed: u64) -> String {
+    format!("{}, {}, seed {seed}", set.name, thousands(iterations))
+}
+
+/// All fits: a data set, iterations and a seed.
+fn all() -> impl Iterator<Item = (&'static Set, u32, u64)> {
+    SETS.iter().flat_map(|set| set.fits().map(move |(iterations, seed)| (set, iterations, seed)))
 }
 
 impl Measurement for Fits {
@@ -284,12 +322,11 @@ impl Measurement for Fits {
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {
-        let row = |set: &Set, seed: u64| {
+        let row = |(set, iterations, seed): (&Set, u32, u64)| {
             let made = set.source.made_by().map_or(String::new(), |line| line + "; ");
             let (data, options) = (set.source.shown(), set.options.join(" "));
-            let iterations = set.iterations;
             Planned {
-                name: row_name(set, seed),
+                name: row_name(set, iterations, seed),
                 command: format!(
                     "{made}dsdf fit {data} -o RUN --iterations {iterations} --threads 1 --seed \
                      {seed} {options}; {}",
@@ -300,30 +337,32 @@ impl Measurement for Fits {
                 needs: set.source.needs(),
             }
         };
-        let rows = SETS.iter().flat_map(|set| set.seeds.iter().map(move |seed| row(set, *seed)));
-        Ok(rows.collect())
+        Ok(all().map(row).collect())
     }
 
     fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
         let Bench { program, scratch, .. } = *bench;
-        let set = SETS.iter().find(|set| set.seeds.iter().any(|s| row_name(set, *s) == row.name));
-        let (set, seed) = (set.context("a data set of this name")?, row.seeds[0]);
+        let found = all().find(|(set, n, seed)| row_name(set, *n, *seed) == row.name);
+        let (set, iterations, seed) = found.context("a fit of this name")?;
         let data = set.source.data(program)?;
         let run = scratch.join("run");
         let text = |path: &Path| path.to_string_lossy().into_owned();
         let (data_name, run_name) = (text(&data), text(&run));
-        let (iterations, seed) = (set.iterations.to_string(), seed.to_string());
+        let (iterations, seed) = (iterations.to_string(), seed.to_string());
         let mut fit = vec!["fit", &data_name, "-o", &run_name, "--iterations", &iterations];
         fit.extend(["--threads", "1", "--seed", &seed]);
         fit.extend(set.options);
         // A row that was killed goes on from its checkpoint.
-        if run.join("checkpoint/state.safetensors").exists() {
+        let is_resumed = run.join("checkpoint/state.safetensors").exists();
+        if is_resumed {
             fit.push("--resume");
         }
-        let report = dsdf::run_json(program, &fit)?;
+        let (report, seconds) = dsdf::run_json_timed(program, &fit)?;
+        // The time of the process that was killed is in the wall time only.
+        let seconds = seconds.filter(|_| !is_resumed);
         let mut values = json!({
-            "fit_seconds": report["seconds"],
-            "iterations": report["iterations"],
+            "wall_seconds": report["seconds"],
+            "core_seconds": seconds.or(report["seconds"].as_f64()),
         });
         let folder = set.source.folder(&data);
         let truth = match set.truth {
@@ -353,7 +392,10 @@ impl Measurement for Fits {
     }
 
     fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
-        write(folder, "fits.md", table(rows) + "\n" + &provenance(rows) + "\n")
+        let last = |set: &Set, n| set.budgets.last().is_some_and(|(last, _)| *last == n);
+        let (first, all) = (table(rows, last), table(rows, |_, _| true));
+        let source = provenance(rows);
+        write(folder, "fits.md", format!("{first}\n## All of them\n\n{all}\n{source}\n"))
     }
 }
 
@@ -398,37 +440,44 @@ fn python() -> anyhow::Result<PathBuf> {
     Ok(program)
 }
 
-/// The table of fits: a line for each data set, with the medians over its seeds.
-fn table(rows: &Rows) -> String {
+/// The values of a data set after some iterations, of all seeds that were measured, sorted.
+fn of_seeds(rows: &Rows, set: &Set, iterations: u32, value: &str) -> Vec<f64> {
+    let own = set.fits().filter(|(n, _)| *n == iterations);
+    let number = |(n, seed)| rows.number(&row_name(set, n, seed), value);
+    let mut all: Vec<f64> = own.filter_map(number).collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+/// The table of fits: a line for each data set and number of iterations, with the medians over its
+/// seeds. `is_shown` picks the lines.
+fn table(rows: &Rows, is_shown: impl Fn(&Set, u32) -> bool) -> String {
     let mut out = String::from(
         "| data | iterations | time on one core | seeds | result |\n| --- | --- | --- | --- | --- |\n",
     );
     for set in SETS {
-        let names = set.seeds.iter().map(|seed| row_name(set, *seed));
-        let names: Vec<String> = names.filter(|name| rows.0.contains_key(name)).collect();
-        let of = |value: &str| {
-            let mut all: Vec<f64> =
-                names.iter().filter_map(|name| rows.number(name, value)).collect();
-            all.sort_by(f64::total_cmp);
-            all
-        };
-        if names.is_empty() {
-            continue;
+        for (iterations, _) in set.budgets.iter().filter(|(n, _)| is_shown(set, *n)) {
+            let of = |value: &str| of_seeds(rows, set, *iterations, value);
+            let times = of("core_seconds");
+            let Some(seconds) = median(&times) else { continue };
+            let _ = writeln!(
+                out,
+                "| `{}`, {} | {} | {} | {} | {} |",
+                set.name,
+                set.about,
+                thousands(*iterations),
+                duration(seconds),
+                times.len(),
+                result(set.truth, &of)
+            );
         }
-        let minutes =
-            median(&of("fit_seconds")).map(|seconds| format!("{:.1} min", seconds / 60.0));
-        let _ = writeln!(
-            out,
-            "| `{}`, {} | {} | {} | {} | {} |",
-            set.name,
-            set.about,
-            thousands(set.iterations),
-            minutes.unwrap_or_default(),
-            names.len(),
-            result(set.truth, &of)
-        );
     }
     out
+}
+
+/// A time in the unit that people use for it.
+fn duration(seconds: f64) -> String {
+    if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.1} min", seconds / 60.0) }
 }
 
 /// The median of sorted numbers; none of no numbers.
@@ -490,7 +539,7 @@ mod tests {
         };
         assert_eq!(distinct(|row| &row.name), plan.len());
         assert_eq!(distinct(|row| &row.command), plan.len());
-        assert!(plan[0].command.starts_with("dsdf fit spot -o RUN --iterations 18000"));
+        assert!(plan[0].command.starts_with("dsdf fit spot -o RUN --iterations 1000"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Building the `dsdf` binary, running its commands, and reading their JSON.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
@@ -58,6 +58,11 @@ pub fn packages() -> Result<Vec<String>, Error> {
 /// If the command fails, with its standard error as the message.
 pub fn run_json(binary: &Path, arguments: &[&str]) -> Result<Value, Error> {
     let output = Command::new(binary).args(arguments).args(["--json", "--quiet"]).output()?;
+    report(arguments, &output)
+}
+
+/// The JSON that a command printed.
+fn report(arguments: &[&str], output: &Output) -> Result<Value, Error> {
     if !output.status.success() {
         let (command, message) = (arguments.join(" "), String::from_utf8_lossy(&output.stderr));
         let reason = format!("dsdf {command}: {message}");
@@ -73,6 +78,47 @@ pub fn memory(process: u32, key: &str) -> Option<f64> {
     let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;
     Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// Runs a command of the binary as [`run_json`] does, and returns its processor time in seconds, too:
+/// of a command with one thread, about its wall time on an idle core, whatever else the machine does.
+///
+/// The time is `None` where the system has no `/proc`.
+///
+/// # Errors
+/// If the command fails, with its standard error as the message.
+pub fn run_json_timed(binary: &Path, arguments: &[&str]) -> Result<(Value, Option<f64>), Error> {
+    let child = Command::new(binary)
+        .args(arguments)
+        .args(["--json", "--quiet"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn();
+    let mut child = child.map_err(Error::action("cannot start dsdf".to_owned()))?;
+    // The system forgets the time with the process: it is read until the end.
+    let mut seconds = None;
+    while child.try_wait()?.is_none() {
+        seconds = processor_seconds(child.id()).or(seconds);
+        std::thread::sleep(INTERVAL);
+    }
+    let report = report(arguments, &child.wait_with_output()?)?;
+    Ok((report, seconds))
+}
+
+/// The time between two readings of a process's time.
+const INTERVAL: std::time::Duration = std::time::Duration::from_millis(100);
+
+/// The processor time of a process so far, from `/proc/PROCESS/stat`.
+fn processor_seconds(process: u32) -> Option<f64> {
+    /// Of Linux, on all machines of today.
+    const TICKS_PER_SECOND: f64 = 100.0;
+    let text = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The name of the program, in brackets, may have spaces. User and system time are the numbers 12
+    // and 13 behind it, from 1.
+    let (_, numbers) = text.rsplit_once(')')?;
+    let number = |text: &str| text.parse::<f64>().ok();
+    let ticks = numbers.split_whitespace().skip(11).take(2).map(number).sum::<Option<f64>>()?;
+    Some(ticks / TICKS_PER_SECOND)
 }
 
 /// A way to run commands of `dsdf`: a path runs them without limits, a sweep adds limits of time
