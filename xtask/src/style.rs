@@ -10,6 +10,7 @@ mod quiet;
 mod results;
 mod source;
 mod streams;
+mod typed;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -177,6 +178,9 @@ impl Repository {
                 text,
                 &sweep::measure::workspace_root(),
             ));
+            if name == "README.md" || name.starts_with("docs/") {
+                findings.extend(typed::check(name, text));
+            }
             findings.extend(paths::check_links(name, text, &self.tree));
             findings.extend(results::check(name, text, |file| {
                 let path = sweep::measure::workspace_root().join(file);

@@ -5,6 +5,7 @@ mod code;
 mod derivatives;
 mod detail;
 mod estimators;
+mod extremes;
 mod filters;
 mod fits;
 mod math;
@@ -61,6 +62,7 @@ const ALL: &[&dyn Measurement] = &[
     &filters::Filters,
     &tradeoff::Tradeoff,
     &speed::Speed,
+    &extremes::Extremes,
     &math::Math,
     &ablate::Ablations,
 ];

@@ -78,21 +78,31 @@ fn text<'a>(object: &'a Value, key: &str) -> &'a str {
     object[key].as_str().unwrap_or_default()
 }
 
+/// A line for each network: its passes in points per second, with the part of the core's peak.
 fn passes(rows: &Rows) -> String {
-    let mut out = String::from(
-        "| network | pass | M points/s | of the core's peak | two threads over one |\n\
-         | --- | --- | --- | --- | --- |\n",
+    let all = objects(rows, "passes", "passes");
+    let distinct = |key: &str| {
+        let mut found: Vec<&str> = Vec::new();
+        for name in all.iter().map(|pass| text(pass, key)) {
+            if !found.contains(&name) {
+                found.push(name);
+            }
+        }
+        found
+    };
+    let names = distinct("pass");
+    let mut out = format!(
+        "| M points/s | {} |\n| --- |{}\n",
+        names.join(" | "),
+        " --- |".repeat(names.len())
     );
-    for pass in objects(rows, "passes", "passes") {
-        let _ = writeln!(
-            out,
-            "| {} | {} | {:.2} | {:.0} % | {:.2} |",
-            text(pass, "network"),
-            text(pass, "pass"),
-            number(pass, "points_per_second") / 1e6,
-            number(pass, "percent_of_peak"),
-            number(pass, "two_threads_over_one"),
-        );
+    for network in distinct("network") {
+        let _ = write!(out, "| {network} |");
+        for pass in all.iter().filter(|pass| text(pass, "network") == network) {
+            let millions = number(pass, "points_per_second") / 1e6;
+            let _ = write!(out, " {millions:.2}, {:.0} % |", number(pass, "percent_of_peak"));
+        }
+        out.push('\n');
     }
     if let Some(peak) = rows.0.get("passes").map(|row| &row.values["peak"]) {
         let (gflops, instructions) = (number(peak, "gflops"), text(peak, "instructions"));

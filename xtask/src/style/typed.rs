@@ -3,9 +3,9 @@
 //! Tables with measured numbers come from files of the record: between `<!-- table: FILE -->` and
 //! `<!-- end of table -->`, or with `<!-- result: FILE -->`. Two comments make exceptions:
 //!
-//! - `<!-- journal -->` on a line of its own: the page compares candidates, each by the program of its
-//!   day, most of which are gone.
-//! - `<!-- not measured -->` on the line in front of a table: its numbers are settings, not results.
+//! - `<!-- journal -->` in front of the first section of a page, or of a table: it compares candidates,
+//!   each by the program of its day, most of which are gone, or needs what `record` does not have.
+//! - `<!-- not measured -->` in front of a table: its numbers are settings, not results.
 
 use super::markdown::prose;
 
@@ -16,7 +16,8 @@ const UNITS: [&str; 11] =
 /// The rows of tables with a number of such a unit that is from no file.
 pub(crate) fn check(name: &str, page: &str) -> Vec<String> {
     let mut findings = Vec::new();
-    if page.lines().any(|line| line == "<!-- journal -->") {
+    let start = page.split("\n## ").next().unwrap_or_default();
+    if start.lines().any(|line| line == "<!-- journal -->") {
         return findings;
     }
     // Whether a comment speaks of the table that follows, or of this one.
@@ -30,7 +31,7 @@ pub(crate) fn check(name: &str, page: &str) -> Vec<String> {
         match line {
             _ if line.starts_with("<!-- table: ") => is_written = true,
             "<!-- end of table -->" => is_written = false,
-            "<!-- not measured -->" => is_marked = true,
+            "<!-- not measured -->" | "<!-- journal -->" => is_marked = true,
             _ if line.starts_with("<!-- result: ") => is_marked = true,
             _ => {}
         }
@@ -81,7 +82,9 @@ mod tests {
         ] {
             assert_eq!(check("a.md", &marked), [""; 0], "{marked}");
         }
-        // A comment speaks of one table.
+        // Behind the first section, a comment speaks of one table.
+        let two = format!("# A\n\n## B\n\n<!-- journal -->\n\n{page}\nText.\n\n{page}");
+        assert_eq!(check("a.md", &two).len(), 1);
         let two = format!("<!-- not measured -->\n\n{page}\nText.\n\n{page}");
         assert_eq!(check("a.md", &two).len(), 1);
     }
