@@ -94,7 +94,7 @@ impl Measurement for Estimators {
         }
         write(folder, "estimators.csv", rows.csv(&plan, header))?;
         write(folder, "estimators.svg", svg(&panels, "seconds", "relative L2 error"))?;
-        write(folder, "estimators.md", table(&lines) + "\n" + &provenance(rows) + "\n")
+        write(folder, "estimators.md", page(&lines) + &provenance(rows) + "\n")
     }
 }
 
@@ -176,12 +176,24 @@ fn table_row(scene: &str, curves: &[ErrorCurve]) -> (String, Vec<f64>) {
     (scene.to_owned(), curves.iter().map(|curve| error_at(curve, AT)).collect())
 }
 
-/// The table of all scenes, in Markdown.
-fn table(rows: &[(String, Vec<f64>)]) -> String {
+/// The tables of the scenes with each appearance, in Markdown.
+fn page(rows: &[(String, Vec<f64>)]) -> String {
     let mut out = format!(
         "Relative L2 error of derivative images after {AT} s, root mean square over {SEEDS} seeds \
-         and all parameters.\n\n| scene |"
+         and all parameters.\n\n"
     );
+    for (appearance, title) in
+        [("constant", "Constant radiance"), ("lambert", "Lambertian"), ("normal", "Normals")]
+    {
+        let own = rows.iter().filter(|(scene, _)| scene.ends_with(&format!(".{appearance}")));
+        let _ = write!(out, "## {title}\n\n{}\n", table(&mut own.map(|row| (&*row.0, &*row.1))));
+    }
+    out
+}
+
+/// A table of scenes.
+fn table(rows: &mut dyn Iterator<Item = (&str, &[f64])>) -> String {
+    let mut out = String::from("| scene |");
     ESTIMATORS.iter().for_each(|(name, _)| out += &format!(" {name} |"));
     out += " next best over `refined` |\n|---|";
     ESTIMATORS.iter().for_each(|_| out += "---|");

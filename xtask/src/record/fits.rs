@@ -3,12 +3,14 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, anyhow, ensure};
 use serde_json::{Value, json};
+use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::{cargo_command, dsdf, workspace_root};
 
-use super::measurement::{Bench, Measurement, shared};
+use super::measurement::{Bench, Measurement, Skipped, shared};
 use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
@@ -52,6 +54,31 @@ enum Kind {
     /// Photographs by hand.
     Hand,
 }
+
+impl Kind {
+    const ALL: [Kind; 3] = [Kind::Studio, Kind::Room, Kind::Hand];
+
+    /// Its name in files.
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Studio => "studio",
+            Kind::Room => "room",
+            Kind::Hand => "hand",
+        }
+    }
+
+    /// Its name in plots.
+    fn title(self) -> &'static str {
+        match self {
+            Kind::Studio => "in front of one colour",
+            Kind::Room => "in a room, exact cameras",
+            Kind::Hand => "photographs by hand",
+        }
+    }
+}
+
+/// The folder of the program that tells what to expect of a fit.
+const EXPECTED: &str = "crates/app/src/cli/fit";
 
 /// A data set with its fits.
 struct Set {
@@ -198,6 +225,9 @@ const SETS: &[Set] = &[
         .options(&["--masks", "auto"]),
 ];
 
+/// Held while a data set is made.
+static MAKING: Mutex<()> = Mutex::new(());
+
 impl Source {
     /// The file or folder that it needs outside of the repository.
     fn needs(self) -> Option<PathBuf> {
@@ -241,6 +271,8 @@ impl Source {
         if let Source::Shared(path) = self {
             return Ok(data_set(path));
         }
+        // Rows that are measured side by side can share it.
+        let _one_at_a_time = MAKING.lock().map_err(|_| anyhow!("another data set failed"))?;
         let place = workspace_root().join("target/record/data");
         std::fs::create_dir_all(&place)?;
         let data = place.join(self.shown());
@@ -267,6 +299,11 @@ impl Source {
                 dsdf::run_json(program, &[&["synth", &scene, "-o", &out], options].concat())?;
             }
             Source::Photographs(path) => {
+                if Command::new("colmap").arg("help").output().is_err() {
+                    return Err(
+                        Skipped("COLMAP is not installed: apt install colmap".into()).into()
+                    );
+                }
                 let photographs = data_set(path).to_string_lossy().into_owned();
                 dsdf::run_json(program, &["poses", &photographs, "-o", &out])?;
             }
@@ -395,7 +432,11 @@ impl Measurement for Fits {
         let last = |set: &Set, n| set.budgets.last().is_some_and(|(last, _)| *last == n);
         let (first, all) = (table(rows, last), table(rows, |_, _| true));
         let source = provenance(rows);
-        write(folder, "fits.md", format!("{first}\n## All of them\n\n{all}\n{source}\n"))
+        write(folder, "fits.md", format!("{first}\n## All of them\n\n{all}\n{source}\n"))?;
+        let panels = Kind::ALL.map(|kind| panel(rows, kind));
+        let plot = svg(&panels, "seconds of one core", "distance, % of the radius");
+        write(folder, "trade.svg", plot)?;
+        write(&workspace_root().join(EXPECTED), "expected.csv", expected(rows))
     }
 }
 
@@ -480,6 +521,60 @@ fn duration(seconds: f64) -> String {
     if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.1} min", seconds / 60.0) }
 }
 
+/// The distance to the surface that a row of a data set has, in radii: of all surface, of the object
+/// of a room, or of points.
+fn distance(rows: &Rows, set: &Set, iterations: u32) -> Option<f64> {
+    let value = match set.truth {
+        Truth::Mesh(_) => "chamfer_relative",
+        Truth::Room => "room_raw",
+        Truth::Points => "points_median",
+        Truth::Views => return None,
+    };
+    median(&of_seeds(rows, set, iterations, value))
+}
+
+/// A data set with several budgets: the seconds of one core and the distance of each.
+fn curve(rows: &Rows, set: &Set) -> Vec<(u32, f64, f64)> {
+    let point = |(iterations, _): &(u32, &[u64])| {
+        let seconds = median(&of_seeds(rows, set, *iterations, "core_seconds"))?;
+        Some((*iterations, seconds, distance(rows, set, *iterations)?))
+    };
+    set.budgets.iter().filter_map(point).collect()
+}
+
+/// The data sets of a kind that were measured with several budgets.
+fn curves(rows: &Rows, kind: Kind) -> impl Iterator<Item = (&'static Set, Vec<(u32, f64, f64)>)> {
+    let sets = SETS.iter().filter(move |set| set.kind == kind);
+    sets.map(|set| (set, curve(rows, set))).filter(|(_, curve)| curve.len() > 1)
+}
+
+/// The distance over the time of each data set of a kind.
+fn panel(rows: &Rows, kind: Kind) -> Panel {
+    let of_set = |(set, points): (&Set, Vec<(u32, f64, f64)>)| Curve {
+        name: set.name.to_owned(),
+        points: points
+            .into_iter()
+            .map(|(_, seconds, distance)| (seconds, 100.0 * distance))
+            .collect(),
+    };
+    let curves = curves(rows, kind).map(of_set).collect();
+    Panel { title: kind.title().to_owned(), curves, front: false }
+}
+
+/// The times and distances from which `dsdf fit --check` tells what to expect.
+fn expected(rows: &Rows) -> String {
+    let mut out = String::from("kind,set,iterations,core_seconds,distance\n");
+    for kind in Kind::ALL {
+        for (set, points) in curves(rows, kind) {
+            for (iterations, seconds, distance) in points {
+                let (kind, set) = (kind.name(), set.name);
+                let _ = writeln!(out, "{kind},{set},{iterations},{seconds:.1},{distance:.6}");
+            }
+        }
+    }
+    out
+}
+
 /// The median of sorted numbers; none of no numbers.
 fn median(sorted: &[f64]) -> Option<f64> {
     let middle = sorted.len() / 2;
@@ -492,7 +587,7 @@ fn median(sorted: &[f64]) -> Option<f64> {
 
 /// The values of a line: medians, with the range of distances if there are several seeds.
 fn result(truth: Truth, of: &dyn Fn(&str) -> Vec<f64>) -> String {
-    let distance = |name: &str, value: &str, digits: usize| {
+    let per_cent = |name: &str, value: &str, digits: usize| {
         let all = of(value);
         let middle = 100.0 * median(&all)?;
         let range = match all[..] {
@@ -507,16 +602,16 @@ fn result(truth: Truth, of: &dyn Fn(&str) -> Vec<f64>) -> String {
     let psnr = number("psnr", &|v| format!("{v:.1} dB"));
     let parts = match truth {
         Truth::Mesh(_) => vec![
-            distance("Chamfer ", "chamfer_relative", 3),
+            per_cent("Chamfer ", "chamfer_relative", 3),
             number("normal_error", &|v| format!("normals {v:.1}°")),
             psnr,
         ],
         Truth::Room => vec![
-            distance("Chamfer ", "room_raw", 2),
-            distance("inside the masks ", "room_cut", 2),
+            per_cent("Chamfer ", "room_raw", 2),
+            per_cent("inside the masks ", "room_cut", 2),
             number("sails", &|v| format!("sails {v:.3}")),
         ],
-        Truth::Points => vec![distance("points ", "points_median", 3)],
+        Truth::Points => vec![per_cent("points ", "points_median", 3)],
         Truth::Views => vec![psnr],
     };
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")

@@ -23,7 +23,7 @@ pub(crate) trait Measurement: Sync {
     /// Measures a row.
     ///
     /// # Errors
-    /// If the measurement fails.
+    /// If the measurement fails; [`Skipped`] if it cannot run here.
     fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value>;
 
     /// Writes tables and plots of the rows into the folder of the measurement. Rows that were never
@@ -33,6 +33,11 @@ pub(crate) trait Measurement: Sync {
     /// If a file cannot be written, or a row lacks a value.
     fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()>;
 }
+
+/// The error of a row that cannot be measured on this machine: a program is missing.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Skipped(pub(crate) String);
 
 /// What a row is measured with.
 #[derive(Clone, Copy, Debug)]

@@ -11,6 +11,7 @@ mod fits;
 mod math;
 mod measurement;
 mod pages;
+mod peers;
 mod rows;
 mod speed;
 mod steps;
@@ -29,7 +30,7 @@ use sweep::measure::{dsdf, workspace_root};
 
 use crate::arguments::WrongArgument;
 use code::Code;
-use measurement::{Bench, Measurement};
+use measurement::{Bench, Measurement, Skipped};
 pub(crate) use pages::check as check_page;
 use rows::{Planned, Row, Rows};
 
@@ -63,6 +64,7 @@ const ALL: &[&dyn Measurement] = &[
     &tradeoff::Tradeoff,
     &speed::Speed,
     &extremes::Extremes,
+    &peers::Peers,
     &math::Math,
     &ablate::Ablations,
 ];
@@ -216,7 +218,14 @@ fn measure_rows(
             let last = last.map_or(String::new(), |seconds| format!(" ({seconds:.0} s last time)"));
             eprintln!("{} of {count}: {}: {}{last}", first + number + 1, of.name(), planned.name);
             let row = measure_row(*of, planned, (program, folder), digest, jobs);
-            let row = row.with_context(|| format!("{}: {}", of.name(), planned.name))?;
+            let name = format!("{}: {}", of.name(), planned.name);
+            if let Err(error) = &row
+                && let Some(Skipped(reason)) = error.downcast_ref()
+            {
+                eprintln!("SKIPPED {name}: {reason}");
+                continue;
+            }
+            let row = row.context(name)?;
             let mut rows = locked()?;
             rows.0.insert(planned.name.clone(), row);
             rows.save(folder)?;

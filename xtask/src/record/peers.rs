@@ -1,0 +1,213 @@
+//! Other programs beside dsdf: passes of networks in Dr.Jit and JAX, and derivative images of
+//! silhouettes in Mitsuba 3. The scripts are in `xtask/peers`.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, bail};
+use serde_json::{Value, json};
+use sweep::measure::plot::{Curve, Panel, svg};
+use sweep::measure::workspace_root;
+
+use super::measurement::{Bench, Measurement, Skipped};
+use super::rows::{Planned, Row, Rows, provenance};
+use crate::bench::Machine;
+use crate::output::write;
+
+/// Other programs beside dsdf.
+pub(crate) struct Peers;
+
+/// The row of passes of networks.
+const NETWORKS: &str = "networks";
+
+/// The cases of silhouettes, with their names in tables.
+const CASES: [(&str, &str); 5] = [
+    ("sphere-radius", "a ball, by its radius"),
+    ("sphere-depth", "a ball, towards the camera"),
+    ("sphere-across", "a ball, across the view"),
+    ("cube-depth", "a cube, towards the camera"),
+    ("ball-vertical", "a ball of triangles, upwards"),
+];
+
+/// The rows of a case, apart: a name, and the values of their labels.
+const METHODS: [(&str, [(&str, &str); 3]); 5] = [
+    ("dsdf", [("program", "dsdf"), ("estimator", "refined"), ("precision", "f64")]),
+    (
+        "direct_projective, primary",
+        [("program", "mitsuba"), ("estimator", "direct_projective"), ("terms", "primary")],
+    ),
+    (
+        "direct_projective",
+        [("program", "mitsuba"), ("estimator", "direct_projective"), ("terms", "all")],
+    ),
+    (
+        "prb_projective, primary",
+        [("program", "mitsuba"), ("estimator", "prb_projective"), ("terms", "primary")],
+    ),
+    ("prb_projective", [("program", "mitsuba"), ("estimator", "prb_projective"), ("terms", "all")]),
+];
+
+/// The passes in a table: the name, that in dsdf's bench, and that in the scripts.
+const PASSES: [(&str, &str, &str); 3] = [
+    ("value", "value", "value"),
+    ("value and gradient", "value + gradient", "value + gradient"),
+    ("parameter pass", "parameter VJP", "parameter VJP"),
+];
+
+/// The network of the table, as dsdf's bench names it.
+const NETWORK: &str = "3 × 64, 6 octaves";
+
+/// The status of a script that cannot run here.
+const CANNOT_RUN: i32 = 3;
+
+impl Measurement for Peers {
+    fn name(&self) -> &'static str {
+        "peers"
+    }
+
+    fn measured(&self) -> &'static [&'static str] {
+        &["scene", "estimate"]
+    }
+
+    fn plan(&self) -> anyhow::Result<Vec<Planned>> {
+        let networks = "cargo bench -p dsdf-sdf-nn --bench machine; kernels_jax.py --threads 1; \
+                        kernels_drjit.py --threads 1";
+        let networks = Planned::new(NETWORKS, networks.to_owned()).seeds([1]);
+        let case = |(name, _): (&str, &str)| {
+            let command = format!("silhouettes_mitsuba.py --dsdf dsdf --threads 1 --case {name}");
+            Planned::new(name, command).seeds(0..3)
+        };
+        Ok(std::iter::once(networks).chain(CASES.map(case)).collect())
+    }
+
+    fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
+        let python = python()?;
+        if row.name == NETWORKS {
+            return Ok(json!({
+                "dsdf": Machine::measure()?,
+                "jax": script(&python, "kernels_jax.py", &["--threads", "1"])?,
+                "drjit": script(&python, "kernels_drjit.py", &["--threads", "1"])?,
+            }));
+        }
+        let program = bench.program.to_string_lossy();
+        let arguments = ["--dsdf", &program, "--threads", "1", "--case", &row.name];
+        script(&python, "silhouettes_mitsuba.py", &arguments)
+    }
+
+    fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
+        let mut panels = Vec::new();
+        for (case, title) in CASES {
+            let Some(row) = rows.0.get(case) else { continue };
+            let curve = |(name, label): (&str, [(&str, &str); 3])| {
+                let points = points(row, label);
+                let points =
+                    points.into_iter().map(|(_, seconds, error)| (seconds, error)).collect();
+                Curve { name: name.to_owned(), points }
+            };
+            let curves = METHODS.map(curve).into();
+            panels.push(Panel { title: title.to_owned(), curves, front: false });
+        }
+        write(folder, "silhouettes.svg", svg(&panels, "seconds of one core", "relative L2 error"))?;
+        let (networks, silhouettes) = (networks(rows), silhouettes(rows));
+        let source = provenance(rows);
+        let page =
+            format!("## Networks\n\n{networks}\n## Silhouettes\n\n{silhouettes}\n{source}\n");
+        write(folder, "peers.md", page)
+    }
+}
+
+/// The Python of the peers, in an environment of their own, made if it is not there.
+fn python() -> anyhow::Result<PathBuf> {
+    let folder = workspace_root().join("target/record/peers");
+    let (python, done) = (folder.join("bin/python"), folder.join("installed"));
+    if !done.exists() {
+        script(Path::new("python3"), "install.py", &[&folder.to_string_lossy()])?;
+        std::fs::write(&done, "")?;
+    }
+    Ok(python)
+}
+
+/// Runs a script, whose progress goes to standard error, and returns its JSON.
+fn script(python: &Path, name: &str, arguments: &[&str]) -> anyhow::Result<Value> {
+    let path = workspace_root().join("xtask/peers").join(name);
+    let output = Command::new(python).arg(path).args(arguments).stderr(Stdio::inherit()).output();
+    let output = output.with_context(|| python.display().to_string())?;
+    if output.status.code() == Some(CANNOT_RUN) {
+        return Err(Skipped(format!("{name} cannot run here, for the reason above")).into());
+    }
+    if !output.status.success() {
+        bail!("{name} failed");
+    }
+    serde_json::from_slice(&output.stdout).with_context(|| name.to_owned())
+}
+
+/// The rows of a case with these labels, of the best shape of each number of samples: samples a pixel,
+/// seconds, and the error of the image. Rows that failed have no error.
+fn points(row: &Row, label: [(&str, &str); 3]) -> Vec<(u64, f64, f64)> {
+    let cases = row.values["cases"].as_array().into_iter().flatten();
+    let all = cases.flat_map(|case| case["rows"].as_array().into_iter().flatten());
+    let own = all.filter(|row| label.iter().all(|(key, value)| row[*key] == **value));
+    let point = |row: &Value| {
+        Some((row["spp"].as_u64()?, row["seconds"].as_f64()?, row["image_error"].as_f64()?))
+    };
+    let mut points: Vec<(u64, f64, f64)> = own.filter_map(point).collect();
+    // The first shape of a case is that of the issue: cubes and balls with seams.
+    points.sort_by_key(|(spp, _, _)| *spp);
+    points.dedup_by_key(|(spp, _, _)| *spp);
+    points
+}
+
+/// The errors of each method at its largest number of samples, with its seconds.
+fn silhouettes(rows: &Rows) -> String {
+    let mut out = String::from("| case |");
+    METHODS.iter().for_each(|(name, _)| out += &format!(" {name} |"));
+    out += &format!("\n| --- |{}\n", " --- |".repeat(METHODS.len()));
+    for (case, title) in CASES {
+        let Some(row) = rows.0.get(case) else { continue };
+        let _ = write!(out, "| {title} |");
+        for (_, label) in METHODS {
+            let cell = points(row, label).last().map_or_else(
+                || "not finite".to_owned(),
+                |(spp, seconds, error)| {
+                    format!("{:.2} %, {seconds:.2} s, {spp} samples", 100.0 * error)
+                },
+            );
+            let _ = write!(out, " {cell} |");
+        }
+        out.push('\n');
+    }
+    out
+}
+
+/// The passes of a network of 3 layers of 64 in each program, in millions of points per second.
+fn networks(rows: &Rows) -> String {
+    let mut out = String::from("| M points/s |");
+    PASSES.iter().for_each(|(name, _, _)| out += &format!(" {name} |"));
+    out += "\n| --- | --- | --- | --- |\n";
+    let Some(values) = rows.0.get(NETWORKS).map(|row| &row.values) else { return out };
+    let cell =
+        |points: Option<f64>| points.map_or("none".to_owned(), |v| format!("{:.3}", v / 1e6));
+    let dsdf = |pass: &str| {
+        let all = values["dsdf"]["passes"].as_array()?;
+        let own = all.iter().find(|row| row["network"] == NETWORK && row["pass"] == pass)?;
+        own["points_per_second"].as_f64()
+    };
+    let cells = PASSES.map(|(_, pass, _)| cell(dsdf(pass)));
+    let _ = writeln!(out, "| dsdf | {} |", cells.join(" | "));
+    for (program, name) in [("jax", "JAX"), ("drjit", "Dr.Jit")] {
+        let mut lines: Vec<(String, Vec<String>)> = Vec::new();
+        for row in values[program]["rows"].as_array().into_iter().flatten() {
+            let of = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+            let points = row["points"].as_u64().unwrap_or_default();
+            let layers = [of("encoding"), of("layers")].join(" ");
+            let best = |pass: &str| row["passes"][pass]["points_per_second"]["best"].as_f64();
+            let cells = PASSES.map(|(_, _, pass)| cell(best(pass))).to_vec();
+            lines.push((format!("{name}, {}, {points} points", layers.trim()), cells));
+        }
+        for (name, cells) in lines {
+            let _ = writeln!(out, "| {name} | {} |", cells.join(" | "));
+        }
+    }
+    out
+}
