@@ -18,6 +18,7 @@ pub(crate) struct Code {
     files: BTreeMap<String, String>,
     /// The crates that each crate depends on, by the names of their folders.
     dependencies: BTreeMap<String, BTreeSet<String>>,
+    root: PathBuf,
 }
 
 impl Code {
@@ -32,14 +33,16 @@ impl Code {
                 let text =
                     std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
                 let name = path.strip_prefix(root)?.to_string_lossy().replace('\\', "/");
-                files.insert(name, bare(&text));
+                if !is_test(&name) {
+                    files.insert(name, bare(&text));
+                }
             }
         }
-        Ok(Code { files, dependencies: dependencies()? })
+        Ok(Code { files, dependencies: dependencies()?, root: root.to_owned() })
     }
 
     /// The digest of what a measurement depends on: crates with all that they depend on, by the
-    /// names of their folders, and single files, by their paths in the workspace.
+    /// names of their folders, and other files and folders, by their paths in the workspace.
     ///
     /// # Errors
     /// If there is no such crate or file, or git does not start.
@@ -48,27 +51,34 @@ impl Code {
         for (name, code) in self.of(measured)? {
             text += &format!("{name}\n{code}\n");
         }
-        digest(&text)
+        short_digest(&text)
     }
 
-    /// The files of a measurement, with their code.
-    fn of(&self, measured: &[&str]) -> anyhow::Result<BTreeMap<&str, &str>> {
+    /// The files of a measurement, with their code, or their content if they are not of Rust.
+    fn of(&self, measured: &[&str]) -> anyhow::Result<BTreeMap<String, String>> {
         let mut crates = BTreeSet::new();
         let mut out = BTreeMap::new();
         for name in measured {
-            if let Some((file, code)) = self.files.get_key_value(*name) {
-                out.insert(&**file, &**code);
-            } else {
-                ensure!(self.dependencies.contains_key(*name), "{name}: no such crate or file");
+            if self.dependencies.contains_key(*name) {
                 self.add_crates(name, &mut crates);
+            } else if self.files.contains_key(*name) || name.ends_with('/') {
+                out.extend(self.below(name));
+            } else {
+                let path = self.root.join(name);
+                let text = std::fs::read(&path).with_context(|| format!("{name}: no such file"))?;
+                out.insert((*name).to_owned(), String::from_utf8_lossy(&text).into_owned());
             }
         }
         for name in crates {
-            let start = format!("crates/{name}/src/");
-            let own = self.files.iter().filter(|(file, _)| file.starts_with(&start));
-            out.extend(own.map(|(file, code)| (&**file, &**code)));
+            out.extend(self.below(&format!("crates/{name}/src/")));
         }
         Ok(out)
+    }
+
+    /// The files of Rust whose names start like this.
+    fn below(&self, start: &str) -> impl Iterator<Item = (String, String)> {
+        let own = self.files.iter().filter(move |(file, _)| file.starts_with(start));
+        own.map(|(file, code)| (file.clone(), code.clone()))
     }
 
     /// Adds a crate and all that it depends on.
@@ -89,17 +99,16 @@ fn rust_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         let path = entry?.path();
         if path.is_dir() && !path.ends_with("target") {
             out.extend(rust_files(&path)?);
-        } else if path.extension().is_some_and(|end| end == "rs") && !is_test(&path) {
+        } else if path.extension().is_some_and(|end| end == "rs") {
             out.push(path);
         }
     }
     Ok(out)
 }
 
-/// Whether only tests have a file.
-fn is_test(path: &Path) -> bool {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    stem.ends_with("tests") || path.components().any(|part| part.as_os_str() == "tests")
+/// Whether only tests have a file of the workspace.
+fn is_test(name: &str) -> bool {
+    name.ends_with("tests.rs") || name.split('/').any(|part| part == "tests")
 }
 
 /// The code of a file without what changes no number: comments, tests, blank space with the commas
@@ -113,7 +122,7 @@ fn bare(text: &str) -> String {
 }
 
 /// The first digits of the object name that git gives a text.
-fn digest(text: &str) -> anyhow::Result<String> {
+pub(crate) fn short_digest(text: &str) -> anyhow::Result<String> {
     let mut git = Command::new("git")
         .args(["hash-object", "--stdin"])
         .stdin(Stdio::piped())
@@ -154,6 +163,7 @@ mod tests {
                 on("app", &["fit"]),
             ]
             .into(),
+            root: PathBuf::new(),
         }
     }
 
@@ -175,7 +185,7 @@ mod tests {
         assert_eq!(bare(text), bare(other));
         assert_eq!(bare("f(\n    a,\n    b,\n)"), bare("f(a, b)"));
         assert_ne!(bare(other), bare(&other.replace('1', "2")));
-        assert!(is_test(Path::new("src/file_tests.rs")) && is_test(Path::new("src/tests/a.rs")));
-        assert!(!is_test(Path::new("src/test_model.rs")));
+        assert!(is_test("src/file_tests.rs") && is_test("src/tests/a.rs"));
+        assert!(!is_test("src/test_model.rs"));
     }
 }

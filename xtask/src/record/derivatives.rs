@@ -45,7 +45,7 @@ impl Measurement for Derivatives {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate"]
+        &["scene", "estimate", "crates/sweep/src/measure/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

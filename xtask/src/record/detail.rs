@@ -51,7 +51,7 @@ impl Measurement for Detail {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["fit", "metrics", "mesh"]
+        &["fit", "metrics", "mesh", "crates/app/src/cli/fit/", "crates/app/src/cli/eval/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {
@@ -62,7 +62,6 @@ impl Measurement for Detail {
                  eval RUN --mesh {MESH}"
             );
             Planned {
-                is_single: true,
                 needs: Some(shared().join("data").join(set)),
                 ..Planned::new(row_name(set, fit, seconds), command).seeds([0])
             }

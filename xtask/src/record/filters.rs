@@ -47,7 +47,7 @@ impl Measurement for Filters {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate"]
+        &["scene", "estimate", "crates/sweep/src/measure/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::{cargo_command, dsdf, workspace_root};
 
+use super::code::short_digest;
 use super::measurement::{Bench, Measurement, Skipped, shared};
 use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
@@ -89,7 +90,7 @@ struct Set {
     kind: Kind,
     source: Source,
     truth: Truth,
-    /// Numbers of iterations, each with its seeds. A table of one line a set has the last.
+    /// Numbers of iterations, each with its seeds. A table of one line a set has the last one that was measured.
     budgets: &'static [(u32, &'static [u64])],
     /// Further options of `dsdf fit`.
     options: &'static [&'static str],
@@ -225,6 +226,11 @@ const SETS: &[Set] = &[
         .options(&["--masks", "auto"]),
 ];
 
+/// What tells one build of a program from another.
+fn fingerprint(program: &Path) -> anyhow::Result<u64> {
+    Ok(std::fs::metadata(program)?.len())
+}
+
 /// Held while a data set is made.
 static MAKING: Mutex<()> = Mutex::new(());
 
@@ -275,12 +281,13 @@ impl Source {
         let _one_at_a_time = MAKING.lock().map_err(|_| anyhow!("another data set failed"))?;
         let place = workspace_root().join("target/record/data");
         std::fs::create_dir_all(&place)?;
-        let data = place.join(self.shown());
+        let by = short_digest(&format!("{:?} {}", self.made_by(), fingerprint(program)?))?;
+        let data = place.join(format!("{}-{by}", self.shown()));
         if data.exists() {
             return Ok(data);
         }
         // A data set that was begun and not finished does not count.
-        let begun = place.join(format!("{}-begun", self.shown()));
+        let begun = place.join("begun");
         if begun.exists() {
             std::fs::remove_dir_all(&begun)?;
         }
@@ -355,7 +362,19 @@ impl Measurement for Fits {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["fit", "inspect", "metrics", "mesh", "poses", "export"]
+        &[
+            "fit",
+            "inspect",
+            "metrics",
+            "mesh",
+            "poses",
+            "export",
+            "scene",
+            "crates/app/src/cli/fit/",
+            "crates/app/src/cli/eval/",
+            "crates/app/src/cli/demo_scene.json",
+            "xtask/sweeps/scenes/ridges.json",
+        ]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {
@@ -429,7 +448,11 @@ impl Measurement for Fits {
     }
 
     fn write(&self, rows: &Rows, folder: &Path) -> anyhow::Result<()> {
-        let last = |set: &Set, n| set.budgets.last().is_some_and(|(last, _)| *last == n);
+        let last = |set: &Set, n| {
+            let measured =
+                |n: &&(u32, &[u64])| !of_seeds(rows, set, n.0, "core_seconds").is_empty();
+            set.budgets.iter().rfind(measured).is_some_and(|(last, _)| *last == n)
+        };
         let (first, all) = (table(rows, last), table(rows, |_, _| true));
         let source = provenance(rows);
         write(folder, "fits.md", format!("{first}\n## All of them\n\n{all}\n{source}\n"))?;
@@ -470,10 +493,10 @@ fn python() -> anyhow::Result<PathBuf> {
         ensure!(status.success(), "{} {} failed", program.display(), arguments.join(" "));
         Ok(())
     };
-    if !program.exists() {
-        run(Path::new("python3"), &["-m", "venv", &folder.to_string_lossy()])?;
-    }
+    let _one_at_a_time = MAKING.lock().map_err(|_| anyhow!("another row failed"))?;
     if !folder.join("installed").exists() {
+        // One that was begun and not finished does not count.
+        run(Path::new("python3"), &["-m", "venv", "--clear", &folder.to_string_lossy()])?;
         let packages = ["numpy", "scipy", "trimesh", "pillow"];
         run(&program, &[&["-m", "pip", "install", "--quiet"][..], &packages].concat())?;
         std::fs::write(folder.join("installed"), "")?;

@@ -28,7 +28,7 @@ impl Measurement for Math {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate"]
+        &["scene", "estimate", "crates/sweep/src/measure/", "xtask/src/record/math/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

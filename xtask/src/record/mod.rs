@@ -23,13 +23,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::ScopedJoinHandle;
 use std::time::{Instant, SystemTime};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use sweep::measure::host::{processor, revision};
 use sweep::measure::{dsdf, workspace_root};
 
 use crate::arguments::WrongArgument;
-use code::Code;
+use code::{Code, short_digest};
 use measurement::{Bench, Measurement, Skipped};
 pub(crate) use pages::check as check_page;
 use rows::{Planned, Row, Rows};
@@ -104,7 +104,13 @@ impl Work {
     fn state(&self, row: &Planned) -> State {
         match self.rows.0.get(&row.name) {
             None => State::Missing,
-            Some(old) if old.code == self.digest && old.command == row.command => State::Current,
+            Some(old)
+                if old.code == self.digest
+                    && old.command == row.command
+                    && old.seeds == row.seeds =>
+            {
+                State::Current
+            }
             Some(_) => State::Stale,
         }
     }
@@ -139,9 +145,13 @@ impl Record {
         if self.list {
             return list(&all);
         }
-        if !self.tables {
-            self.measure(&mut all)?;
+        let matches = |text: &String| {
+            all.iter().flat_map(|work| &work.plan).any(|row| row.name.contains(text))
+        };
+        if let Some(text) = self.only.as_ref().filter(|text| !matches(text)) {
+            return Err(WrongArgument(format!("--only {text}: no row has this text")).into());
         }
+        let measured = if self.tables { Ok(()) } else { self.measure(&mut all) };
         for work in &mut all {
             work.forget();
             if !work.rows.0.is_empty() {
@@ -149,7 +159,8 @@ impl Record {
                 work.of.write(&work.rows, &work.folder)?;
             }
         }
-        pages::refresh(&workspace_root())
+        pages::refresh(&workspace_root())?;
+        measured
     }
 
     /// The measurements that the arguments name.
@@ -161,7 +172,16 @@ impl Record {
                 || WrongArgument(format!("{name}: no measurement, expected one of {}", names()));
             found.copied().ok_or_else(|| wrong().into())
         };
-        if self.names.is_empty() { Ok(ALL.to_vec()) } else { self.names.iter().map(find).collect() }
+        if self.names.is_empty() {
+            return Ok(ALL.to_vec());
+        }
+        let mut wanted: Vec<&'static dyn Measurement> = Vec::new();
+        for of in self.names.iter().map(find).collect::<anyhow::Result<Vec<_>>>()? {
+            if wanted.iter().all(|own| own.name() != of.name()) {
+                wanted.push(of);
+            }
+        }
+        Ok(wanted)
     }
 
     /// Measures all rows that are due. A row is saved as soon as it is measured.
@@ -182,8 +202,9 @@ impl Record {
         if count == 0 {
             return Ok(());
         }
-        let program = dsdf::build()?;
-        let mut number = 0;
+        let program = own_program(&dsdf::build()?)?;
+        let commit = revision();
+        let (mut number, mut failed) = (0, 0);
         for (work, (here, _)) in all.iter_mut().zip(due) {
             std::fs::create_dir_all(&work.folder)?;
             let (single, others): (Vec<_>, Vec<_>) =
@@ -192,23 +213,27 @@ impl Record {
             for (batch, jobs) in batches {
                 let first = number;
                 number += batch.len();
-                measure_rows(work, &batch, &program, jobs, (first, count))?;
+                failed += measure_rows(work, &batch, (&program, &commit), jobs, (first, count))?;
             }
+        }
+        if failed > 0 {
+            bail!("{failed} of {count} rows failed: the same command tries them again");
         }
         Ok(())
     }
 }
 
-/// Measures rows of one measurement, `jobs` at a time. `first` of `count` rows were measured before.
+/// Measures rows of one measurement, `jobs` at a time, and returns how many failed. `first` of `count`
+/// rows were measured before.
 fn measure_rows(
     work: &mut Work,
     batch: &[Planned],
-    program: &Path,
+    program: (&Path, &str),
     jobs: usize,
     (first, count): (usize, usize),
-) -> anyhow::Result<()> {
+) -> anyhow::Result<usize> {
     let Work { of, rows, digest, folder, .. } = work;
-    let (next, rows) = (AtomicUsize::new(0), Mutex::new(rows));
+    let (next, failed, rows) = (AtomicUsize::new(0), AtomicUsize::new(0), Mutex::new(rows));
     let locked = || rows.lock().map_err(|_| anyhow!("another row failed"));
     let one_after_the_other = || -> anyhow::Result<()> {
         loop {
@@ -216,19 +241,23 @@ fn measure_rows(
             let Some(planned) = batch.get(number) else { return Ok(()) };
             let last = locked()?.0.get(&planned.name).map(|row| row.seconds);
             let last = last.map_or(String::new(), |seconds| format!(" ({seconds:.0} s last time)"));
-            eprintln!("{} of {count}: {}: {}{last}", first + number + 1, of.name(), planned.name);
-            let row = measure_row(*of, planned, (program, folder), digest, jobs);
             let name = format!("{}: {}", of.name(), planned.name);
-            if let Err(error) = &row
-                && let Some(Skipped(reason)) = error.downcast_ref()
-            {
-                eprintln!("SKIPPED {name}: {reason}");
-                continue;
+            eprintln!("{} of {count}: {name}{last}", first + number + 1);
+            let scratch = scratch(of.name(), digest, planned)?;
+            match measure_row(*of, planned, program, (&scratch, folder), (digest, jobs)) {
+                Ok(row) => {
+                    let mut rows = locked()?;
+                    rows.0.insert(planned.name.clone(), row);
+                    rows.save(folder)?;
+                    std::fs::remove_dir_all(&scratch)?;
+                }
+                Err(error) if error.is::<Skipped>() => eprintln!("SKIPPED {name}: {error}"),
+                // The others can be measured all the same.
+                Err(error) => {
+                    eprintln!("FAILED {name}: {error:#}");
+                    failed.fetch_add(1, Ordering::Relaxed);
+                }
             }
-            let row = row.context(name)?;
-            let mut rows = locked()?;
-            rows.0.insert(planned.name.clone(), row);
-            rows.save(folder)?;
         }
     };
     std::thread::scope(|scope| {
@@ -239,27 +268,26 @@ fn measure_rows(
         };
         // All of them end before an error is returned.
         let results: Vec<_> = workers.into_iter().map(joined).collect();
-        results.into_iter().collect()
-    })
+        results.into_iter().collect::<anyhow::Result<()>>()
+    })?;
+    Ok(failed.into_inner())
 }
 
 /// Measures one row.
 fn measure_row(
     of: &dyn Measurement,
     planned: &Planned,
-    (program, folder): (&Path, &Path),
-    digest: &str,
-    jobs: usize,
+    (program, commit): (&Path, &str),
+    (scratch, folder): (&Path, &Path),
+    (digest, jobs): (&str, usize),
 ) -> anyhow::Result<Row> {
-    let scratch = scratch(of.name(), digest, &planned.name)?;
     let begin = Instant::now();
-    let values = of.measure(planned, &Bench { program, scratch: &scratch, folder })?;
-    std::fs::remove_dir_all(&scratch)?;
+    let values = of.measure(planned, &Bench { program, scratch, folder })?;
     Ok(Row {
         command: planned.command.clone(),
         seeds: planned.seeds.clone(),
         code: digest.to_owned(),
-        commit: revision(),
+        commit: commit.to_owned(),
         machine: processor(),
         cores: std::thread::available_parallelism().map_or(1, usize::from),
         date: today(),
@@ -269,12 +297,26 @@ fn measure_row(
     })
 }
 
-/// The folder of a row's own files, which outlives a measurement that is killed. Another version of
-/// the code has another one.
-fn scratch(measurement: &str, digest: &str, row: &str) -> anyhow::Result<PathBuf> {
+/// A copy of the program, so that a build of other code meanwhile does not change what is measured.
+fn own_program(built: &Path) -> anyhow::Result<PathBuf> {
+    let folder = workspace_root().join("target/record");
+    std::fs::create_dir_all(&folder)?;
+    let own = folder.join(built.file_name().context("a program")?);
+    // A running program cannot be written to, but its name can be taken.
+    let new = folder.join("new-program");
+    std::fs::copy(built, &new)?;
+    std::fs::rename(&new, &own)?;
+    Ok(own)
+}
+
+/// The folder of a row's own files, which outlives a measurement that is killed. Other code and
+/// another command have another one.
+fn scratch(measurement: &str, digest: &str, row: &Planned) -> anyhow::Result<PathBuf> {
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-    let row: String = row.chars().map(plain).collect();
-    let path = workspace_root().join("target/record").join(measurement).join(digest).join(row);
+    let name: String = row.name.chars().map(plain).collect();
+    let command = short_digest(&row.command)?;
+    let path = workspace_root().join("target/record").join(measurement).join(digest);
+    let path = path.join(format!("{name}-{command}"));
     std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
     Ok(path)
 }

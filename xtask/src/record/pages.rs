@@ -74,8 +74,10 @@ fn refreshed(page: &str, read: &dyn Fn(&str) -> anyhow::Result<String>) -> anyho
         let table = table(&text, heading);
         let table = table.with_context(|| format!("{file} has no table {heading:?}"))?;
         out += &format!("\n{table}\n{END}\n");
-        if !lines.any(|line| line == END) {
-            bail!("no line {END:?} after the table of {source}");
+        // Only a table and blank lines are taken out.
+        let is_table = |line: &&str| line.is_empty() || line.starts_with('|');
+        if lines.find(|line| !is_table(line)) != Some(END) {
+            bail!("something other than a table between {line:?} and {END:?}");
         }
     }
     Ok(out)
@@ -109,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_page_gets_the_tables_of_its_files() {
-        let page = "A.\n<!-- table: r.md -->\nold\n<!-- end of table -->\nB.\n\
+        let page = "A.\n<!-- table: r.md -->\n| old |\n<!-- end of table -->\nB.\n\
                     <!-- table: r.md#Second -->\n<!-- end of table -->\n";
         let expected = "A.\n<!-- table: r.md -->\n\n| a |\n| --- |\n| 1 |\n\n<!-- end of table -->\n\
                         B.\n<!-- table: r.md#Second -->\n\n| b |\n| --- |\n| 2 |\n\n\

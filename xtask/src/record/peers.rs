@@ -67,7 +67,14 @@ impl Measurement for Peers {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate"]
+        &[
+            "scene",
+            "estimate",
+            "xtask/peers/peers.py",
+            "xtask/peers/kernels_drjit.py",
+            "xtask/peers/kernels_jax.py",
+            "xtask/peers/silhouettes_mitsuba.py",
+        ]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

@@ -36,7 +36,7 @@ impl Measurement for Steps {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate"]
+        &["scene", "estimate", "crates/sweep/src/measure/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

@@ -50,13 +50,14 @@ pub(crate) fn check(name: &str, page: &str) -> Vec<String> {
 fn measured(line: &str) -> Option<&str> {
     let digits = line.char_indices().filter(|(_, c)| c.is_ascii_digit()).map(|(at, _)| at);
     digits.into_iter().find_map(|at| {
-        let after = line[at + 1..].strip_prefix(' ').unwrap_or(&line[at + 1..]);
+        let after = line[at + 1..].strip_prefix([' ', '\u{a0}']).unwrap_or(&line[at + 1..]);
         let unit = UNITS.iter().find(|unit| {
             let rest = after.strip_prefix(**unit);
             rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric()))
         })?;
         let before = |c: char| !c.is_ascii_digit() && c != '.' && c != ',';
-        let start = line[..at].rfind(before).map_or(0, |at| at + 1);
+        let start = line[..at].char_indices().rfind(|(_, c)| before(*c));
+        let start = start.map_or(0, |(at, c)| at + c.len_utf8());
         let end = line.len() - after.len() + unit.len();
         line.get(start..end)
     })
@@ -95,6 +96,7 @@ mod tests {
         assert_eq!(found("| 32 views of 256 × 256 | k = 14 | 3 hidden layers |"), None);
         assert_eq!(found("| x | 10 seeds, 5 scenes |"), None);
         assert_eq!(found("| x | 2.9 M points/s |"), Some("2.9 M points/s"));
+        assert_eq!(found("| x | −0.5 dB |"), Some("0.5 dB"));
         assert_eq!(found("| x | 10s |"), Some("10s"));
         assert_eq!(found("| x | 1.3° |"), Some("1.3°"));
     }

@@ -1,7 +1,8 @@
 //! Building the `dsdf` binary, running its commands, and reading their JSON.
 
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use serde_json::Value;
 
@@ -81,18 +82,21 @@ pub fn memory(process: u32, key: &str) -> Option<f64> {
 }
 
 /// Runs a command of the binary as [`run_json`] does, and returns its processor time in seconds, too:
-/// of a command with one thread, about its wall time on an idle core, whatever else the machine does.
+/// of a command with one thread, its wall time without the time that it waited for a core. A neighbour
+/// that shares the core's caches or units still makes it longer.
 ///
 /// The time is `None` where the system has no `/proc`.
 ///
 /// # Errors
 /// If the command fails, with its standard error as the message.
 pub fn run_json_timed(binary: &Path, arguments: &[&str]) -> Result<(Value, Option<f64>), Error> {
+    // Files and not pipes: nobody reads until the end.
+    let (mut printed, mut messages) = (tempfile::tempfile()?, tempfile::tempfile()?);
     let child = Command::new(binary)
         .args(arguments)
         .args(["--json", "--quiet"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
+        .stdout(printed.try_clone()?)
+        .stderr(messages.try_clone()?)
         .spawn();
     let mut child = child.map_err(Error::action("cannot start dsdf".to_owned()))?;
     // The system forgets the time with the process: it is read until the end.
@@ -101,8 +105,13 @@ pub fn run_json_timed(binary: &Path, arguments: &[&str]) -> Result<(Value, Optio
         seconds = processor_seconds(child.id()).or(seconds);
         std::thread::sleep(INTERVAL);
     }
-    let report = report(arguments, &child.wait_with_output()?)?;
-    Ok((report, seconds))
+    let status = child.wait()?;
+    let read = |file: &mut std::fs::File| {
+        let mut bytes = Vec::new();
+        file.rewind().and_then(|()| file.read_to_end(&mut bytes)).map(|_| bytes)
+    };
+    let output = Output { status, stdout: read(&mut printed)?, stderr: read(&mut messages)? };
+    Ok((report(arguments, &output)?, seconds))
 }
 
 /// The time between two readings of a process's time.

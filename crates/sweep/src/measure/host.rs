@@ -9,8 +9,8 @@ pub fn processor() -> String {
     name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
 }
 
-/// The files that decide what a program does.
-const CODE: [&str; 5] = ["crates", "xtask", "tests", "Cargo.toml", "Cargo.lock"];
+/// The files that decide what a program does, as patterns of git.
+const CODE: [&str; 3] = ["*.rs", "*.toml", "Cargo.lock"];
 
 /// The commit of the source, with `-dirty` if its code differs from it, or `unknown`.
 pub fn revision() -> String {

@@ -1,5 +1,6 @@
 //! `dsdf fit`.
 
+mod expected;
 mod growth;
 mod options;
 mod prepare_run;

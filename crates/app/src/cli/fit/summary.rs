@@ -4,6 +4,7 @@ use dataset::Dataset;
 use fit::{ExposureModel, RunFile};
 use report::modelled;
 
+use super::expected::expected;
 use crate::cli::common::Global;
 
 /// Prints a summary of the photographs, and one line for each warning that `dsdf inspect` gives.
@@ -30,5 +31,7 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
         ExposureModel::PerView => "one for each photograph and channel, fitted",
     };
     global.say(&format!("exposure: {}; {exposures} (see --exposure)", report.exposure_text()));
+    let trained = file.background_kind.is_trained();
+    expected(&file.options, trained).iter().for_each(|line| global.say(line));
     report.warnings.iter().for_each(|warning| global.say(&format!("WARNING {warning}")));
 }
