@@ -27,9 +27,10 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// One line about the time and the distance to expect. `None` if nothing like this fit was measured:
-/// its network or its estimator is not the default.
-pub(super) fn expected(options: &FitOptions, is_trained: bool) -> Option<String> {
+/// One line about the time and the distance to expect on this number of threads. `None` if nothing
+/// like this fit was measured: its network or its estimator is not the default, or it is far longer or
+/// shorter.
+pub(super) fn expected(options: &FitOptions, is_trained: bool, threads: usize) -> Option<String> {
     let default = FitOptions::default();
     let is_default = options.width == default.width
         && options.layers == default.layers
@@ -40,28 +41,41 @@ pub(super) fn expected(options: &FitOptions, is_trained: bool) -> Option<String>
     }
     let all: Vec<Measured<'_>> = MEASURED.lines().filter_map(Measured::of_line).collect();
     let own: Vec<&Measured<'_>> = all.iter().filter(|fit| fit.is_trained == is_trained).collect();
-    let rates = own.iter().map(|fit| fit.seconds / fit.iterations);
-    let [fast, slow] = range(rates)?;
+    // Threads make a fit faster by about the root of their number; docs/iteration.md has it.
+    let speed = (threads.min(MOST_THREADS) as f64).sqrt();
+    let [fast, slow] = range(own.iter().map(|fit| fit.seconds / fit.iterations / speed))?;
     let (iterations, time) = match options.budget() {
         Budget::Iterations(n) => {
             let n = n as f64;
-            (n, format!("{} to {} of one core", duration(n * fast), duration(n * slow)))
+            (n, format!("{} to {}", duration(n * fast), duration(n * slow)))
         }
         Budget::Time(time) => {
             let seconds = time.as_secs_f64();
-            (seconds / (fast * slow).sqrt(), format!("{} of one core", duration(seconds)))
+            (seconds / (fast * slow).sqrt(), duration(seconds))
         }
     };
-    let [near, far] = range(sets(&own).filter_map(|set| at(&own, set, iterations)))?;
-    let count = sets(&own).count();
-    let like =
-        if is_trained { "rooms and captures by hand" } else { "objects in front of one colour" };
+    let found: Vec<f64> = sets(&own).filter_map(|set| at(&own, set, iterations)).collect();
+    let [near, far] = range(found.iter().copied())?;
+    let threads = if threads == 1 { "one thread".to_owned() } else { format!("{threads} threads") };
+    let (count, like) = (found.len(), if is_trained { ROOMS } else { STUDIO });
     Some(format!(
-        "expected: distance to the surface {} of the object's radius after {time}, as {count} measured \
-         {like} have; photographs that are few, blurred or badly posed give more",
-        per_cent(near, far)
+        "expected: a distance to the surface of {:.2} to {:.2} % of the radius after {time} on \
+         {threads}, as measured on {count} {like}; few, blurred or badly posed photographs give more",
+        100.0 * near,
+        100.0 * far
     ))
 }
+
+/// The data sets of the measured fits.
+const STUDIO: &str = "objects in front of one colour";
+const ROOMS: &str = "objects in rooms";
+
+/// The most threads that make a fit faster.
+const MOST_THREADS: usize = 16;
+
+/// A data set counts from its smallest measured number of iterations over this on, and up to this many
+/// times the largest.
+const BEYOND: f64 = 2.0;
 
 /// The names of the data sets, each once.
 fn sets<'a>(own: &[&Measured<'a>]) -> impl Iterator<Item = &'a str> {
@@ -70,13 +84,14 @@ fn sets<'a>(own: &[&Measured<'a>]) -> impl Iterator<Item = &'a str> {
     names.into_iter()
 }
 
-/// The distance of a data set after this number of iterations, along straight lines of the logarithms;
-/// outside of the measured numbers, that of the nearest one.
+/// The distance of a data set after this number of iterations, along straight lines of the logarithms.
+/// From a half of the smallest measured number on, and up to twice the largest, it is that of the nearest
+/// one; beyond, none.
 fn at(own: &[&Measured<'_>], set: &str, iterations: f64) -> Option<f64> {
     let mut fits = own.iter().filter(|fit| fit.set == set);
     let mut before = fits.next()?;
     if iterations <= before.iterations {
-        return Some(before.distance);
+        return (iterations * BEYOND >= before.iterations).then_some(before.distance);
     }
     for fit in fits {
         if iterations <= fit.iterations {
@@ -86,7 +101,7 @@ fn at(own: &[&Measured<'_>], set: &str, iterations: f64) -> Option<f64> {
         }
         before = fit;
     }
-    Some(before.distance)
+    (iterations <= BEYOND * before.iterations).then_some(before.distance)
 }
 
 /// The smallest and the largest number.
@@ -100,11 +115,6 @@ fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 /// A time with two digits.
 fn duration(seconds: f64) -> String {
     if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) }
-}
-
-/// A range of distances, in percent.
-fn per_cent(low: f64, high: f64) -> String {
-    format!("{:.2} to {:.2} %", 100.0 * low, 100.0 * high)
 }
 
 #[cfg(test)]
@@ -122,11 +132,12 @@ mod tests {
         };
         let all = [fit(1000.0, 0.01), fit(4000.0, 0.0025)];
         let own: Vec<&Measured<'_>> = all.iter().collect();
-        let found = [500.0, 1000.0, 2000.0, 9000.0].map(|n| at(&own, "a", n).unwrap());
+        let found = [500.0, 1000.0, 2000.0, 7000.0].map(|n| at(&own, "a", n).unwrap());
         for (found, expected) in found.into_iter().zip([0.01, 0.01, 0.005, 0.0025]) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
-        assert_eq!(at(&own, "b", 1000.0), None);
+        let none = [("a", 9000.0), ("a", 400.0), ("b", 1000.0)];
+        assert!(none.into_iter().all(|(set, n)| at(&own, set, n).is_none()));
     }
 
     #[test]
@@ -141,11 +152,17 @@ mod tests {
     fn longer_fits_are_expected_to_be_nearer_and_other_networks_are_unknown() {
         let line = |iterations| {
             let options = FitOptions { iterations: Some(iterations), ..FitOptions::default() };
-            expected(&options, false).unwrap()
+            expected(&options, false, 2).unwrap()
         };
-        assert!(line(2000).starts_with("expected: distance to the surface 0."), "{}", line(2000));
+        assert!(
+            line(2000).starts_with("expected: a distance to the surface of 0."),
+            "{}",
+            line(2000)
+        );
         assert_ne!(line(1000), line(18_000));
         let other = FitOptions { width: 96, ..FitOptions::default() };
-        assert_eq!(expected(&other, false), None);
+        assert_eq!(expected(&other, false, 2), None);
+        let short = FitOptions { iterations: Some(300), ..FitOptions::default() };
+        assert_eq!(expected(&short, false, 2), None);
     }
 }

@@ -32,6 +32,8 @@ pub(super) fn print(dataset: &Dataset, file: &RunFile, source: &str, global: &Gl
     };
     global.say(&format!("exposure: {}; {exposures} (see --exposure)", report.exposure_text()));
     let trained = file.background_kind.is_trained();
-    expected(&file.options, trained).iter().for_each(|line| global.say(line));
+    expected(&file.options, trained, rayon::current_num_threads())
+        .iter()
+        .for_each(|line| global.say(line));
     report.warnings.iter().for_each(|warning| global.say(&format!("WARNING {warning}")));
 }
