@@ -22,7 +22,6 @@ it, and no Python is traced ("frozen"); the faster one counts. Frozen functions 
 matrix products of tensors.
 """
 
-import argparse
 import math
 
 import peers
@@ -290,16 +289,7 @@ def measure(dr, network, encoding, count, options):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=peers.number, default=1, help="threads [default: 1]")
-    parser.add_argument("--points", type=peers.number, nargs="+", default=[peers.POINTS, 262144],
-                        help="points of a batch, one or more [default: 8192 262144]")
-    parser.add_argument("--seconds", type=float, default=peers.SECONDS,
-                        help="least duration of a try [default: 0.15]")
-    parser.add_argument("--tries", type=peers.number, default=peers.TRIES,
-                        help="tries [default: 10]")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the weights [default: 1]")
-    options = parser.parse_args()
+    options = peers.kernel_options(__doc__)
     peers.pin(options.threads)
     dr = peers.import_drjit()
     dr.set_thread_count(options.threads)

@@ -15,7 +15,6 @@ XLA has no option for the number of its threads. The process is kept on as many 
 starts; with one thread, XLA is also told not to split its operations.
 """
 
-import argparse
 import os
 
 import peers
@@ -56,16 +55,7 @@ def passes(jax, jnp):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--threads", type=peers.number, default=1, help="threads [default: 1]")
-    parser.add_argument("--points", type=peers.number, nargs="+", default=[peers.POINTS, 262144],
-                        help="points of a batch, one or more [default: 8192 262144]")
-    parser.add_argument("--seconds", type=float, default=peers.SECONDS,
-                        help="least duration of a try [default: 0.15]")
-    parser.add_argument("--tries", type=peers.number, default=peers.TRIES,
-                        help="tries [default: 10]")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the weights [default: 1]")
-    options = parser.parse_args()
+    options = peers.kernel_options(__doc__)
     cores = peers.pin(options.threads)
     os.environ["JAX_PLATFORMS"] = "cpu"
     if options.threads == 1:

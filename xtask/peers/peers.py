@@ -1,5 +1,6 @@
 """What the scripts of this folder share: pinned versions, the protocol of timing, the output."""
 
+import argparse
 import json
 import math
 import os
@@ -55,6 +56,19 @@ def number(text):
     if value < 1:
         raise ValueError(text)
     return value
+
+
+def kernel_options(doc):
+    """The options of a script that measures passes of networks; its docstring describes it."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--threads", type=number, default=1, help="threads [default: 1]")
+    parser.add_argument("--points", type=number, nargs="+", default=[POINTS, 262144],
+                        help="points of a batch, one or more [default: 8192 262144]")
+    parser.add_argument("--seconds", type=float, default=SECONDS,
+                        help="least duration of a try [default: 0.15]")
+    parser.add_argument("--tries", type=number, default=TRIES, help="tries [default: 10]")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the weights [default: 1]")
+    return parser.parse_args()
 
 
 def pin(threads):

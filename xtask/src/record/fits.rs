@@ -11,7 +11,7 @@ use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::{cargo_command, dsdf, workspace_root};
 
 use super::code::short_digest;
-use super::measurement::{Bench, Measurement, Skipped, shared};
+use super::measurement::{Bench, Measurement, Skipped, environment, python_of, shared};
 use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
@@ -485,8 +485,6 @@ fn room(shape: &str, folder: &Path) -> anyhow::Result<Vec<(&'static str, f64)>> 
 
 /// A Python with the packages of the scripts, in an environment of its own, made if it is not there.
 fn python() -> anyhow::Result<PathBuf> {
-    let folder = workspace_root().join("target/record/python");
-    let program = folder.join("bin/python");
     let run = |program: &Path, arguments: &[&str]| {
         let status = Command::new(program).args(arguments).status();
         let status = status.with_context(|| program.display().to_string())?;
@@ -494,14 +492,12 @@ fn python() -> anyhow::Result<PathBuf> {
         Ok(())
     };
     let _one_at_a_time = MAKING.lock().map_err(|_| anyhow!("another row failed"))?;
-    if !folder.join("installed").exists() {
+    environment("python", |folder| {
         // One that was begun and not finished does not count.
         run(Path::new("python3"), &["-m", "venv", "--clear", &folder.to_string_lossy()])?;
         let packages = ["numpy", "scipy", "trimesh", "pillow"];
-        run(&program, &[&["-m", "pip", "install", "--quiet"][..], &packages].concat())?;
-        std::fs::write(folder.join("installed"), "")?;
-    }
-    Ok(program)
+        run(&python_of(folder), &[&["-m", "pip", "install", "--quiet"][..], &packages].concat())
+    })
 }
 
 /// The values of a data set after some iterations, of all seeds that were measured, sorted.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use sweep::measure::workspace_root;
 
 use super::rows::{Planned, Rows};
 
@@ -52,5 +53,28 @@ pub(crate) struct Bench<'a> {
 
 /// The folder of data sets and references that are not in the repository.
 pub(crate) fn shared() -> PathBuf {
-    sweep::measure::workspace_root().join("../shared")
+    workspace_root().join("../shared")
+}
+
+/// The Python of an environment of this name, which `install` makes in a folder if it was never made to
+/// its end.
+///
+/// # Errors
+/// If it cannot be made.
+pub(crate) fn environment(
+    name: &str,
+    install: impl FnOnce(&Path) -> anyhow::Result<()>,
+) -> anyhow::Result<PathBuf> {
+    let folder = workspace_root().join("target/record").join(name);
+    let done = folder.join("installed");
+    if !done.exists() {
+        install(&folder)?;
+        std::fs::write(&done, "")?;
+    }
+    Ok(python_of(&folder))
+}
+
+/// The Python of the environment in a folder.
+pub(crate) fn python_of(folder: &Path) -> PathBuf {
+    folder.join("bin/python")
 }

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::workspace_root;
 
-use super::measurement::{Bench, Measurement, Skipped};
+use super::measurement::{Bench, Measurement, Skipped, environment};
 use super::rows::{Planned, Row, Rows, provenance};
 use crate::bench::Machine;
 use crate::output::write;
@@ -48,12 +48,8 @@ const METHODS: [(&str, [(&str, &str); 3]); 5] = [
     ("prb_projective", [("program", "mitsuba"), ("estimator", "prb_projective"), ("terms", "all")]),
 ];
 
-/// The passes in a table: the name, that in dsdf's bench, and that in the scripts.
-const PASSES: [(&str, &str, &str); 3] = [
-    ("value", "value", "value"),
-    ("value and gradient", "value + gradient", "value + gradient"),
-    ("parameter pass", "parameter VJP", "parameter VJP"),
-];
+/// The passes of the table, as dsdf's bench and the scripts name them.
+const PASSES: [&str; 3] = ["value", "value + gradient", "parameter VJP"];
 
 /// The network of the table, as dsdf's bench names it.
 const NETWORK: &str = "3 × 64, 6 octaves";
@@ -126,13 +122,9 @@ impl Measurement for Peers {
 
 /// The Python of the peers, in an environment of their own, made if it is not there.
 fn python() -> anyhow::Result<PathBuf> {
-    let folder = workspace_root().join("target/record/peers");
-    let (python, done) = (folder.join("bin/python"), folder.join("installed"));
-    if !done.exists() {
-        script(Path::new("python3"), "install.py", &[&folder.to_string_lossy()])?;
-        std::fs::write(&done, "")?;
-    }
-    Ok(python)
+    environment("peers", |folder| {
+        script(Path::new("python3"), "install.py", &[&folder.to_string_lossy()]).map(|_| ())
+    })
 }
 
 /// Runs a script, whose progress goes to standard error, and returns its JSON.
@@ -141,7 +133,9 @@ fn script(python: &Path, name: &str, arguments: &[&str]) -> anyhow::Result<Value
     let output = Command::new(python).arg(path).args(arguments).stderr(Stdio::inherit()).output();
     let output = output.with_context(|| python.display().to_string())?;
     if output.status.code() == Some(CANNOT_RUN) {
-        return Err(Skipped(format!("{name} cannot run here, for the reason above")).into());
+        let reason = String::from_utf8_lossy(&output.stdout);
+        let reason = reason.trim().trim_start_matches("SKIPPED: ");
+        return Err(Skipped(format!("{name}: {reason}")).into());
     }
     if !output.status.success() {
         bail!("{name} failed");
@@ -190,7 +184,7 @@ fn silhouettes(rows: &Rows) -> String {
 /// The passes of a network of 3 layers of 64 in each program, in millions of points per second.
 fn networks(rows: &Rows) -> String {
     let mut out = String::from("| M points/s |");
-    PASSES.iter().for_each(|(name, _, _)| out += &format!(" {name} |"));
+    PASSES.iter().for_each(|name| out += &format!(" {name} |"));
     out += "\n| --- | --- | --- | --- |\n";
     let Some(values) = rows.0.get(NETWORKS).map(|row| &row.values) else { return out };
     let cell =
@@ -200,20 +194,16 @@ fn networks(rows: &Rows) -> String {
         let own = all.iter().find(|row| row["network"] == NETWORK && row["pass"] == pass)?;
         own["points_per_second"].as_f64()
     };
-    let cells = PASSES.map(|(_, pass, _)| cell(dsdf(pass)));
+    let cells = PASSES.map(|pass| cell(dsdf(pass)));
     let _ = writeln!(out, "| dsdf | {} |", cells.join(" | "));
     for (program, name) in [("jax", "JAX"), ("drjit", "Dr.Jit")] {
-        let mut lines: Vec<(String, Vec<String>)> = Vec::new();
         for row in values[program]["rows"].as_array().into_iter().flatten() {
-            let of = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+            let of = |key: &str| row[key].as_str().unwrap_or_default();
             let points = row["points"].as_u64().unwrap_or_default();
             let layers = [of("encoding"), of("layers")].join(" ");
             let best = |pass: &str| row["passes"][pass]["points_per_second"]["best"].as_f64();
-            let cells = PASSES.map(|(_, _, pass)| cell(best(pass))).to_vec();
-            lines.push((format!("{name}, {}, {points} points", layers.trim()), cells));
-        }
-        for (name, cells) in lines {
-            let _ = writeln!(out, "| {name} | {} |", cells.join(" | "));
+            let cells = PASSES.map(|pass| cell(best(pass))).join(" | ");
+            let _ = writeln!(out, "| {name}, {}, {points} points | {cells} |", layers.trim());
         }
     }
     out

@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::output::write;
 
 /// The file of rows in the folder of a measurement.
-pub(crate) const FILE: &str = "record.json";
+const FILE: &str = "record.json";
 
 /// A row to measure.
 #[derive(Clone, Debug)]

@@ -17,7 +17,7 @@ pub(crate) struct Speed;
 /// Threads of the simulated iterations.
 const WORKERS: [usize; 2] = [2, 16];
 
-/// The rows: names, and crates that each is about.
+/// The rows. A table shows all but the accuracy, which is in the file of rows.
 const ROWS: [&str; 5] = ["passes", "commands", "accuracy", "growth", "workers"];
 
 impl Measurement for Speed {
