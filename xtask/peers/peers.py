@@ -17,6 +17,8 @@ PINNED = {
     "jax": "0.10.2",
     "jaxlib": "0.10.2",
     "numpy": "2.4.6",
+    "opencv-python-headless": "5.0.0.93",
+    "open3d-cpu": "0.20.0",
 }
 
 # LLVM 15 fails with Mitsuba 3.9; 19 is the version that was tried.

@@ -114,8 +114,9 @@ impl Timer<'_> {
         index: usize,
     ) -> anyhow::Result<Growth> {
         let flags = ["--wrt", "/sdf/weights/0", "--spp", "16", "--precision", "f32"];
-        let seconds = |[width, layers]: &[u32; 2]| {
-            let scene = network(self.binary, self.folder, 32, *width, *layers)?;
+        let seconds = |shape: &[u32; 2]| {
+            // A direction in the space of all weights has a number for each coefficient of a grid, too.
+            let scene = network(self.binary, self.folder, 32, *shape, &["--grid", "none"])?;
             self.seconds(&scene, &flags)
         };
         let seconds = shapes.iter().map(seconds).collect::<anyhow::Result<_>>()?;

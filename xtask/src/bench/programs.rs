@@ -97,7 +97,7 @@ fn commands(binary: &Path, folder: &Path) -> anyhow::Result<[(&'static str, Vec<
     let (out, weights) = (path("out.npy"), path("out.safetensors"));
     std::fs::write(&scene, disc(128).to_string())?;
     std::fs::write(&large, disc(1024).to_string())?;
-    let network = network(binary, folder, 128, 64, 3)?;
+    let network = network(binary, folder, 128, [64, 3], &[])?;
     dsdf::run_json(binary, &["render", &scene, "-o", &target])?;
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
     let image = |scene: &str| words(&["render", scene, "--spp", "16", "-o", &out]);

@@ -35,21 +35,21 @@ pub(crate) fn photographs(binary: &Path, folder: &Path, size: u32) -> anyhow::Re
     Ok(data)
 }
 
-/// The scene file of a network after one iteration of a fit, which is nearly a sphere of half the
-/// bounding radius, with the camera of the disc.
+/// The scene file of a network after one iteration of a fit with `options`, which is nearly a sphere of
+/// half the bounding radius, with the camera of the disc.
 pub(crate) fn network(
     binary: &Path,
     folder: &Path,
     pixels: u32,
-    width: u32,
-    layers: u32,
+    [width, layers]: [u32; 2],
+    options: &[&str],
 ) -> anyhow::Result<String> {
     let data = photographs(binary, folder, 32)?;
     let run = folder.join(format!("run.{width}.{layers}"));
     let run_name = run.to_string_lossy().into_owned();
     let (width_text, layers_text) = (width.to_string(), layers.to_string());
     let shape = ["--width", &width_text, "--layers", &layers_text, "--iterations", "1"];
-    dsdf::run_json(binary, &[&["fit", &data, "-o", &run_name], &shape[..]].concat())?;
+    dsdf::run_json(binary, &[&["fit", &data, "-o", &run_name], &shape, options].concat())?;
     let mut scene = disc(pixels);
     scene["sdf"] = json!({"type": "neural", "weights": run.join("model.safetensors")});
     let path = folder.join(format!("network.{width}.{layers}.json"));

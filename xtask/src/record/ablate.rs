@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use serde_json::{Value, json};
 
 use super::measurement::{Bench, Measurement};
 use super::rows::{Planned, Rows};
+use crate::output::write;
 
 /// The sweeps whose reports pages quote.
 const SWEEPS: [&str; 6] =
@@ -48,7 +49,7 @@ impl Measurement for Ablations {
         for name in KEPT {
             let from = bench.scratch.join(name);
             if from.exists() {
-                std::fs::copy(&from, to.join(name)).with_context(|| name.to_owned())?;
+                write(&to, name, std::fs::read(&from)?)?;
             }
         }
         let results = std::fs::read_to_string(to.join("results.csv"))?;

@@ -1,6 +1,7 @@
 //! Fits of data sets with a known surface, and of photographs.
 
 use std::fmt::Write;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
@@ -370,7 +371,11 @@ impl Measurement for Fits {
             "poses",
             "export",
             "scene",
-            "crates/app/src/cli/fit/",
+            "crates/app/src/cli/fit/mod.rs",
+            "crates/app/src/cli/fit/growth.rs",
+            "crates/app/src/cli/fit/options.rs",
+            "crates/app/src/cli/fit/prepare_run.rs",
+            "crates/app/src/cli/fit/start.rs",
             "crates/app/src/cli/eval/",
             "crates/app/src/cli/demo_scene.json",
             "xtask/sweeps/scenes/ridges.json",
@@ -408,6 +413,7 @@ impl Measurement for Fits {
         let mut fit = vec!["fit", &data_name, "-o", &run_name, "--iterations", &iterations];
         fit.extend(["--threads", "1", "--seed", &seed]);
         fit.extend(set.options);
+        wait_for_orphan(&run)?;
         // A row that was killed goes on from its checkpoint.
         let is_resumed = run.join("checkpoint/state.safetensors").exists();
         if is_resumed {
@@ -463,9 +469,22 @@ impl Measurement for Fits {
     }
 }
 
+/// Waits until no fit writes a run folder: that of a `record` that was killed may still do so.
+fn wait_for_orphan(run: &Path) -> anyhow::Result<()> {
+    let Ok(lock) = File::open(run.join("lock")) else { return Ok(()) };
+    if lock.try_lock().is_err() {
+        eprintln!(
+            "{}: a fit of a killed record is still running: waiting for its end",
+            run.display()
+        );
+        lock.lock()?;
+    }
+    Ok(())
+}
+
 /// The errors of the object of a room: Chamfer distance of all surface above the table, of that
 /// inside the masks, and the area of sails.
-fn room(shape: &str, folder: &Path) -> anyhow::Result<Vec<(&'static str, f64)>> {
+pub(super) fn room(shape: &str, folder: &Path) -> anyhow::Result<Vec<(&'static str, f64)>> {
     let script = shared().join("tools/room_eval.py");
     let output = Command::new(python()?).arg(script).arg(shape).arg(folder).output()?;
     let text = String::from_utf8_lossy(&output.stdout);
@@ -536,7 +555,7 @@ fn table(rows: &Rows, is_shown: impl Fn(&Set, u32) -> bool) -> String {
 }
 
 /// A time in the unit that people use for it.
-fn duration(seconds: f64) -> String {
+pub(super) fn duration(seconds: f64) -> String {
     if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.1} min", seconds / 60.0) }
 }
 
@@ -552,11 +571,18 @@ fn distance(rows: &Rows, set: &Set, iterations: u32) -> Option<f64> {
     median(&of_seeds(rows, set, iterations, value))
 }
 
+/// The seconds of one core and the distance of the fits of a data set with this number of iterations.
+pub(super) fn time_and_distance(rows: &Rows, name: &str, iterations: u32) -> Option<(f64, f64)> {
+    let set = SETS.iter().find(|set| set.name == name)?;
+    let seconds = median(&of_seeds(rows, set, iterations, "core_seconds"))?;
+    Some((seconds, distance(rows, set, iterations)?))
+}
+
 /// A data set with several budgets: the seconds of one core and the distance of each.
 fn curve(rows: &Rows, set: &Set) -> Vec<(u32, f64, f64)> {
     let point = |(iterations, _): &(u32, &[u64])| {
-        let seconds = median(&of_seeds(rows, set, *iterations, "core_seconds"))?;
-        Some((*iterations, seconds, distance(rows, set, *iterations)?))
+        let (seconds, distance) = time_and_distance(rows, set.name, *iterations)?;
+        Some((*iterations, seconds, distance))
     };
     set.budgets.iter().filter_map(point).collect()
 }
@@ -637,7 +663,7 @@ fn result(truth: Truth, of: &dyn Fn(&str) -> Vec<f64>) -> String {
 }
 
 /// A number with a comma in front of three digits.
-fn thousands(n: u32) -> String {
+pub(super) fn thousands(n: u32) -> String {
     if n < 1000 { n.to_string() } else { format!("{},{:03}", n / 1000, n % 1000) }
 }
 

@@ -17,6 +17,8 @@ mod speed;
 mod steps;
 mod tradeoff;
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -45,9 +47,9 @@ pub(crate) struct Record {
     /// Rows that are measured at a time, where a row uses one thread
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: u32,
-    /// Measure only rows whose name contains this text
-    #[arg(long)]
-    only: Option<String>,
+    /// Measure only rows whose name contains this text; several times: one of these texts
+    #[arg(long, value_name = "TEXT")]
+    only: Vec<String>,
     /// Write tables, plots and pages of the rows that are there; measure nothing
     #[arg(long, conflicts_with = "list")]
     tables: bool,
@@ -87,18 +89,34 @@ struct Work {
     plan: Vec<Planned>,
     rows: Rows,
     digest: String,
+    /// The commits of older rows, with the first file that has changed since.
+    changes: BTreeMap<String, String>,
 }
 
 impl Work {
     fn new(of: &'static dyn Measurement, code: &Code) -> anyhow::Result<Self> {
         let folder = workspace_root().join("docs/results").join(of.name());
-        Ok(Work {
-            of,
-            plan: of.plan()?,
-            rows: Rows::load(&folder)?,
-            digest: code.digest(of.measured())?,
-            folder,
-        })
+        let digest = code.digest(of.measured())?;
+        let (mut rows, mut changes) = (Rows::load(&folder)?, BTreeMap::new());
+        let mut current = BTreeSet::new();
+        for row in rows.0.values_mut().filter(|row| row.code != digest) {
+            if !current.contains(&row.commit) && !changes.contains_key(&row.commit) {
+                match code.difference(&row.commit, of.measured())? {
+                    Some(file) => drop(changes.insert(row.commit.clone(), file)),
+                    None => drop(current.insert(row.commit.clone())),
+                }
+            }
+            if current.contains(&row.commit) {
+                row.code.clone_from(&digest);
+            }
+        }
+        Ok(Work { of, plan: of.plan()?, rows, digest, folder, changes })
+    }
+
+    /// The rows of the plan whose names contain one of the texts; all of them without a text.
+    fn wanted<'a>(&'a self, only: &'a [String]) -> impl Iterator<Item = &'a Planned> {
+        let is_named = |row: &&Planned| only.iter().any(|text| row.name.contains(text));
+        self.plan.iter().filter(move |row| only.is_empty() || is_named(row))
     }
 
     fn state(&self, row: &Planned) -> State {
@@ -116,12 +134,9 @@ impl Work {
     }
 
     /// The rows to measure; those whose data are not here only with `absent`.
-    fn due(&self, only: Option<&str>) -> (Vec<Planned>, Vec<Planned>) {
-        let is_due = |row: &&Planned| {
-            self.state(row) != State::Current && only.is_none_or(|text| row.name.contains(text))
-        };
-        let due = self.plan.iter().filter(is_due).cloned();
-        due.partition(|row| row.needs.as_ref().is_none_or(|path| path.exists()))
+    fn due(&self, only: &[String]) -> (Vec<Planned>, Vec<Planned>) {
+        let due = self.wanted(only).filter(|row| self.state(row) != State::Current);
+        due.cloned().partition(|row| row.needs.as_ref().is_none_or(|path| path.exists()))
     }
 
     /// Removes rows that no plan has any more.
@@ -142,15 +157,16 @@ impl Record {
         for of in self.wanted()? {
             all.push(Work::new(of, &code)?);
         }
-        if self.list {
-            return list(&all);
-        }
         let matches = |text: &String| {
             all.iter().flat_map(|work| &work.plan).any(|row| row.name.contains(text))
         };
-        if let Some(text) = self.only.as_ref().filter(|text| !matches(text)) {
+        if let Some(text) = self.only.iter().find(|text| !matches(text)) {
             return Err(WrongArgument(format!("--only {text}: no row has this text")).into());
         }
+        if self.list {
+            return list(&all, &self.only);
+        }
+        let _lock = lock()?;
         let measured = if self.tables { Ok(()) } else { self.measure(&mut all) };
         for work in &mut all {
             work.forget();
@@ -186,7 +202,7 @@ impl Record {
 
     /// Measures all rows that are due. A row is saved as soon as it is measured.
     fn measure(&self, all: &mut [Work]) -> anyhow::Result<()> {
-        let due: Vec<_> = all.iter().map(|work| work.due(self.only.as_deref())).collect();
+        let due: Vec<_> = all.iter().map(|work| work.due(&self.only)).collect();
         let count: usize = due.iter().map(|(here, _)| here.len()).sum();
         for (work, (_, absent)) in all.iter().zip(&due) {
             for row in absent {
@@ -315,9 +331,16 @@ fn scratch(measurement: &str, digest: &str, row: &Planned) -> anyhow::Result<Pat
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     let name: String = row.name.chars().map(plain).collect();
     let command = short_digest(&row.command)?;
-    let path = workspace_root().join("target/record").join(measurement).join(digest);
-    let path = path.join(format!("{name}-{command}"));
+    let own = workspace_root().join("target/record").join(measurement);
+    let path = own.join(digest).join(format!("{name}-{command}"));
     std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
+    // No measurement goes on from what other code began.
+    for other in std::fs::read_dir(&own)? {
+        let other = other?.path();
+        if !other.ends_with(digest) {
+            std::fs::remove_dir_all(&other).with_context(|| other.display().to_string())?;
+        }
+    }
     Ok(path)
 }
 
@@ -326,24 +349,39 @@ fn today() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string().chars().take(10).collect()
 }
 
-/// Prints what is missing or older than its code.
-fn list(all: &[Work]) -> anyhow::Result<()> {
+/// Keeps a second process from measuring in this checkout, until the file is dropped.
+fn lock() -> anyhow::Result<File> {
+    let folder = workspace_root().join("target/record");
+    std::fs::create_dir_all(&folder)?;
+    let file = File::create(folder.join("lock"))?;
+    if file.try_lock().is_err() {
+        bail!("another `cargo xtask record` is measuring in this checkout: wait for it");
+    }
+    Ok(file)
+}
+
+/// Prints what is missing or older than its code, of the rows whose names contain one of
+/// the texts.
+fn list(all: &[Work], only: &[String]) -> anyhow::Result<()> {
     let mut due = 0;
     for work in all {
-        let count = |state| work.plan.iter().filter(|row| work.state(row) == state).count();
+        let rows: Vec<&Planned> = work.wanted(only).collect();
+        let count = |state| rows.iter().filter(|row| work.state(row) == state).count();
         let [current, stale, missing] = [State::Current, State::Stale, State::Missing].map(count);
         println!(
             "{}: {current} of {} rows are current, {stale} are older than {}, {missing} are missing",
             work.of.name(),
-            work.plan.len(),
+            rows.len(),
             work.of.measured().join(", "),
         );
-        for row in &work.plan {
+        for row in rows {
             match work.state(row) {
                 State::Current => continue,
                 State::Stale => {
                     let old = &work.rows.0[&row.name];
-                    println!("  older: {} ({}, {})", row.name, old.commit, old.date);
+                    let why = work.changes.get(&old.commit).map(|file| format!("{file} differs"));
+                    let why = why.unwrap_or_else(|| "its command differs".to_owned());
+                    println!("  older: {} ({}, {}): {why}", row.name, old.commit, old.date);
                 }
                 State::Missing => println!("  missing: {}", row.name),
             }

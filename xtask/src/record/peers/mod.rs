@@ -1,5 +1,7 @@
-//! Other programs beside dsdf: passes of networks in Dr.Jit and JAX, and derivative images of
-//! silhouettes in Mitsuba 3. The scripts are in `xtask/peers`.
+//! Other programs beside dsdf: passes of networks in Dr.Jit and JAX, derivative images of silhouettes
+//! in Mitsuba 3, and surfaces by multi-view stereo. The scripts are in `xtask/peers`.
+
+mod stereo;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use super::measurement::{Bench, Measurement, Skipped, environment};
 use super::rows::{Planned, Row, Rows, provenance};
 use crate::bench::Machine;
 use crate::output::write;
+use stereo::{OBJECTS, Object};
 
 /// Other programs beside dsdf.
 pub(crate) struct Peers;
@@ -70,6 +73,8 @@ impl Measurement for Peers {
             "xtask/peers/kernels_drjit.py",
             "xtask/peers/kernels_jax.py",
             "xtask/peers/silhouettes_mitsuba.py",
+            "xtask/peers/stereo_opencv.py",
+            "metrics",
         ]
     }
 
@@ -81,7 +86,8 @@ impl Measurement for Peers {
             let command = format!("silhouettes_mitsuba.py --dsdf dsdf --threads 1 --case {name}");
             Planned::new(name, command).seeds(0..3)
         };
-        Ok(std::iter::once(networks).chain(CASES.map(case)).collect())
+        let stereo = OBJECTS.iter().map(Object::row);
+        Ok(std::iter::once(networks).chain(CASES.map(case)).chain(stereo).collect())
     }
 
     fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
@@ -92,6 +98,9 @@ impl Measurement for Peers {
                 "jax": script(&python, "kernels_jax.py", &["--threads", "1"])?,
                 "drjit": script(&python, "kernels_drjit.py", &["--threads", "1"])?,
             }));
+        }
+        if let Some(object) = Object::of(&row.name) {
+            return object.measure(&python, bench);
         }
         let program = bench.program.to_string_lossy();
         let arguments = ["--dsdf", &program, "--threads", "1", "--case", &row.name];
@@ -113,9 +122,11 @@ impl Measurement for Peers {
         }
         write(folder, "silhouettes.svg", svg(&panels, "seconds of one core", "relative L2 error"))?;
         let (networks, silhouettes) = (networks(rows), silhouettes(rows));
-        let source = provenance(rows);
-        let page =
-            format!("## Networks\n\n{networks}\n## Silhouettes\n\n{silhouettes}\n{source}\n");
+        let fits = Rows::load(&folder.with_file_name("fits"))?;
+        let (surfaces, source) = (stereo::table(rows, &fits), provenance(rows));
+        let page = format!(
+            "## Surfaces\n\n{surfaces}\n## Networks\n\n{networks}\n## Silhouettes\n\n{silhouettes}\n{source}\n"
+        );
         write(folder, "peers.md", page)
     }
 }
