@@ -49,7 +49,7 @@ pub(crate) fn network(
     let run_name = run.to_string_lossy().into_owned();
     let (width_text, layers_text) = (width.to_string(), layers.to_string());
     let shape = ["--width", &width_text, "--layers", &layers_text, "--iterations", "1"];
-    dsdf::run_json(binary, &[&["fit", &data, "-o", &run_name], &shape, options].concat())?;
+    dsdf::run_json(binary, &[&["fit", &data, "-o", &run_name], &shape[..], options].concat())?;
     let mut scene = disc(pixels);
     scene["sdf"] = json!({"type": "neural", "weights": run.join("model.safetensors")});
     let path = folder.join(format!("network.{width}.{layers}.json"));
