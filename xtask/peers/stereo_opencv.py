@@ -1,12 +1,14 @@
-"""Multi-view stereo with OpenCV and Open3D: the surface of an object from posed photographs.
+"""Multi-view stereo by PatchMatch, with OpenCV and Open3D: a surface from posed photographs.
 
     stereo_opencv.py DATA -o FOLDER --center X Y Z --radius R
 
-DATA is a folder with transforms_train.json or transforms.json and one lens. Each photograph is
-rectified with its neighbours, OpenCV's semi-global matcher finds disparities in both directions,
-depths that two neighbours and two other photographs agree on are kept, and Open3D makes a mesh of
-them in two ways: FOLDER/tsdf.ply by a volume of truncated distances, and FOLDER/poisson.ply by
-Poisson's equation. The script prints one JSON object with the seconds and the number of points.
+DATA is a folder with transforms_train.json or transforms.json and one lens. Each pixel of each
+photograph gets a plane. Planes of several orientations sweep through the sphere first (Gallup et al.,
+CVPR 2007); then pixels take planes of their neighbours and change them at random, where the patches
+of the best other photographs correlate better (Bleyer et al., BMVC 2011; Galliani et al., ICCV 2015).
+Depths that two other photographs have, too, are kept, and Open3D makes a mesh of them in two ways:
+FOLDER/tsdf.ply by a volume of truncated distances, and FOLDER/poisson.ply by Poisson's equation. The
+script prints one JSON object with the seconds and the number of points.
 """
 
 import argparse
@@ -17,16 +19,27 @@ import time
 
 import peers
 
-# Photographs that a photograph is matched with.
-NEIGHBOURS = 4
+# Photographs that a photograph is compared with; the best of them count.
+NEIGHBOURS, BEST = 4, 2
 
-# The least angle between the directions of two photographs that are matched, in degrees.
-LEAST_ANGLE = 6.0
+# The least angle between the directions of two photographs that are compared, in degrees.
+LEAST_ANGLE = 8.0
 
-# The side of the matched blocks, in pixels, and the factor by which photographs are enlarged: the
-# matcher's disparities are locked to whole pixels by a part of one.
-BLOCK = 5
-ENLARGED = 2
+# The side of the compared patches, and the step between their samples, in pixels.
+PATCH, STEP = 11, 2
+
+# The planes of an orientation, and the tilts: frontal, and six directions around it.
+PLANES, TILT, TILTED = 96, 40.0, 6
+
+# Rounds of changes; the first changes a depth by this part of the radius, and a normal by about this
+# angle, in radians; each round by half of the one before.
+ROUNDS, DEPTH_CHANGE, NORMAL_CHANGE = 5, 0.02, 0.5
+
+# The variance of a patch that is noise: shades of gray from 0 to 1 have 8 bits.
+NOISE = 2e-6
+
+# The least correlation of a depth.
+LEAST_SCORE = 0.7
 
 # Depths agree if they differ by less than this part of the radius.
 AGREEMENT = 0.01
@@ -59,7 +72,7 @@ class View:
 
 
 def read(folder):
-    """The views of a data set, enlarged."""
+    """The views of a data set."""
     names = ["transforms_train.json", "transforms.json"]
     path = next((folder / name for name in names if (folder / name).exists()), None)
     if path is None:
@@ -74,14 +87,10 @@ def read(folder):
             raise SystemExit(f"{name}: cannot be read")
         height, width = image.shape[:2]
         focal = scene.get("fl_x") or 0.5 * width / math.tan(0.5 * scene["camera_angle_x"])
-        center = scene.get("cx", 0.5 * width), scene.get("cy", 0.5 * height)
-        lens = np.array([[focal, 0, center[0] - 0.5], [0, scene.get("fl_y", focal), center[1] - 0.5],
-                         [0, 0, 1]])
-        enlarge = np.array([[ENLARGED, 0, 0.5 * (ENLARGED - 1)],
-                            [0, ENLARGED, 0.5 * (ENLARGED - 1)], [0, 0, 1]])
-        size = (width * ENLARGED, height * ENLARGED)
-        image = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
-        views.append(View(image, enlarge @ lens, np.array(frame["transform_matrix"])))
+        # Its pixel centres are at halves, OpenCV's are at whole numbers.
+        x, y = scene.get("cx", 0.5 * width) - 0.5, scene.get("cy", 0.5 * height) - 0.5
+        lens = np.array([[focal, 0, x], [0, scene.get("fl_y", focal), y], [0, 0, 1]])
+        views.append(View(image, lens, np.array(frame["transform_matrix"])))
     return views
 
 
@@ -95,62 +104,175 @@ def neighbours(views, index, center):
     return [k for k in np.argsort(angles) if angles[k] > LEAST_ANGLE][:NEIGHBOURS]
 
 
-def pair_depths(a, b, center, radius):
-    """The depth of each pixel of `a`, from its disparities with `b`; 0 where there is none."""
-    height, width = a.image.shape[:2]
-    baseline = b.eye - a.eye
-    x = baseline / np.linalg.norm(baseline)
-    y = np.cross(a.rotation[2] + b.rotation[2], x)
-    y /= np.linalg.norm(y)
-    rotation = np.stack([x, y, np.cross(x, y)])
-    focal = a.lens[0, 0]
-
-    def rectified(view):
-        """The photograph on the common plane, with the object in the middle."""
-        place = rotation @ (center - view.eye)
-        lens = np.array([[focal, 0, 0.5 * width - focal * place[0] / place[2]],
-                         [0, focal, 0.5 * height - focal * place[1] / place[2]], [0, 0, 1]])
-        homography = lens @ rotation @ view.rotation.T @ np.linalg.inv(view.lens)
-        return cv2.warpPerspective(view.image, homography, (width, height)), homography, lens, place[2]
-
-    left, to_left, lens_a, middle = rectified(a)
-    right, _, lens_b, _ = rectified(b)
-    shift, length = lens_a[0, 2] - lens_b[0, 2], np.linalg.norm(baseline)
-    near, far = max(middle - radius, 0.05 * middle), middle + radius
-    least = math.floor(focal * length / far + shift)
-    count = 16 * math.ceil((focal * length / near + shift - least) / 16)
-    matcher = cv2.StereoSGBM_create(
-        minDisparity=least, numDisparities=count, blockSize=BLOCK, P1=8 * 3 * BLOCK**2,
-        P2=32 * 3 * BLOCK**2, uniquenessRatio=5, speckleWindowSize=50, speckleRange=2)
-    forward = matcher.compute(left, right) / 16.0
-    backward = matcher.compute(right[:, ::-1].copy(), left[:, ::-1].copy())[:, ::-1] / 16.0
-    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    other = np.round(columns - forward).astype(int)
-    inside = (forward >= least) & (other >= 0) & (other < width)
-    agrees = np.abs(backward[rows, np.clip(other, 0, width - 1)] - forward) <= 1.0
-    is_known = inside & agrees & (forward - shift > 0)
-    depth = np.where(is_known, focal * length / np.where(is_known, forward - shift, 1.0), 0.0)
-    # Both frames have the same eye: a pixel of `a` is looked up by the homography.
-    pixels = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3) @ to_left.T
-    maps = (pixels[:, :2] / pixels[:, 2:]).astype(np.float32).reshape(height, width, 2)
-    depth = cv2.remap(depth.astype(np.float32), maps, None, cv2.INTER_NEAREST, borderValue=0)
-    # The depth along the axis of `a`.
-    directions = a.rays()
-    along = (directions @ rotation.T)[:, 2].reshape(height, width)
-    return np.where(along > 0, depth / np.where(along > 0, along, 1.0), 0.0)
+def mean(image):
+    """The mean of each patch."""
+    return cv2.boxFilter(image, -1, (PATCH, PATCH))
 
 
-def view_depths(views, index, center, radius):
-    """The depths of a view that at least two neighbours agree on."""
-    others = neighbours(views, index, center)
-    all_depths = [pair_depths(views[index], views[k], center, radius) for k in others]
-    stack = np.stack(all_depths)
-    stack[stack == 0] = np.nan
-    with np.errstate(all="ignore"):
-        middle = np.nanmedian(np.nan_to_num(stack, nan=np.nan), axis=0)
-        close = np.abs(stack - middle) < AGREEMENT * radius
-        mean = np.nanmean(np.where(close, stack, np.nan), axis=0)
-    return np.where(close.sum(axis=0) >= 2, mean, 0.0)
+class Sweep:
+    """The best plane of each pixel of a view so far."""
+
+    def __init__(self, view, others, center, radius):
+        self.view, self.radius = view, radius
+        self.gray = gray(view)
+        self.center = view.rotation @ (center - view.eye)
+        self.mean = mean(self.gray)
+        self.deviation = np.sqrt(np.maximum(mean(self.gray**2) - self.mean**2, 0))
+        # The other cameras: a point X of this one is rotation X + shift there.
+        self.others = [(gray(other), other.lens, other.rotation @ view.rotation.T,
+                        other.rotation @ (view.eye - other.eye)) for other in others]
+        self.shape = self.gray.shape
+        self.directions = (self.view.rays() @ self.view.rotation.T).reshape(*self.shape, 3)
+        self.score = np.full(self.shape, -1.0, np.float32)
+        self.depth = np.zeros(self.shape)
+        self.normal = np.zeros((*self.shape, 3))
+
+    def correlation(self, normal, offset):
+        """The correlation of each patch with the best others, on the plane normal · X = offset."""
+        scores = []
+        for image, lens, rotation, shift in self.others:
+            homography = (lens @ (rotation + np.outer(shift, normal) / offset)
+                          @ np.linalg.inv(self.view.lens))
+            warped = cv2.warpPerspective(image, homography, self.shape[::-1],
+                                         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+            middle = mean(warped)
+            deviation = np.sqrt(np.maximum(mean(warped**2) - middle**2, 0))
+            product = mean(self.gray * warped) - self.mean * middle
+            # Patches without texture correlate with nothing.
+            scores.append(product / (self.deviation * deviation + NOISE))
+        return np.sort(np.stack(scores), axis=0)[-BEST:].mean(axis=0)
+
+    def sweep(self, normal):
+        """Sweeps planes of one orientation through the sphere."""
+        offsets = normal @ self.center + np.linspace(-1, 1, PLANES) * self.radius
+        step = offsets[1] - offsets[0]
+        slope = self.directions @ normal
+        before = two_before = None
+        for k, offset in enumerate(offsets):
+            score = self.correlation(normal, offset)
+            if two_before is not None:
+                is_peak = (before >= two_before) & (before >= score) & (before > self.score)
+                # The top of a parabola through three planes.
+                curvature = two_before - 2 * before + score
+                part = 0.5 * (two_before - score) / np.where(curvature < 0, curvature, -1)
+                depth = (offsets[k - 1] + np.clip(part, -0.5, 0.5) * step) / slope
+                self.score = np.where(is_peak, before, self.score)
+                self.depth = np.where(is_peak, depth, self.depth)
+                self.normal = np.where(is_peak[..., None], normal, self.normal)
+            two_before, before = before, score
+
+
+class Refinement:
+    """The planes of the pixels with texture, improved in rounds."""
+
+    def __init__(self, sweep, random):
+        self.sweep, self.random = sweep, random
+        self.rows, self.columns = np.nonzero((sweep.score > 0) & (sweep.deviation > NOISE**0.5))
+        self.index = np.full(sweep.shape, -1)
+        self.index[self.rows, self.columns] = np.arange(len(self.rows))
+        self.ray = self.at(sweep.directions)
+        self.depth, self.normal = self.at(sweep.depth), self.at(sweep.normal)
+        self.score = self.correlation(self.depth, self.normal)
+
+    def at(self, image):
+        """The values of an image at the pixels."""
+        return image[self.rows, self.columns]
+
+    def correlation(self, depth, normal):
+        """The correlation of each pixel's patch with the best others, on its own plane."""
+        sweep, half = self.sweep, PATCH // 2
+        height, width = sweep.shape
+        steps = range(-half, half + 1, STEP)
+        offset = depth * (normal * self.ray).sum(axis=1)
+        sums = np.zeros((len(sweep.others), 3, len(depth)))
+        own, count = np.zeros((2, len(depth))), 0
+        inverse = np.linalg.inv(sweep.view.lens)
+        for down in steps:
+            for right in steps:
+                rows = np.clip(self.rows + down, 0, height - 1)
+                columns = np.clip(self.columns + right, 0, width - 1)
+                a = sweep.gray[rows, columns].astype(float)
+                own += [a, a * a]
+                count += 1
+                ray = self.ray + inverse @ [right, down, 0]
+                toward = (normal * ray).sum(axis=1)
+                points = ray * (offset / np.where(np.abs(toward) > 1e-6, toward, 1e-6))[:, None]
+                for (image, lens, rotation, shift), total in zip(sweep.others, sums):
+                    place = (points @ rotation.T + shift) @ lens.T
+                    z = np.where(place[:, 2] > 1e-6, place[:, 2], 1e-6)
+                    b = look_up(image, place[:, 0] / z, place[:, 1] / z)
+                    total += [b, b * b, a * b]
+        mean_a, square_a = own / count
+        deviation = np.sqrt(np.maximum(square_a - mean_a**2, 0))
+        mean_b, square_b, product = (sums / count).transpose(1, 0, 2)
+        deviations = deviation * np.sqrt(np.maximum(square_b - mean_b**2, 0))
+        scores = (product - mean_a * mean_b) / (deviations + NOISE)
+        return np.sort(scores, axis=0)[-BEST:].mean(axis=0)
+
+    def take(self, depth, normal):
+        """Takes planes where they correlate better."""
+        # A plane that is seen from its back, or edge-on, is none.
+        is_seen = (normal * self.ray).sum(axis=1) > 0.1 * np.linalg.norm(self.ray, axis=1)
+        score = np.where(is_seen & (depth > 0), self.correlation(depth, normal), -1)
+        better = score > self.score
+        self.score = np.where(better, score, self.score)
+        self.depth = np.where(better, depth, self.depth)
+        self.normal = np.where(better[:, None], normal, self.normal)
+
+    def round(self, change):
+        """Planes of the neighbours, and changed ones; `change` is 1 in the first round."""
+        for down, right in [(0, 1), (1, 0), (0, -1), (-1, 0)]:
+            rows = np.clip(self.rows + down, 0, self.sweep.shape[0] - 1)
+            columns = np.clip(self.columns + right, 0, self.sweep.shape[1] - 1)
+            other = self.index[rows, columns]
+            other = np.where(other < 0, np.arange(len(other)), other)
+            normal = self.normal[other]
+            # The neighbour's plane, at the ray of this pixel.
+            offset = self.depth[other] * (normal * self.ray[other]).sum(axis=1)
+            toward = (normal * self.ray).sum(axis=1)
+            self.take(offset / np.where(np.abs(toward) > 1e-6, toward, 1e-6), normal)
+        for _ in range(3):
+            size = len(self.depth)
+            depth = self.depth + change * DEPTH_CHANGE * self.sweep.radius * self.random.normal(size=size)
+            normal = self.normal + change * NORMAL_CHANGE * self.random.normal(size=(size, 3))
+            self.take(depth, normal / np.linalg.norm(normal, axis=1)[:, None])
+
+    def result(self):
+        """The images of depths, 0 where the patches do not correlate, and of normals."""
+        depth, normal = np.zeros(self.sweep.shape), np.zeros((*self.sweep.shape, 3))
+        depth[self.rows, self.columns] = np.where(self.score > LEAST_SCORE, self.depth, 0)
+        normal[self.rows, self.columns] = -self.normal
+        return depth, normal @ self.sweep.view.rotation
+
+
+def look_up(image, x, y):
+    """The values of an image between its pixels."""
+    # OpenCV's maps have less than 32768 rows.
+    columns = 1024
+    padded = -(-len(x) // columns) * columns
+    maps = [np.pad(v.astype(np.float32), (0, padded - len(v))).reshape(-1, columns) for v in (x, y)]
+    return cv2.remap(image, *maps, cv2.INTER_LINEAR).ravel()[: len(x)]
+
+
+def gray(view):
+    """The photograph in shades of gray, from 0 to 1."""
+    return cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY).astype(np.float32) / 255
+
+
+def planes(views, index, center, radius):
+    """The depth of each pixel of a view, 0 where patches do not correlate, and its normal."""
+    others = [views[k] for k in neighbours(views, index, center)]
+    sweep = Sweep(views[index], others, center, radius)
+    tilt = math.radians(TILT)
+    around = [2 * math.pi * k / TILTED for k in range(TILTED)]
+    tilted = [[math.sin(tilt) * math.cos(a), math.sin(tilt) * math.sin(a), math.cos(tilt)]
+              for a in around]
+    for normal in [[0, 0, 1], *tilted]:
+        sweep.sweep(np.array(normal))
+    refinement = Refinement(sweep, np.random.default_rng(index))
+    for k in range(ROUNDS):
+        refinement.round(0.5**k)
+    return refinement.result()
 
 
 def consistent(views, depths, index, center, radius):
@@ -171,12 +293,11 @@ def consistent(views, depths, index, center, radius):
     return np.where(kept.reshape(depth.shape), depth, 0.0)
 
 
-def by_volume(views, depths, radius):
+def by_volume(views, depths, center, radius):
     """The mesh of a volume of truncated distances."""
-    voxel = radius / VOXELS
-    volume = open3d.pipelines.integration.ScalableTSDFVolume(
-        voxel_length=voxel, sdf_trunc=4 * voxel,
-        color_type=open3d.pipelines.integration.TSDFVolumeColorType.RGB8)
+    volume = open3d.pipelines.integration.UniformTSDFVolume(
+        length=2 * radius, resolution=2 * VOXELS, sdf_trunc=4 * radius / VOXELS,
+        color_type=open3d.pipelines.integration.TSDFVolumeColorType.NoColor, origin=center - radius)
     for view, depth in zip(views, depths):
         height, width = depth.shape
         rgbd = open3d.geometry.RGBDImage.create_from_color_and_depth(
@@ -191,17 +312,15 @@ def by_volume(views, depths, radius):
     return volume.extract_triangle_mesh()
 
 
-def by_poisson(views, depths, radius):
+def by_poisson(views, depths, normals, radius):
     """The closed mesh by Poisson's equation, and the number of points."""
     cloud = open3d.geometry.PointCloud()
-    for view, depth in zip(views, depths):
+    for view, depth, normal in zip(views, depths, normals):
         own = open3d.geometry.PointCloud()
         kept = depth.ravel() > 0
         points = view.eye + view.rays()[kept] * depth.ravel()[kept, None]
         own.points = open3d.utility.Vector3dVector(points)
-        search = open3d.geometry.KDTreeSearchParamHybrid(radius=0.04 * radius, max_nn=40)
-        own.estimate_normals(search)
-        own.orient_normals_towards_camera_location(view.eye)
+        own.normals = open3d.utility.Vector3dVector(normal.reshape(-1, 3)[kept])
         cloud += own
     cloud = cloud.voxel_down_sample(0.5 * radius / VOXELS)
     mesh, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
@@ -214,10 +333,12 @@ def main():
     views = read(options.data)
     center, radius = np.array(options.center), options.radius
     indices = range(len(views))
-    first = []
+    first, normals = [], []
     for k in indices:
-        first.append(view_depths(views, k, center, radius))
-        peers.progress(f"depths of {k + 1} of {len(views)} photographs")
+        depth, normal = planes(views, k, center, radius)
+        first.append(depth)
+        normals.append(normal)
+        peers.progress(f"planes of {k + 1} of {len(views)} photographs")
     depths = [consistent(views, first, k, center, radius) for k in indices]
     matched = time.perf_counter() - start
     options.output.mkdir(parents=True, exist_ok=True)
@@ -225,9 +346,9 @@ def main():
     for name in ["tsdf", "poisson"]:
         begin, points = time.perf_counter(), None
         if name == "tsdf":
-            mesh = by_volume(views, depths, radius)
+            mesh = by_volume(views, depths, center, radius)
         else:
-            mesh, points = by_poisson(views, depths, radius)
+            mesh, points = by_poisson(views, depths, normals, radius)
         if len(mesh.triangles) == 0:
             peers.progress(f"{name}: no surface")
             continue

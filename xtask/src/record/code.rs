@@ -54,8 +54,7 @@ impl Code {
         short_digest(&text)
     }
 
-    /// The first file of a measurement whose code is another than at a commit; none if the measurement
-    /// has the same code. A commit that git does not have differs.
+    /// How the code of a measurement differs from that at a commit, in words; none if it is the same.
     ///
     /// A list of what is measured can so get more precise without making old rows older.
     ///
@@ -68,7 +67,7 @@ impl Code {
     ) -> anyhow::Result<Option<String>> {
         let Some(changed) = git(&self.root, &["diff", "--name-only", "--no-renames", commit])?
         else {
-            return Ok(Some(format!("the commit {commit}, which is not here")));
+            return Ok(Some("its commit is not here".to_owned()));
         };
         let added = git(&self.root, &["ls-files", "--others", "--exclude-standard"])?;
         let (own, crates) = (self.of(measured)?, self.crates(measured));
@@ -79,7 +78,7 @@ impl Code {
             let old = git(&self.root, &["show", &format!("{commit}:{name}")])?;
             let old = old.map(|old| if is_rust(name) { bare(&old) } else { old });
             if old.as_ref() != own.get(name) {
-                return Ok(Some(name.to_owned()));
+                return Ok(Some(format!("{name} differs")));
             }
         }
         Ok(None)
@@ -235,6 +234,33 @@ mod tests {
         assert!(!differs(&["field"]) && !differs(&["crates/app/src/preset.rs", "field"]));
         assert!(old.digest(&["fits"]).is_err());
         assert_eq!(old.digest(&["fit"]).unwrap().len(), DIGITS);
+    }
+
+    #[test]
+    fn a_commit_with_the_same_code_does_not_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        let git = |arguments: &[&str]| {
+            let identity = ["-c", "user.name=a", "-c", "user.email=a@b.c"];
+            let status = Command::new("git").args(identity).args(arguments);
+            assert!(status.current_dir(folder.path()).output().unwrap().status.success());
+        };
+        let write =
+            |text: &str| std::fs::write(folder.path().join("crates/trace/src/lib.rs"), text);
+        std::fs::create_dir_all(folder.path().join("crates/trace/src")).unwrap();
+        write("const STEPS: u32 = 64;").unwrap();
+        git(&["init", "--quiet"]);
+        git(&["add", "--all"]);
+        git(&["commit", "--quiet", "--message", "a"]);
+        let difference = |constant: &str, measured: &str| {
+            write(&format!("/// Steps.\nconst STEPS: u32 = {constant};")).unwrap();
+            let code = Code { root: folder.path().to_owned(), ..code(constant) };
+            code.difference("HEAD", &[measured]).unwrap()
+        };
+        assert_eq!(difference("64", "trace"), None);
+        assert_eq!(difference("65", "trace").as_deref(), Some("crates/trace/src/lib.rs differs"));
+        // `field` does not depend on `trace`.
+        assert_eq!(difference("65", "field"), None);
+        assert!(code("64").difference("no-commit", &["trace"]).unwrap().is_some());
     }
 
     #[test]

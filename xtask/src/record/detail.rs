@@ -51,7 +51,7 @@ impl Measurement for Detail {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["fit", "metrics", "mesh", "crates/app/src/cli/fit/", "crates/app/src/cli/eval/"]
+        super::fits::MEASURED
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

@@ -227,6 +227,25 @@ const SETS: &[Set] = &[
         .options(&["--masks", "auto"]),
 ];
 
+/// What a fit and the measurement of its result depend on.
+pub(super) const MEASURED: &[&str] = &[
+    "fit",
+    "inspect",
+    "metrics",
+    "mesh",
+    "poses",
+    "export",
+    "scene",
+    "crates/app/src/cli/fit/mod.rs",
+    "crates/app/src/cli/fit/growth.rs",
+    "crates/app/src/cli/fit/options.rs",
+    "crates/app/src/cli/fit/prepare_run.rs",
+    "crates/app/src/cli/fit/start.rs",
+    "crates/app/src/cli/eval/",
+    "crates/app/src/cli/demo_scene.json",
+    "xtask/sweeps/scenes/ridges.json",
+];
+
 /// What tells one build of a program from another.
 fn fingerprint(program: &Path) -> anyhow::Result<u64> {
     Ok(std::fs::metadata(program)?.len())
@@ -363,23 +382,7 @@ impl Measurement for Fits {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &[
-            "fit",
-            "inspect",
-            "metrics",
-            "mesh",
-            "poses",
-            "export",
-            "scene",
-            "crates/app/src/cli/fit/mod.rs",
-            "crates/app/src/cli/fit/growth.rs",
-            "crates/app/src/cli/fit/options.rs",
-            "crates/app/src/cli/fit/prepare_run.rs",
-            "crates/app/src/cli/fit/start.rs",
-            "crates/app/src/cli/eval/",
-            "crates/app/src/cli/demo_scene.json",
-            "xtask/sweeps/scenes/ridges.json",
-        ]
+        MEASURED
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

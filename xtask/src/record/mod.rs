@@ -89,7 +89,7 @@ struct Work {
     plan: Vec<Planned>,
     rows: Rows,
     digest: String,
-    /// The commits of older rows, with the first file that has changed since.
+    /// The commits of older rows, with what has changed since.
     changes: BTreeMap<String, String>,
 }
 
@@ -102,7 +102,7 @@ impl Work {
         for row in rows.0.values_mut().filter(|row| row.code != digest) {
             if !current.contains(&row.commit) && !changes.contains_key(&row.commit) {
                 match code.difference(&row.commit, of.measured())? {
-                    Some(file) => drop(changes.insert(row.commit.clone(), file)),
+                    Some(change) => drop(changes.insert(row.commit.clone(), change)),
                     None => drop(current.insert(row.commit.clone())),
                 }
             }
@@ -379,8 +379,8 @@ fn list(all: &[Work], only: &[String]) -> anyhow::Result<()> {
                 State::Current => continue,
                 State::Stale => {
                     let old = &work.rows.0[&row.name];
-                    let why = work.changes.get(&old.commit).map(|file| format!("{file} differs"));
-                    let why = why.unwrap_or_else(|| "its command differs".to_owned());
+                    let why = work.changes.get(&old.commit).filter(|_| old.code != work.digest);
+                    let why = why.map_or("its command differs", String::as_str);
                     println!("  older: {} ({}, {}): {why}", row.name, old.commit, old.date);
                 }
                 State::Missing => println!("  missing: {}", row.name),
