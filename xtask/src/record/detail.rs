@@ -62,6 +62,7 @@ impl Measurement for Detail {
                  eval RUN --mesh {MESH}"
             );
             Planned {
+                is_single: true,
                 needs: Some(shared().join("data").join(set)),
                 ..Planned::new(row_name(set, fit, seconds), command).seeds([0])
             }
