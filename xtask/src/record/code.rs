@@ -241,8 +241,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let git = |arguments: &[&str]| {
             let identity = ["-c", "user.name=a", "-c", "user.email=a@b.c"];
-            let status = Command::new("git").args(identity).args(arguments);
-            assert!(status.current_dir(folder.path()).output().unwrap().status.success());
+            let mut command = Command::new("git");
+            let command = command.args(identity).args(arguments).current_dir(folder.path());
+            assert!(command.output().unwrap().status.success());
         };
         let write =
             |text: &str| std::fs::write(folder.path().join("crates/trace/src/lib.rs"), text);
@@ -251,16 +252,17 @@ mod tests {
         git(&["init", "--quiet"]);
         git(&["add", "--all"]);
         git(&["commit", "--quiet", "--message", "a"]);
-        let difference = |constant: &str, measured: &str| {
+        let difference = |constant: &str, commit: &str, measured: &str| {
             write(&format!("/// Steps.\nconst STEPS: u32 = {constant};")).unwrap();
             let code = Code { root: folder.path().to_owned(), ..code(constant) };
-            code.difference("HEAD", &[measured]).unwrap()
+            code.difference(commit, &[measured]).unwrap()
         };
-        assert_eq!(difference("64", "trace"), None);
-        assert_eq!(difference("65", "trace").as_deref(), Some("crates/trace/src/lib.rs differs"));
+        assert_eq!(difference("64", "HEAD", "trace"), None);
+        let changed = difference("65", "HEAD", "trace");
+        assert_eq!(changed.as_deref(), Some("crates/trace/src/lib.rs differs"));
         // `field` does not depend on `trace`.
-        assert_eq!(difference("65", "field"), None);
-        assert!(code("64").difference("no-commit", &["trace"]).unwrap().is_some());
+        assert_eq!(difference("65", "HEAD", "field"), None);
+        assert!(difference("64", "no-commit", "trace").is_some());
     }
 
     #[test]
