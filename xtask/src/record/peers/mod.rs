@@ -1,21 +1,20 @@
 //! Other programs beside dsdf: passes of networks in Dr.Jit and JAX, derivative images of silhouettes
 //! in Mitsuba 3, and surfaces by multi-view stereo. The scripts are in `xtask/peers`.
 
+mod script;
 mod stereo;
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
-use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use sweep::measure::plot::{Curve, Panel, svg};
-use sweep::measure::workspace_root;
 
-use super::measurement::{Bench, Measurement, Skipped, environment};
+use super::measurement::{Bench, Measurement};
 use super::rows::{Planned, Row, Rows, provenance};
 use crate::bench::Machine;
 use crate::output::write;
+use script::{python, script};
 use stereo::{OBJECTS, Object};
 
 /// Other programs beside dsdf.
@@ -56,9 +55,6 @@ const PASSES: [&str; 3] = ["value", "value + gradient", "parameter VJP"];
 
 /// The network of the table, as dsdf's bench names it.
 const NETWORK: &str = "3 × 64, 6 octaves";
-
-/// The status of a script that cannot run here.
-const CANNOT_RUN: i32 = 3;
 
 impl Measurement for Peers {
     fn name(&self) -> &'static str {
@@ -129,29 +125,6 @@ impl Measurement for Peers {
         );
         write(folder, "peers.md", page)
     }
-}
-
-/// The Python of the peers, in an environment of their own, made if it is not there.
-fn python() -> anyhow::Result<PathBuf> {
-    environment("peers", |folder| {
-        script(Path::new("python3"), "install.py", &[&folder.to_string_lossy()]).map(|_| ())
-    })
-}
-
-/// Runs a script, whose progress goes to standard error, and returns its JSON.
-fn script(python: &Path, name: &str, arguments: &[&str]) -> anyhow::Result<Value> {
-    let path = workspace_root().join("xtask/peers").join(name);
-    let output = Command::new(python).arg(path).args(arguments).stderr(Stdio::inherit()).output();
-    let output = output.with_context(|| python.display().to_string())?;
-    if output.status.code() == Some(CANNOT_RUN) {
-        let reason = String::from_utf8_lossy(&output.stdout);
-        let reason = reason.trim().trim_start_matches("SKIPPED: ");
-        return Err(Skipped(format!("{name}: {reason}")).into());
-    }
-    if !output.status.success() {
-        bail!("{name} failed");
-    }
-    serde_json::from_slice(&output.stdout).with_context(|| name.to_owned())
 }
 
 /// The rows of a case with these labels, of the best shape of each number of samples: samples a pixel,

@@ -12,7 +12,7 @@ use sweep::measure::dsdf::run_json;
 use super::super::fits;
 use super::super::measurement::{Bench, shared};
 use super::super::rows::{Planned, Row, Rows};
-use super::script;
+use super::script::script;
 
 /// The script.
 const SCRIPT: &str = "stereo_opencv.py";
