@@ -31,6 +31,13 @@ const METRICS: [(&str, f64, &str); 2] = [
     ("normal_error", 1.0, "mean error of normals, degrees"),
 ];
 
+/// A table of an older program with splines, on the same machine: its fits are those of these rows,
+/// its results are compared by the program of today.
+const BEFORE: &str = "before.csv";
+
+/// The name of the older program's curve.
+const OLDER: &str = "splines before Muon";
+
 /// Errors of fits over their time.
 pub(crate) struct Detail;
 
@@ -105,6 +112,7 @@ impl Measurement for Detail {
             let _ = writeln!(csv, "{set},{fit},{seconds},{}", cells.join(","));
         }
         write(folder, "detail.csv", csv)?;
+        let before = Before::read(folder)?;
         let mut panels = Vec::new();
         for set in SETS {
             for (metric, factor, label) in METRICS {
@@ -118,33 +126,63 @@ impl Measurement for Detail {
                         points: SECONDS.into_iter().filter_map(point).collect(),
                     }
                 };
-                let curves = FITS.into_iter().map(curve).collect();
+                let mut curves: Vec<Curve> = FITS.into_iter().map(curve).collect();
+                let older = |seconds| {
+                    Some((f64::from(seconds), factor * before.get(set, seconds, metric)?))
+                };
+                let points: Vec<_> = SECONDS.into_iter().filter_map(older).collect();
+                if !points.is_empty() {
+                    curves.push(Curve { name: OLDER.to_owned(), points });
+                }
                 panels.push(Panel { title: format!("{set}: {label}"), curves, front: false });
             }
         }
         write(folder, "detail.svg", svg(&panels, "seconds of the fit on one core", "error"))?;
-        write(folder, "detail.md", table(rows) + "\n" + &provenance(rows) + "\n")
+        write(folder, "detail.md", table(rows, &before) + "\n" + &provenance(rows) + "\n")
+    }
+}
+
+/// The table of the older program.
+struct Before(Vec<Vec<String>>);
+
+impl Before {
+    /// Reads the table; it has no lines if there is none.
+    fn read(folder: &Path) -> anyhow::Result<Self> {
+        let path = folder.join(BEFORE);
+        let text = if path.exists() { std::fs::read_to_string(path)? } else { String::new() };
+        let cells = |line: &str| line.split(',').map(str::to_owned).collect();
+        Ok(Before(text.lines().map(cells).collect()))
+    }
+
+    /// A value of a set after a time.
+    fn get(&self, set: &str, seconds: u32, value: &str) -> Option<f64> {
+        let column = self.0.first()?.iter().position(|name| name == value)?;
+        let is_own =
+            |line: &&Vec<String>| line[0] == set && line.get(1) == Some(&seconds.to_string());
+        self.0.iter().find(is_own)?.get(column)?.parse().ok()
     }
 }
 
 /// Distances and normals of each set and time, in Markdown.
-fn table(rows: &Rows) -> String {
+fn table(rows: &Rows, before: &Before) -> String {
     let mut out = String::from("| set, seconds of one core |");
     FITS.iter().for_each(|(fit, _)| out += &format!(" {fit} |"));
-    out += "\n| --- |";
+    out += &format!(" {OLDER} |\n| --- | --- |");
     FITS.iter().for_each(|_| out += " --- |");
     out.push('\n');
     for set in SETS {
         for seconds in SECONDS {
             let _ = write!(out, "| `{set}`, {seconds} s |");
+            let cell = |of: &dyn Fn(&str) -> Option<f64>| {
+                let found = of("chamfer_relative").zip(of("normal_error"));
+                let shown = found.map(|(d, n)| format!("{:.3} %, {n:.1}°", 100.0 * d));
+                shown.unwrap_or_default()
+            };
             for (fit, _) in FITS {
                 let name = row_name(set, fit, seconds);
-                let of = |value| rows.number(&name, value);
-                let cell = of("chamfer_relative").zip(of("normal_error"));
-                let cell = cell.map(|(d, n)| format!("{:.3} %, {n:.1}°", 100.0 * d));
-                let _ = write!(out, " {} |", cell.unwrap_or_default());
+                let _ = write!(out, " {} |", cell(&|value| rows.number(&name, value)));
             }
-            out.push('\n');
+            let _ = writeln!(out, " {} |", cell(&|value| before.get(set, seconds, value)));
         }
     }
     out
