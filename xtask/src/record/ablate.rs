@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::ensure;
 use serde_json::{Value, json};
 
-use super::measurement::{Bench, Measurement};
+use super::measurement::{Bench, Measurement, wait_for_orphan};
 use super::rows::{Planned, Rows};
 use crate::output::write;
 
@@ -27,7 +27,7 @@ impl Measurement for Ablations {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate", "fit", "metrics", "mesh", "sweep"]
+        &["scene", "estimate", "fit", "metrics", "mesh", "sweep", "xtask/sweeps/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {
@@ -37,6 +37,7 @@ impl Measurement for Ablations {
 
     /// A sweep that was killed goes on where it was: its cells are in the row's own folder.
     fn measure(&self, row: &Planned, bench: &Bench<'_>) -> anyhow::Result<Value> {
+        wait_for_orphan(bench.scratch)?;
         let status = Command::new(std::env::current_exe()?)
             .args(["ablate", &row.name, "--binary"])
             .arg(bench.program)

@@ -65,13 +65,13 @@ impl Code {
         commit: &str,
         measured: &[&str],
     ) -> anyhow::Result<Option<String>> {
-        let Some(changed) = git(&self.root, &["diff", "--name-only", "--no-renames", commit])?
+        let Some(changed) = git(&self.root, &["diff", "-z", "--name-only", "--no-renames", commit])?
         else {
             return Ok(Some("its commit is not here".to_owned()));
         };
-        let added = git(&self.root, &["ls-files", "--others", "--exclude-standard"])?;
+        let added = git(&self.root, &["ls-files", "-z", "--others", "--exclude-standard"])?;
         let (own, crates) = (self.of(measured)?, self.crates(measured));
-        for name in changed.lines().chain(added.as_deref().unwrap_or_default().lines()) {
+        for name in changed.split('\0').chain(added.as_deref().unwrap_or_default().split('\0')) {
             if !is_part(name, measured, &crates) {
                 continue;
             }
@@ -93,10 +93,17 @@ impl Code {
         let is_other = |name: &&&str| {
             !crates.contains(**name) && !name.ends_with('/') && !self.files.contains_key(**name)
         };
-        for name in measured.iter().filter(is_other) {
-            let path = self.root.join(name);
+        let mut others: Vec<String> =
+            measured.iter().filter(is_other).map(|name| (*name).to_owned()).collect();
+        for folder in measured.iter().filter(|name| name.ends_with('/')) {
+            let below = git(&self.root, &["ls-files", "-z", "--", folder])?.unwrap_or_default();
+            let below = below.split('\0').filter(|name| !name.is_empty() && !is_rust(name));
+            others.extend(below.map(str::to_owned));
+        }
+        for name in others {
+            let path = self.root.join(&name);
             let text = std::fs::read(&path).with_context(|| format!("{name}: no such file"))?;
-            out.insert((*name).to_owned(), String::from_utf8_lossy(&text).into_owned());
+            out.insert(name, String::from_utf8_lossy(&text).into_owned());
         }
         Ok(out)
     }
@@ -126,9 +133,11 @@ fn is_part(name: &str, measured: &[&str], crates: &BTreeSet<String>) -> bool {
         let path = name.strip_prefix("crates/").and_then(|rest| rest.split_once("/src/"));
         path.is_some_and(|(own, _)| crates.contains(own))
     };
-    let is_below = |part: &&str| part.ends_with('/') && name.starts_with(*part);
+    let is_below = || measured.iter().any(|part| part.ends_with('/') && name.starts_with(part));
     let is_code = is_rust(name) && !is_test(name);
-    measured.contains(&name) || is_code && (is_of_crate() || measured.iter().any(is_below))
+    measured.contains(&name)
+        || is_code && is_of_crate()
+        || (is_code || !is_rust(name)) && is_below()
 }
 
 /// The output of a command of git; none if it fails.

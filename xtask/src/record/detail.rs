@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use sweep::measure::dsdf;
 use sweep::measure::plot::{Curve, Panel, svg};
 
-use super::measurement::{Bench, Measurement, shared};
+use super::measurement::{Bench, Measurement, shared, wait_for_orphan};
 use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
@@ -69,7 +69,6 @@ impl Measurement for Detail {
                  eval RUN --mesh {MESH}"
             );
             Planned {
-                is_single: true,
                 needs: Some(shared().join("data").join(set)),
                 ..Planned::new(row_name(set, fit, seconds), command).seeds([0])
             }
@@ -83,6 +82,7 @@ impl Measurement for Detail {
         let data = shared().join("data").join(set);
         let text = |path: &Path| path.to_string_lossy().into_owned();
         let run = text(&bench.scratch.join("run"));
+        wait_for_orphan(Path::new(&run))?;
         if Path::new(&run).exists() {
             std::fs::remove_dir_all(&run)?;
         }

@@ -51,7 +51,7 @@ impl Measurement for Estimators {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate", "crates/sweep/src/measure/", "tests/gradients/suite.toml"]
+        &["scene", "estimate", "crates/sweep/src/measure/", "tests/gradients/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

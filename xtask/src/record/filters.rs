@@ -47,7 +47,7 @@ impl Measurement for Filters {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate", "crates/sweep/src/measure/"]
+        &["scene", "estimate", "crates/sweep/src/measure/", "tests/gradients/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

@@ -1,7 +1,7 @@
 //! Fits of data sets with a known surface, and of photographs.
 
 use std::fmt::Write;
-use std::fs::File;
+use std::hash::{DefaultHasher, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
@@ -12,7 +12,9 @@ use sweep::measure::plot::{Curve, Panel, svg};
 use sweep::measure::{cargo_command, dsdf, workspace_root};
 
 use super::code::short_digest;
-use super::measurement::{Bench, Measurement, Skipped, environment, python_of, shared};
+use super::measurement::{
+    Bench, Measurement, Skipped, environment, python_of, shared, wait_for_orphan,
+};
 use super::rows::{Planned, Rows, provenance};
 use crate::output::write;
 
@@ -242,13 +244,19 @@ pub(super) const MEASURED: &[&str] = &[
     "crates/app/src/cli/fit/prepare_run.rs",
     "crates/app/src/cli/fit/start.rs",
     "crates/app/src/cli/eval/",
+    "crates/app/src/cli/eval.rs",
+    "crates/app/src/cli/common.rs",
+    "crates/app/src/cli/mesh.rs",
+    "crates/app/src/cli/synth.rs",
     "crates/app/src/cli/demo_scene.json",
     "xtask/sweeps/scenes/ridges.json",
 ];
 
 /// What tells one build of a program from another.
 fn fingerprint(program: &Path) -> anyhow::Result<u64> {
-    Ok(std::fs::metadata(program)?.len())
+    let mut hasher = DefaultHasher::new();
+    hasher.write(&std::fs::read(program)?);
+    Ok(hasher.finish())
 }
 
 /// Held while a data set is made.
@@ -472,19 +480,6 @@ impl Measurement for Fits {
     }
 }
 
-/// Waits until no fit writes a run folder: that of a `record` that was killed may still do so.
-fn wait_for_orphan(run: &Path) -> anyhow::Result<()> {
-    let Ok(lock) = File::open(run.join("lock")) else { return Ok(()) };
-    if lock.try_lock().is_err() {
-        eprintln!(
-            "{}: a fit of a killed record is still running: waiting for its end",
-            run.display()
-        );
-        lock.lock()?;
-    }
-    Ok(())
-}
-
 /// The errors of the object of a room: Chamfer distance of all surface above the table, of that
 /// inside the masks, and the area of sails.
 pub(super) fn room(shape: &str, folder: &Path) -> anyhow::Result<Vec<(&'static str, f64)>> {
@@ -514,10 +509,10 @@ fn python() -> anyhow::Result<PathBuf> {
         Ok(())
     };
     let _one_at_a_time = MAKING.lock().map_err(|_| anyhow!("another row failed"))?;
-    environment("python", |folder| {
+    let packages = ["numpy", "scipy", "trimesh", "pillow"];
+    environment("python", &packages.join(" "), |folder| {
         // One that was begun and not finished does not count.
         run(Path::new("python3"), &["-m", "venv", "--clear", &folder.to_string_lossy()])?;
-        let packages = ["numpy", "scipy", "trimesh", "pillow"];
         run(&python_of(folder), &[&["-m", "pip", "install", "--quiet"][..], &packages].concat())
     })
 }

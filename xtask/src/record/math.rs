@@ -28,7 +28,13 @@ impl Measurement for Math {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate", "crates/sweep/src/measure/", "xtask/src/record/math/"]
+        &[
+            "scene",
+            "estimate",
+            "crates/sweep/src/measure/",
+            "tests/gradients/",
+            "xtask/src/record/math/",
+        ]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

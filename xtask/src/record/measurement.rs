@@ -1,5 +1,6 @@
 //! What a measurement of the record is: rows that are measured one by one, and files made of them.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -57,21 +58,36 @@ pub(crate) fn shared() -> PathBuf {
 }
 
 /// The Python of an environment of this name, which `install` makes in a folder if it was never made to
-/// its end.
+/// its end, or with other `packages`.
 ///
 /// # Errors
 /// If it cannot be made.
 pub(crate) fn environment(
     name: &str,
+    packages: &str,
     install: impl FnOnce(&Path) -> anyhow::Result<()>,
 ) -> anyhow::Result<PathBuf> {
-    let folder = workspace_root().join("target/record").join(name);
+    let folder = workspace_root().join("target/record/environments").join(name);
     let done = folder.join("installed");
-    if !done.exists() {
+    if std::fs::read_to_string(&done).ok().as_deref() != Some(packages) {
         install(&folder)?;
-        std::fs::write(&done, "")?;
+        std::fs::write(&done, packages)?;
     }
     Ok(python_of(&folder))
+}
+
+/// Waits until no process writes a folder of a fit or a sweep: the child of a `record` that was killed
+/// may still do so.
+///
+/// # Errors
+/// If the lock of the folder cannot be taken.
+pub(crate) fn wait_for_orphan(folder: &Path) -> anyhow::Result<()> {
+    let Ok(lock) = File::open(folder.join("lock")) else { return Ok(()) };
+    if lock.try_lock().is_err() {
+        eprintln!("{}: waiting for what a killed record began", folder.display());
+        lock.lock()?;
+    }
+    Ok(())
 }
 
 /// The Python of the environment in a folder.

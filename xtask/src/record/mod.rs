@@ -152,6 +152,8 @@ impl Record {
     /// # Errors
     /// If a name is unknown, or a measurement fails.
     pub(crate) fn run(&self) -> anyhow::Result<()> {
+        // Rows that another process saves would be lost.
+        let _lock = if self.list { None } else { Some(lock()?) };
         let code = Code::read(&workspace_root())?;
         let mut all = Vec::new();
         for of in self.wanted()? {
@@ -166,7 +168,6 @@ impl Record {
         if self.list {
             return list(&all, &self.only);
         }
-        let _lock = lock()?;
         let measured = if self.tables { Ok(()) } else { self.measure(&mut all) };
         for work in &mut all {
             work.forget();
@@ -331,16 +332,9 @@ fn scratch(measurement: &str, digest: &str, row: &Planned) -> anyhow::Result<Pat
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     let name: String = row.name.chars().map(plain).collect();
     let command = short_digest(&row.command)?;
-    let own = workspace_root().join("target/record").join(measurement);
-    let path = own.join(digest).join(format!("{name}-{command}"));
+    let path = workspace_root().join("target/record").join(measurement).join(digest);
+    let path = path.join(format!("{name}-{command}"));
     std::fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
-    // No measurement goes on from what other code began.
-    for other in std::fs::read_dir(&own)? {
-        let other = other?.path();
-        if !other.ends_with(digest) {
-            std::fs::remove_dir_all(&other).with_context(|| other.display().to_string())?;
-        }
-    }
     Ok(path)
 }
 

@@ -36,7 +36,7 @@ impl Measurement for Steps {
     }
 
     fn measured(&self) -> &'static [&'static str] {
-        &["scene", "estimate", "crates/sweep/src/measure/"]
+        &["scene", "estimate", "crates/sweep/src/measure/", "tests/gradients/"]
     }
 
     fn plan(&self) -> anyhow::Result<Vec<Planned>> {

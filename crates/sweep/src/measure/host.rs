@@ -10,7 +10,8 @@ pub fn processor() -> String {
 }
 
 /// The files that decide what a program does, as patterns of git.
-const CODE: [&str; 3] = ["*.rs", "*.toml", "Cargo.lock"];
+const CODE: [&str; 7] =
+    ["*.rs", "*.toml", "*.py", "Cargo.lock", "crates/*.json", "xtask/*.json", "tests/*.json"];
 
 /// The commit of the source, with `-dirty` if its code differs from it, or `unknown`.
 pub fn revision() -> String {

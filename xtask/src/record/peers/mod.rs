@@ -70,6 +70,7 @@ impl Measurement for Peers {
             "xtask/peers/kernels_jax.py",
             "xtask/peers/silhouettes_mitsuba.py",
             "xtask/peers/stereo_opencv.py",
+            "inspect",
             "metrics",
         ]
     }

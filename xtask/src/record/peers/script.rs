@@ -14,7 +14,8 @@ const CANNOT_RUN: i32 = 3;
 
 /// The Python of the peers, in an environment of their own, made if it is not there.
 pub(super) fn python() -> anyhow::Result<PathBuf> {
-    environment("peers", |folder| {
+    let packages = std::fs::read_to_string(workspace_root().join("xtask/peers/peers.py"))?;
+    environment("peers", &packages, |folder| {
         script(Path::new("python3"), "install.py", &[&folder.to_string_lossy()]).map(|_| ())
     })
 }
