@@ -65,7 +65,8 @@ impl Code {
         commit: &str,
         measured: &[&str],
     ) -> anyhow::Result<Option<String>> {
-        let Some(changed) = git(&self.root, &["diff", "-z", "--name-only", "--no-renames", commit])?
+        let Some(changed) =
+            git(&self.root, &["diff", "-z", "--name-only", "--no-renames", commit])?
         else {
             return Ok(Some("its commit is not here".to_owned()));
         };
