@@ -113,6 +113,16 @@ def mean(image):
     return cv2.boxFilter(image, -1, (PATCH, PATCH))
 
 
+def of_best(scores):
+    """The mean of the best photographs' scores."""
+    return np.sort(scores, axis=0)[-BEST:].mean(axis=0)
+
+
+def off_zero(divisor):
+    """Numbers to divide by: those at zero are small ones."""
+    return np.where(np.abs(divisor) > 1e-6, divisor, 1e-6)
+
+
 class Sweep:
     """The best plane of each pixel of a view so far."""
 
@@ -144,7 +154,7 @@ class Sweep:
             product = mean(self.gray * warped) - self.mean * middle
             # Patches without texture correlate with nothing.
             scores.append(product / (self.deviation * deviation + NOISE))
-        return np.sort(np.stack(scores), axis=0)[-BEST:].mean(axis=0)
+        return of_best(np.stack(scores))
 
     def sweep(self, normal):
         """Sweeps planes of one orientation through the sphere."""
@@ -200,7 +210,7 @@ class Refinement:
                 count += 1
                 ray = self.ray + inverse @ [right, down, 0]
                 toward = (normal * ray).sum(axis=1)
-                points = ray * (offset / np.where(np.abs(toward) > 1e-6, toward, 1e-6))[:, None]
+                points = ray * (offset / off_zero(toward))[:, None]
                 for (image, lens, rotation, shift), total in zip(sweep.others, sums):
                     place = (points @ rotation.T + shift) @ lens.T
                     z = np.where(place[:, 2] > 1e-6, place[:, 2], 1e-6)
@@ -211,7 +221,7 @@ class Refinement:
         mean_b, square_b, product = (sums / count).transpose(1, 0, 2)
         deviations = deviation * np.sqrt(np.maximum(square_b - mean_b**2, 0))
         scores = (product - mean_a * mean_b) / (deviations + NOISE)
-        return np.sort(scores, axis=0)[-BEST:].mean(axis=0)
+        return of_best(scores)
 
     def take(self, depth, normal):
         """Takes planes where they correlate better."""
@@ -234,7 +244,7 @@ class Refinement:
             # The neighbour's plane, at the ray of this pixel.
             offset = self.depth[other] * (normal * self.ray[other]).sum(axis=1)
             toward = (normal * self.ray).sum(axis=1)
-            self.take(offset / np.where(np.abs(toward) > 1e-6, toward, 1e-6), normal)
+            self.take(offset / off_zero(toward), normal)
         for _ in range(3):
             size = len(self.depth)
             depth = self.depth + change * DEPTH_CHANGE * self.sweep.radius * self.random.normal(size=size)

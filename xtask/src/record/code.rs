@@ -142,7 +142,7 @@ fn is_part(name: &str, measured: &[&str], crates: &BTreeSet<String>) -> bool {
 }
 
 /// The output of a command of git; none if it fails.
-fn git(root: &Path, arguments: &[&str]) -> anyhow::Result<Option<String>> {
+pub(super) fn git(root: &Path, arguments: &[&str]) -> anyhow::Result<Option<String>> {
     let output = Command::new("git").args(arguments).current_dir(root).output();
     let output = output.context("cannot start git")?;
     Ok(output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned()))

@@ -14,6 +14,8 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 
+use super::code::git;
+
 const START: &str = "<!-- table: ";
 const END: &str = "<!-- end of table -->";
 
@@ -22,12 +24,7 @@ const END: &str = "<!-- end of table -->";
 /// # Errors
 /// If a page cannot be read or written, or names a table that is not there.
 pub(crate) fn refresh(root: &Path) -> anyhow::Result<()> {
-    let output = std::process::Command::new("git")
-        .args(["ls-files", "*.md"])
-        .current_dir(root)
-        .output()
-        .context("cannot start git")?;
-    for name in String::from_utf8(output.stdout)?.lines() {
+    for name in git(root, &["ls-files", "*.md"])?.unwrap_or_default().lines() {
         let path = root.join(name);
         let Ok(page) = std::fs::read_to_string(&path) else { continue };
         let fresh = refreshed(&page, &read_in(root)).with_context(|| name.to_owned())?;
